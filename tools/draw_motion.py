@@ -8,7 +8,7 @@ from matplotlib import pyplot as plt
 
 from arm_dynamics import load_scene
 from arm_sim import Simulator, contact_history
-from arm_sim.figures import use_style
+from arm_sim.figures import joint_words, legend_outside, use_style
 from arm_sim.view import pictures, show
 
 FILM, RATE = Path(__file__).parents[1] / "docs/figures/arm.gif", 8.0  # frames per second
@@ -22,12 +22,13 @@ use_style()
 figure, axes = plt.subplots(3, 1, sharex=True, figsize=(4.0, 4.0), dpi=100)
 axes[0].plot(run.time, [drag(t, q) for t, q in zip(run.time, run.q, strict=True)])
 axes[1].plot(run.time, np.linalg.norm(contact_history(sim, run).force[:, 0], axis=1))
-axes[2].plot(run.time, run.v)
+axes[2].plot(run.time, run.v, label=joint_words(sim.joint_names))
+legend_outside(figure, below=True)
 axes[0].set_title("torque of the drag on the joints [N m]")
 axes[1].set_title("force of the table [N]")
 lines = [axis.axvline(0.0, color="k", lw=1.0, zorder=9) for axis in axes]
 axes[2].set(title="speed of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
-with show(run, port=0) as page, pictures.camera(page._server, (400, 400)) as shoot:
+with show(run, port=0) as page, page._camera((400, 400)) as shoot:
     films = []
     for time in np.arange(0.0, END, 1.0 / RATE):
         page._seek(time)

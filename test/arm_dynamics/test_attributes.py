@@ -9,16 +9,19 @@ from dataclasses import replace
 from enum import Enum
 from importlib import import_module
 from inspect import isclass
+from operator import attrgetter
+from pkgutil import resolve_name
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmError, Dynamics, load_scene
+from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.control import PD, ComputedTorque, Settings
-from arm_dynamics.exceptions import NotAssignable
+from arm_dynamics.exceptions import ELSEWHERE, NotAssignable, UnknownArgument, did_you_mean
+from arm_dynamics.task_space import MassEllipsoid
 from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop, Recording, Simulator, State
 
@@ -117,6 +120,68 @@ def test_a_class_that_a_user_extends_has_what_the_user_gives_it() -> None:
     assert said(place, "x").startswith("Named.x cannot be set")
 
 
+@pytest.fixture(scope="module")
+def held(sim: Simulator) -> list[Any]:
+    """Objects that people have in hand."""
+    motion = sim.run(0.002)
+    return [sim, Dynamics(sim.model), sim.plan, sim.state, motion, ClosedLoop(sim.model.scene)]
+
+
+OTHERS = [(name, ours) for ours, theirs in ELSEWHERE.items() for name in theirs.split()]
+
+
+@pytest.mark.parametrize(("name", "ours"), OTHERS)
+def test_the_names_of_other_libraries_lead_to_ours(held: list[Any], name: str, ours: str) -> None:
+    assert did_you_mean(name, [], {ours: ""}) == f"; did you mean '{ours}'?"
+    assert "." not in ours or resolve_name(ours)
+    for what in held:
+        if hasattr(what, ours) and not hasattr(what, name):
+            with pytest.raises(AttributeError, match="; did you mean '") as caught:
+                getattr(what, name)
+            attrgetter(str(caught.value).split("'")[3])(what)  # is there
+
+
+def test_an_error_of_arguments_names_what_was_called(sim: Simulator) -> None:
+    scene, dynamics = models.scene("double_pendulum"), Dynamics(sim.model)
+    for call, message in (
+        (lambda: Simulator(scene, timestep=1), "Simulator has no argument 'timestep'; .* 'dt'"),
+        (lambda: ClosedLoop(scene, timestep=1), "ClosedLoop has no argument 'timestep'; .* 'dt'"),
+        (lambda: ClosedLoop(scene, bandwidth=1), r"ClosedLoop .* settings=Settings\(bandwidth=…"),
+        (lambda: Settings(kp=1), "Settings has no argument 'kp'; did you mean 'bandwidth'"),
+        (lambda: sim.run(T=1), "Simulator.run has no argument 'T'; did you mean 'duration'"),
+        (lambda: sim.linearize(tou=1), "Simulator.linearize has no argument 'tou'; .* 'tau'"),
+        (lambda: dynamics.mass_matrix(qpos=1), "Dynamics.mass_matrix .* 'qpos'; did you mean 'q'"),
+    ):
+        with pytest.raises(UnknownArgument, match=message) as caught:
+            call()  # type: ignore[no-untyped-call]
+        assert isinstance(caught.value, TypeError)
+
+
+def test_objects_show_themselves_in_a_few_words(held: list[Any]) -> None:
+    for what in held:
+        shown = repr(what)
+        assert len(shown) < 2000 and " at 0x" not in shown
+    assert repr(held[0]).startswith(
+        "<Simulator of double_pendulum, 2 joints: shoulder, elbow; rk4"
+    )
+    assert repr(held[2]) == str(held[2]) and "1 joints" not in repr(held[2])
+    shown = repr(MassEllipsoid(np.ones(2), np.eye(2), False))
+    assert (
+        shown == "MassEllipsoid(\n  masses=[1, 1],\n  axes=array of shape (2, 2),\n  damped=False)"
+    )
+
+
+def test_too_many_numbers_name_the_joints_that_have_none() -> None:
+    scene = models.scene("double_pendulum")
+    robot = scene.robot.model_copy(update={"lock": ("elbow",)})
+    locked = Simulator(scene.model_copy(update={"robot": robot}))
+    for call in (locked.reset, locked.step, locked.dynamics.gravity):
+        with pytest.raises(InvalidInput, match=r"has shape \(2,\).*; locked: elbow$"):
+            call(np.zeros(2))
+    with pytest.raises(InvalidInput, match=r"expected$"):
+        locked.dynamics.gravity([])
+
+
 def exported() -> Iterator[Any]:
     """Classes that packages hand out, of which there are objects."""
     for package in map(import_module, PACKAGES):
@@ -161,7 +226,7 @@ def test_objects_of_a_simulation_say_so_too(sim: Simulator) -> None:
         (loop, "bandwidth", "Settings(bandwidth=…)"), (dynamics, "gravity", "Dynamics(scene)"),
         (ComputedTorque(dynamics), "bandwidth", "ComputedTorque(dynamics, bandwidth"),
         (load_scene("double_pendulum"), "gravity", "load_scene"), (Settings(), "dt", "replace"),
-        (Waypoint(1.0, np.zeros(2)), "position", "time, q, v, a, tau"),
+        (Waypoint(1.0, np.zeros(2)), "position", "did you mean 'q'"),
     ):  # fmt: skip
         assert instead in said(what, name)
     assert isinstance(recording, Recording) and isinstance(sim.state, State)

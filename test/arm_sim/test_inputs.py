@@ -37,15 +37,13 @@ def test_other_durations_are_rounded_with_a_warning(
 ) -> None:
     assert tick_count(duration, 1e-3) == ticks
     (record,) = caplog.records
-    text = (
-        f"duration = {duration} is no multiple of the tick of 0.001 s and is rounded to {told} s"
-    )
-    assert record.getMessage() == text
+    text = f"duration = {duration} is no multiple of the time step of 0.001 s and is rounded to "
+    assert record.getMessage() == f"{text}{told} s"
 
 
 @pytest.mark.parametrize("duration", [1e-300, 1e-5, 0.0005])
 def test_a_duration_of_less_than_a_tick_is_refused(duration: float) -> None:
-    with pytest.raises(InvalidInput, match="less than the tick of 0.001 s; allowed: 0, or at lea"):
+    with pytest.raises(InvalidInput, match="less than the time step of 0.001 s; allowed: 0, or"):
         tick_count(duration, 1e-3)
 
 

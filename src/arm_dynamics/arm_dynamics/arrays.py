@@ -11,7 +11,7 @@ from operator import gt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, known_names
 
 Array = NDArray[np.float64]
 """Numbers of any shape."""
@@ -46,6 +46,15 @@ def count(joints: Joints) -> int:
     return joints if isinstance(joints, int) else len(joints)
 
 
+def without_number(joints: Joints, given: Array) -> str:
+    """The joints to which no number belongs, as the end of a message, if too many are given."""
+    if not given.ndim or given.shape[-1] <= count(joints):
+        return ""
+    locked, rules = getattr(joints, "locked", ()), getattr(joints, "rules", ())
+    names = {"locked": locked, "mimic": [name for name in rules if name not in locked]}
+    return "".join(f"; {kind}: {known_names(of, 8)}" for kind, of in names.items() if of)
+
+
 def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
     """Check an argument: finite numbers of shape (n,) or (k, n).
 
@@ -66,6 +75,7 @@ def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
         least = " with k ≥ 1" if array.size == 0 else ""
         raise InvalidInput(
             f"{name} has shape {array.shape}; ({n},) or (k, {n}){least} is expected"
+            + without_number(joints, array)
         )
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]

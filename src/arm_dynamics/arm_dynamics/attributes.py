@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Objects refuse to be given attributes that are not theirs, or that are fixed.
+"""Objects refuse attributes and arguments that are not theirs, and say which are meant.
 
 Python sets any attribute of any object: ``simulator.dt = 0.01`` would change nothing of what was
 built for another dt, without a word.
@@ -11,9 +11,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import signature
+from reprlib import Repr
 from typing import Any, dataclass_transform
 
-from arm_dynamics.exceptions import NotAssignable, did_you_mean, known_names
+from arm_dynamics.exceptions import (
+    ELSEWHERE,
+    NotAssignable,
+    UnknownArgument,
+    did_you_mean,
+    known_names,
+)
 
 
 def sealed[C](cls: type[C]) -> type[C]:
@@ -21,21 +28,80 @@ def sealed[C](cls: type[C]) -> type[C]:
 
     Methods may set private ones, and public ones that the class annotates or that are properties
     with a setter. The class attribute ``_instead`` maps names, separated by spaces, to what to do
-    instead. Subclasses are not sealed, unless they are decorated, too.
+    instead; ``_parts`` names attributes whose own are suggested for those that an object lacks.
+    Subclasses are not sealed, unless they are decorated, too.
     """
     made: Any = cls
+    made.__getattr__, made.__init__ = _lacking, with_arguments(made.__init__)
     if is_dataclass(cls):
         made.__setattr__ = _refuse
     else:
         made.__init__, made.__setattr__ = _sealing(cls, made.__init__), _refuse_once_sealed
-        made._sealed = False
+        made._sealed, made._parts = False, getattr(cls, "_parts", ())
     return cls
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def frozen[C](cls: type[C]) -> type[C]:
-    """Class decorator: a frozen dataclass that is ``sealed``."""
-    return sealed(dataclass(frozen=True)(cls))
+    """Class decorator: a frozen dataclass that is ``sealed``, with a short ``repr`` of arrays."""
+    made: Any = sealed(dataclass(frozen=True)(cls))
+    if any("Array" in str(item.type) for item in fields(made)):
+        made.__repr__ = brief
+    return cls
+
+
+class _Brief(Repr):
+    """Values of one line; of arrays that are not short, the shape."""
+
+    def repr_ndarray(self, array: Any, _: int) -> str:
+        short = array.ndim < 2 and array.size < 10 and array.dtype.kind == "f"
+        numbers = ", ".join(f"{x:.4g}" for x in array.flat) if short else ""
+        return f"[{numbers}]" if short else f"array of shape {array.shape}"
+
+
+_BRIEF = _Brief(maxother=60, maxstring=60)
+
+
+def brief(what: Any) -> str:
+    """The ``repr`` of a dataclass, in lines."""
+    shown = [item for item in fields(what) if item.repr and item.name[0] != "_"]
+    values = ((item.name, _BRIEF.repr(getattr(what, item.name))) for item in shown)
+    lines = (f"\n  {name}={' '.join(value.split())}" for name, value in values)
+    return f"{type(what).__name__}({','.join(lines)})"
+
+
+def with_arguments[**P, R](method: Callable[P, R]) -> Callable[P, R]:
+    """Decorator: keywords that the method lacks are refused by ``UnknownArgument``."""
+
+    @wraps(method)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return method(*args, **kwargs)
+        except TypeError as error:
+            check_arguments(args[0], method, kwargs)
+            if (text := str(error)).startswith(method.__qualname__):
+                error.args = (text.replace(method.__qualname__, _called(args[0], method), 1),)
+            raise
+
+    return call
+
+
+def check_arguments(whose: object, method: Callable[..., Any], given: Iterable[str]) -> None:
+    """Refuse keywords that a method, or the constructor, lacks.
+
+    Raises:
+        UnknownArgument: If it lacks one.
+    """
+    known = [*signature(method).parameters.values()][1:]
+    names = [] if any(x.kind is x.VAR_KEYWORD for x in known) else [x.name for x in known]
+    for name in set(given) - set(names) if names else ():
+        called = _called(whose, method).removesuffix(".__init__")
+        near = did_you_mean(name, names) or f"; allowed: {known_names(names)}"
+        raise UnknownArgument(f"{called} has no argument '{name}'{near}") from None
+
+
+def _called(whose: object, method: Callable[..., Any]) -> str:
+    return f"{getattr(whose, '_called', type(whose).__name__)}.{method.__name__}"
 
 
 def _sealing(cls: type, init: Callable[..., None]) -> Callable[..., None]:
@@ -46,6 +112,23 @@ def _sealing(cls: type, init: Callable[..., None]) -> Callable[..., None]:
             object.__setattr__(self, "_sealed", True)
 
     return initialize
+
+
+def _lacking(self: Any, name: str) -> Any:
+    """The error of an attribute that is missing, as ``__getattr__``."""
+    cls, near = type(self), ""
+    if name[0] != "_" and not hasattr(cls, name):  # else it is Python's error, or a property's
+        others = {x: "" for x in ELSEWHERE if "." in x}
+        for part in reversed(cls._parts if getattr(self, "_sealed", False) else ()):
+            others |= dict.fromkeys(dir(getattr(self, part)), f"{part}.")
+        near = (
+            f"; did you mean '{others[name]}{name}'?"
+            if name in others
+            else did_you_mean(name, [x for x in dir(self) if x[0] != "_"], others)
+        )
+    if not near:
+        return object.__getattribute__(self, name)
+    raise AttributeError(f"{cls.__name__} has no attribute '{name}'{near}", obj=self)
 
 
 def _refuse_once_sealed(self: Any, name: str, given: object) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,6 +18,39 @@ ARM = "./arm" if (Path(__file__).parents[3] / "arm").is_file() else "arm"
 _MANY_TURNS = 4.0 * math.pi  # [rad]
 _NAME = 80  # characters of a name that are shown
 _ALMOST = 0.8  # similarity of names that is more than one name in another
+ELSEWHERE = {
+    "mass_matrix": "M H D inertia inertia_matrix crba",
+    "coriolis_matrix": "C coriolis",
+    "gravity": "G g gravload",
+    "inverse": "rnea id idyn inverse_dynamics nle bias",
+    "forward": "aba fd accel fdyn forward_dynamics",
+    "pose": "fkine fk forward_kinematics T",
+    "jacobian": "J jac jacob0 frame_jacobian",
+    "arm_dynamics.task_space.InverseKinematics": "ik ikine inverse_kinematics",
+    "energy": "T V U kinetic_energy potential_energy",
+    "n": "nq nv dof dofs ndof",
+    "q": "qpos position positions angles theta",
+    "v": "qd dq qdot qvel velocity velocities",
+    "a": "qdd ddq qddot qacc acceleration accelerations",
+    "q0": "q qpos position",
+    "v0": "v qd qvel velocity",
+    "tau": "torque torques effort u ctrl",
+    "time": "t times",
+    "dt": "timestep time_step step_size Ts h",
+    "duration": "T t tf seconds time",
+    "control": "controller policy tau torque u",
+    "frame": "link body end end_effector site",
+    "frame_names": "frames links bodies",
+    "integrator": "method solver",
+    "method": "integrator solver",
+    "scene": "urdf robot model xml path",
+    "arm_sim.view.show": "show view render viewer",
+    "to_dict": "df dataframe to_csv to_pandas",
+    "bandwidth": "kp wn omega",
+    "damping_ratio": "kd zeta",
+    "panda": "franka emika",
+}
+"""What other libraries call it, by our names; those with a dot are not in the same place."""
 
 
 class ArmError(Exception):
@@ -34,6 +67,10 @@ class ModelError(SceneError):
 
 class InvalidInput(ArmError, ValueError):
     """An argument has the wrong shape, an unknown name or a value that is not allowed."""
+
+
+class UnknownArgument(InvalidInput, TypeError):
+    """A keyword argument that a function or a class does not have."""
 
 
 class NotAssignable(ArmError, FrozenInstanceError):
@@ -121,19 +158,33 @@ def known_names(names: Iterable[str], limit: int = 30) -> str:
     return (", ".join(listed[:limit]) + more) or "none"
 
 
-def did_you_mean(name: object, names: Iterable[str]) -> str:
+def did_you_mean(name: object, names: Iterable[str], whose: Mapping[str, str] = {}) -> str:
     """A suggestion of the most similar name, as the end of a message; empty if none is similar.
 
-    Names that differ only in numbers are not similar: ``joint9`` does not suggest ``joint4``.
+    What other libraries call by the name comes first. Names that differ only in numbers are not
+    similar: ``joint9`` does not suggest ``joint4``.
+
+    Args:
+        name: What was given.
+        names: What there is.
+        whose: What is written before names that may be meant but are not similar.
     """
     if not isinstance(name, str):
         return ""
-    others = {other.casefold(): other for other in names if _bare(other) != _bare(name)}
-    whole = name.casefold()
+    known = {other.casefold(): other for other in names}
+    whole, others = name.casefold(), [x for x in known if _bare(known[x]) != _bare(name)]
     part = sorted((other for other in others if len(other) > 3 and other in whole), key=len)
-    near = get_close_matches(whole, others, 1, _ALMOST) or part[-1:]
+    near = [x for x, y in ELSEWHERE.items() if x in {*known, *whose} and name in y.split()]
+    near = near or get_close_matches(whole, others, 1, _ALMOST) or part[-1:]
     near = near or get_close_matches(whole, others, 1)
-    return f"; did you mean '{others[near[0]]}'?" if near else ""
+    if not near:
+        return ""
+    return f"; did you mean '{known.get(near[0], whose.get(near[0], '') + near[0])}'?"
+
+
+def counted(count: int, what: str) -> str:
+    """A number of things, whose name has a plural in s."""
+    return f"{count or 'no'} {what}{'s' * (count != 1)}"
 
 
 def not_copied(what: object, instead: str) -> ArmError:

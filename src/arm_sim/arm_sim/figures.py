@@ -186,9 +186,10 @@ def animation(
         behind = plane.plot([], [], **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
         drawn = [plane.plot([], [], **properties)[0] for _, properties in links]
         legend_outside(fig, below=True)
-        clock = plane.text(0.0, 1.01, f"{time[-1]:.2f} s", transform=plane.transAxes, va="bottom")
-        fill_with(plane, np.vstack(seen))
-        fig.canvas.draw()
+        clock = plane.text(1.0, 1.02, f"{time[-1]:.2f} s", transform=plane.transAxes, ha="right")
+        for _ in range(2):  # limits follow from the layout, and labels of ticks from limits
+            fill_with(plane, np.vstack(seen))
+            fig.canvas.draw()
         fig.set_layout_engine("none")  # that of this frame is that of all
         fill_with(plane, np.vstack(seen))
 

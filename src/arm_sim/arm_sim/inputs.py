@@ -21,6 +21,7 @@ from arm_dynamics.arrays import (
     real_array,
     real_number,
     vector,
+    without_number,
 )
 from arm_dynamics.trajectory.reference import Motion, hold
 
@@ -39,7 +40,8 @@ def torque(tau: Any, joints: Joints) -> list[float]:
     n = count(joints)
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
-        raise InvalidInput(f"tau has shape {command.shape}; expected ({n},)")
+        text = f"tau has shape {command.shape}; expected ({n},)"
+        raise InvalidInput(text + without_number(joints, command))
     numbers: list[float] = command.tolist()
     if not finite_numbers(numbers):
         vector("tau", command, joints)  # which raises the error
@@ -85,7 +87,9 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
         )
     table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:
-        raise InvalidInput(f"control has {len(table)} rows; the run has {ticks} ticks of {dt} s")
+        raise InvalidInput(
+            f"control has {len(table)} rows; the run has {ticks} time steps of {dt} s"
+        )
     return np.ascontiguousarray(table)
 
 
@@ -136,17 +140,17 @@ def tick_count(duration: Any, dt: float) -> int:
     ticks = round(seconds / dt)
     if ticks > MOST_TICKS:
         raise InvalidInput(
-            f"duration = {duration!r} is {ticks:.1e} ticks of {dt:g} s; allowed: up to "
+            f"duration = {duration!r} is {ticks:.1e} time steps of {dt:g} s; allowed: up to "
             f"{MOST_TICKS:.0e}, recorded in parts"
         )
     if seconds and not ticks:
         raise InvalidInput(
-            f"duration = {duration!r} is less than the tick of {dt:g} s; allowed: 0, or at least "
-            f"{dt:g} s"
+            f"duration = {duration!r} is less than the time step of {dt:g} s; allowed: 0, or at "
+            f"least {dt:g} s"
         )
     if abs(seconds - ticks * dt) > SAME_DURATION * seconds:
         _log.warning(
-            "duration = %r is no multiple of the tick of %g s and is rounded to %.12g s",
+            "duration = %r is no multiple of the time step of %g s and is rounded to %.12g s",
             duration, dt, ticks * dt,
         )  # fmt: skip
     return ticks

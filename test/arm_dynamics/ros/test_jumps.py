@@ -90,7 +90,7 @@ def test_a_jump_at_rest_says_nothing_of_the_last_goal(ros: Ros) -> None:
     node.on_joint_trajectory(trajectory(point(0.5, 0.1, -0.2)))
     effort(node, NOW + 900 * MS, (0.1, -0.2))
     effort(node, NOW, (0.1, -0.2))
-    assert node.goals.outcome.startswith("following 1 points")
+    assert node.goals.outcome.startswith("following 1 point")
 
 
 @pytest.mark.ros

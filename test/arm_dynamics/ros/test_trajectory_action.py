@@ -328,7 +328,7 @@ BAD = {
         0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]
     ),
     "goal_time_tolerance is -0.5": to(0.1, 0.1, within=-0.5),
-    "none of 1 waypoints lies in the future": stamped(to(0.1, 0.1), 0.5),
+    "no waypoint lies in the future": stamped(to(0.1, 0.1), 0.5),
     "stamps of the same clock": stamped(to(0.1, 0.1), 3700.0),
     "'shoulder' would leave its position limit at 7.63": to(3.2, 0.0, time=9.0),
     "'elbow' would leave its velocity limit at 0.": to(0.0, 2.0, time=0.3),

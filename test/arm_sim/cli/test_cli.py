@@ -27,7 +27,6 @@ from arm_sim import Recording, Simulator
 from arm_sim.cli.call.answers import Answer, readable
 from arm_sim.cli.call.services import SERVICES
 from arm_sim.cli.demo.motion import choose_motion
-from arm_sim.cli.nodes import split_words
 from arm_sim.cli.vectors import Vector, parse
 from arm_studies.cli.main import main
 
@@ -36,15 +35,6 @@ PANDA = str(models.SCENES / "panda.yaml")
 
 def run(*words: str) -> Result:
     return CliRunner().invoke(main, words)
-
-
-def commands(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
-    """Every command that can be typed."""
-    found = []
-    for name, command in group.commands.items():
-        inside = isinstance(command, click.Group)
-        found += [(*path, name), *(commands(command, (*path, name)) if inside else [])]
-    return found
 
 
 # --- help --------------------------------------------------------------------------------------
@@ -180,21 +170,6 @@ def test_what_is_no_vector_is_refused(text: str) -> None:
         parse(text)
 
 
-@pytest.mark.parametrize(
-    ("scene", "rest", "expected"),
-    [
-        ("a.yaml", (), ("a.yaml", ())),
-        (None, (), (None, ())),
-        ("a.yaml", ("--ros-args", "-p", "x:=1"), ("a.yaml", ("--ros-args", "-p", "x:=1"))),
-        ("--ros-args", ("-r", "a:=b"), (None, ("--ros-args", "-r", "a:=b"))),
-    ],
-)
-def test_scene_is_distinguished_from_ros_arguments(
-    scene: str | None, rest: tuple[str, ...], expected: tuple[str | None, tuple[str, ...]]
-) -> None:
-    assert split_words(scene, rest) == expected
-
-
 def operations(*words: str) -> int:
     found = re.search(r"operations +(\d+) in a", run("describe", *words).output)
     assert found
@@ -205,7 +180,7 @@ def test_describe_shows_joints_physics_and_cost() -> None:
     said = run("describe", PANDA).output
     assert all(name in said for name in models.dynamics("panda").joint_names)
     for words in (
-        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a tick",
+        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a time step",
     ):  # fmt: skip
         assert re.search(words, said), words
 
@@ -387,7 +362,7 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     first = Simulator("two_link").run(0.1)
     first.save(path)
     said = run("replay", str(path), "--out", str(out))
-    assert said.exit_code == 0 and "100 ticks replayed, every state bit-identical" in said.output
+    assert said.exit_code == 0 and "100 time steps replayed, every state bit-id" in said.output
     assert said.output.splitlines()[-1].strip() == str(out)
     assert Recording.load(out).q.tobytes() == first.q.tobytes()
     told = json.loads(run("replay", str(path), "--json").stdout)
@@ -452,7 +427,7 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
     assert [line.get_label() for line in one if line.get_marker() == "None"] == ["elbow"]
     drawn = [line.get_linestyle() for line in both if line.get_marker() == "None"]
     assert drawn == ["-", "-", "--", "--"]
-    assert wrong.exit_code == 1 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
+    assert wrong.exit_code == 2 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
     assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
     assert (
         "Error: no window: Matplotlib has no display; the figure is in 'both.png'" in window.output

@@ -21,7 +21,9 @@ from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.view import Size, live, sources
 from arm_sim.exceptions import ViewError
-from arm_sim.view import News
+from arm_sim.view.marks import Instant
+from arm_sim.view.server import close_server, open_server
+from arm_sim.view.stage import DrawnArm
 
 SCENE = str(models.SCENES / "two_link.yaml")
 TWO_LINK = models.SCENES / "two_link.urdf"
@@ -170,9 +172,9 @@ def test_pictures_are_written_as_they_are_asked_for(
 # --- running arms ------------------------------------------------------------------------------
 
 
-def heard(arm: live.RunningArm, listener: Listener) -> News:
-    """The next news."""
-    news: list[News] = []
+def heard(arm: live.RunningArm, listener: Listener) -> Any:
+    """What is new next."""
+    news: list[Any] = []
     assert listener.until(lambda: bool(news.extend(filter(None, [arm.newest()])) or news), 40.0)
     return news[0]
 
@@ -189,12 +191,12 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
         forge, tmp_path, ("sim", str(scene), "--ros-args", "-p", "paused:=true")
     ) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        with live.RunningArms([""]) as hearing:
-            (arm,) = hearing.arms
+        with Listener() as listener:
+            arm = live.RunningArm(listener, "")
             model = arm.meet(None)
             assert model.joint_names == ("shoulder",)
-            news = heard(arm, hearing._listener)
-            np.testing.assert_array_equal(news.q, [0.4])
+            news = heard(arm, listener)
+            np.testing.assert_array_equal(news[1], [0.4])
             assert arm.newest() is None  # nothing is told twice
             with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
                 arm.meet(SCENE)
@@ -224,7 +226,7 @@ def test_news_are_those_of_the_scene_in_its_order() -> None:
     assert live.RunningArm(Deaf(), "").name == "arm"  # type: ignore[arg-type]
     prefix = "/left/arm/"
 
-    def tell(**parts: Any) -> News | None:
+    def tell(**parts: Any) -> Any:
         state = JointState(**{"name": ["tool", "elbow", "shoulder"], **parts})
         state.header.stamp.sec, state.header.stamp.nanosec = 7, 500_000_000
         listener.heard[f"{prefix}joint_states"](serialize_message(state))
@@ -232,32 +234,81 @@ def test_news_are_those_of_the_scene_in_its_order() -> None:
 
     with pytest.raises(ViewError, match="no joint states on /left/arm/joint_states"):
         arm.meet(SCENE)
-    arm._bytes = serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
+    listener.heard[f"{prefix}joint_states"](
+        serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
+    )
     assert arm.meet(SCENE).joint_names == ("shoulder", "elbow")
-    news = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
-    assert news is not None and news.time == 7.5
-    assert (news.q.tolist(), news.effort.tolist()) == ([0.1, 0.2], [1.0, 2.0])
-    assert news.error.tolist() == [0.0, 0.0] and news.energy.tolist() == [0.0] * 5
+    stamp, q, torque, error, energy = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
+    assert (stamp, q.tolist(), torque.tolist()) == (7.5, [0.1, 0.2], [1.0, 2.0])
+    assert np.isnan([*error, *energy]).all()  # unknown
     listener.heard[f"{prefix}controller/state"](
         SimpleNamespace(joint_names=["elbow", "tool"], position_error=[0.5, 9.0])
     )
     listener.heard[f"{prefix}sim/energy"](
         SimpleNamespace(kinetic=1.0, potential=2.0, total=3.0, input=4.0, dissipated=5.0)
     )
-    news = tell(position=[9.0, 0.4, 0.3])
-    assert news is not None and news.effort.tolist() == [0.0, 0.0]
-    assert news.error.tolist() == [0.0, 0.5] and news.energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    _, _, torque, error, energy = tell(position=[9.0, 0.4, 0.3])
+    assert np.isnan(torque).all() and np.isnan(error[0]) and error[1] == 0.5
+    assert energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert arm.newest() is None
     for position in ([], [9.0, 0.2], [9.0, np.nan, 0.1]):
         assert tell(position=position) is None
     assert tell(name=["tool", "elbow"], position=[9.0, 0.2]) is None
 
 
+class Telling:
+    """An arm that tells its states one by one."""
+
+    def __init__(self, *states: Any) -> None:
+        self.states = list(states)
+
+    def newest(self) -> Any:
+        return self.states.pop(0) if self.states else None
+
+
+@pytest.mark.group("view")
+@ros
+def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "CHARTED", 0.0)
+    model, server = models.dynamics("two_link").model, open_server("arm", port=0)
+    try:
+        actors = [DrawnArm(server, model, name) for name in ("left", "right")]
+        q, effort, error, energy = np.array([0.1, 0.2]), np.ones(2), 2 * np.ones(2), np.arange(5.0)
+        times = 100.0, 100.5, 107.0, 106.5  # the last one of a run that began again
+        left: Any = Telling(*((t, q, effort * t, error * t, energy * t) for t in times))
+        right: Any = Telling()
+        listener: Any = Deaf()
+        page = live.Follower(server, actors, [left, right], listener)
+        assert page._status.content == "waiting"
+        for _ in times[:2]:
+            page._beat(0.1)
+        curves = page._charts._charts._curves
+        for title, values in (("torque [N m]", effort), ("error [rad]", error),
+                              ("energy [J]", energy)):  # fmt: skip
+            time, rows = curves[f"left: {title}"]
+            np.testing.assert_array_equal(time, [0.0, 0.5])  # since the first news
+            np.testing.assert_array_equal(rows, np.outer([100.0, 100.5], values))
+            assert not len(curves[f"right: {title}"][0])
+        assert page._status.content == "left: t = 0.50 s\n\nright: t = 0.00 s, no data yet"
+        expected = actors[0].marker.at(Instant(q)).position
+        for frame, place in zip(actors[0]._joints.values(), expected, strict=True):
+            np.testing.assert_array_equal(frame.position, place)
+        for _ in times[2:]:
+            page._beat(0.1)
+        np.testing.assert_array_equal(curves["left: torque [N m]"][0], [6.5])
+        monkeypatch.setattr(live, "OLD", -1.0)
+        page._complain("no luck")
+        assert page._status.content.startswith("left: t = 6.50 s, silent for 0 s")
+        assert page._status.content.endswith("\n\n**no luck**")
+    finally:
+        close_server(server)
+
+
 @ros
 def test_a_description_of_another_robot_is_named() -> None:
     listener: Any = Deaf()
     arm = live.RunningArm(listener, "")
-    arm._bytes = serialize_message(JointState(name=["wrist"]))
+    listener.heard["/joint_states"](serialize_message(JointState(name=["wrist"])))
     with pytest.raises(ViewError, match="no robot description on /robot_description for"):
         arm.meet(None)
     listener.heard["/robot_description"](SimpleNamespace(data=TWO_LINK.read_text()))
@@ -268,8 +319,8 @@ def test_a_description_of_another_robot_is_named() -> None:
 @ros
 def test_a_missing_node_to_follow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "_WAIT", 0.2)
-    with live.RunningArms(["left"]) as hearing:
+    with Listener() as listener:
         with pytest.raises(ViewError, match=r"no joint states on /left/joint_states \(waited"):
-            hearing.show([], "127.0.0.1", 0)
+            live.followed(listener, ["left"], [], *HERE)
         with pytest.raises(ViewError, match="2 scenes for 1 running arms"):
-            hearing.show(["a", "b"], "127.0.0.1", 0)
+            live.followed(listener, ["left"], ["a", "b"], *HERE)

@@ -256,4 +256,4 @@ def test_a_tick_that_is_long_for_an_arm_is_reported(caplog: pytest.LogCaptureFix
         chosen(rotor(0.1), dt=0.05)
         assert not caplog.records
         chosen(rotor(0.1), dt=1.0)
-    assert "dt = 1 s is long for a tick" in caplog.text
+    assert "dt = 1 s is long for a time step" in caplog.text

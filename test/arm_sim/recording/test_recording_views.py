@@ -32,7 +32,7 @@ def no_window(monkeypatch: pytest.MonkeyPatch) -> object:
 
 def test_its_text_is_a_few_lines(run: Recording) -> None:
     lines = repr(run).splitlines()
-    assert 3 <= len(lines) <= 6 and "500 ticks, 0 to 0.5 s" in lines[0]
+    assert 3 <= len(lines) <= 6 and "500 time steps, 0 to 0.5 s" in lines[0]
     assert all(name in repr(run) for name in run.joint_names) and "rk4" in repr(run)
 
 

@@ -59,7 +59,7 @@ def test_a_tick_that_ends_elsewhere_is_named(caplog: pytest.LogCaptureFixture) -
     wrong = replace(motion, q=read_only(q))
     assert not wrong.trusted and not wrong.trusted
     assert caplog.text.count("'axle' at 0.101 s") == 1
-    assert "most of it arises in this tick" in wrong.doubt and wrong.verdict == wrong.doubt
+    assert "most of it arises in this time step" in wrong.doubt and wrong.verdict == wrong.doubt
 
 
 @pytest.mark.parametrize("duration", [0.2, 0.01], ids=["blow", "end of a tick"])

@@ -37,4 +37,4 @@ def test_parameters_without_effect_are_named_at_the_start(
 ) -> None:
     by_hand(ros, overrun="skip")
     told = capfd.readouterr().err
-    assert "parameters without effect, since ticks are triggered by hand: overrun" in told
+    assert "parameters without effect, since time steps are triggered by hand: overrun" in told

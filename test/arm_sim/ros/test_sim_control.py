@@ -220,7 +220,7 @@ def test_ticks_that_are_late_show_once(ros: Ros, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(node.loop, "report", lambda: report)
     found = finding(node, "loop")
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "3 ticks began after the next one was due; 1 ticks dropped",
+        DiagnosticStatus.WARN, "3 time steps began after the next one was due; 1 dropped",
     )  # fmt: skip
     assert values(found) == {
         "rate [Hz]": "500", "ticks": "2000", "missed": "3", "dropped": "1",
@@ -244,7 +244,7 @@ def test_joints_at_their_stops_and_ticks_of_first_order_show(ros: Ros) -> None:
     assert (told["at stops"], told["error estimate"]) == ("elbow -2.5", "0.00025")
     assert told["time-stepped ticks"] == "4"
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "4 ticks were time-stepped at first order: too many events",
+        DiagnosticStatus.WARN, "4 time steps were of first order: too many events",
     )  # fmt: skip
     assert finding(node, "simulation").message == "ok"
 
@@ -256,7 +256,7 @@ def test_commands_that_act_beyond_their_time_show(ros: Ros) -> None:
     ticks(node, 5)
     found = finding(node, "commands")
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "3 ticks with an old command: the middleware has to catch up",
+        DiagnosticStatus.WARN, "3 time steps with an old command: the middleware has to catch up",
     )  # fmt: skip
     assert values(found)["extended"] == "3"
     assert node.requests.answer(RESET_COUNTERS).success
@@ -307,7 +307,7 @@ def test_ticks_that_are_too_coarse_show(ros: Ros) -> None:
     found = finding(node, "simulation")
     assert found.level == DiagnosticStatus.WARN
     assert f"off by {node.engine.energy_error:.2g} of the energy that moved" in found.message
-    assert "with ticks of 0.001 s" in found.message
+    assert "with time steps of 0.001 s" in found.message
     ros.peer.destroy_subscription(heard)
 
 

@@ -168,7 +168,7 @@ def test_when_a_node_is_destroyed_its_threads_have_ended(
     if make is SimNode:
         report, trips = node.loop.report(), node.inputs.round_trip.percentiles()
         told = (
-            f"{report.ticks} ticks, {report.rate:.2f} per second, {report.missed} deadlines "
+            f"{report.ticks} time steps, {report.rate:.2f} per second, {report.missed} deadlines "
             f"missed, {report.dropped} dropped; lateness {report.lateness}; "
             f"0 answers, round trip {trips}"
         )
@@ -195,5 +195,5 @@ def test_it_states_what_it_simulates_and_its_source(
     ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:
     by_hand(ros)
-    told = "simulates 2 joints of 'two_link' by rk4, tick 1 ms, by hand; from shoulder -0.5, elbow"
+    told = "simulates 2 joints of 'two_link' by rk4, time step 1 ms, by hand; from shoulder -0.5"
     assert capfd.readouterr().err.count(told) == 1

@@ -122,7 +122,7 @@ def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> 
         ({"position": [1.0, np.nan]}, "allowed: finite numbers"),
         ({"velocity": [1.0] * 3}, "velocity has 3 numbers; allowed: 2"),
         ({"position": [1.0, np.nan]}, f"nan of joint '{NAMES[1]}'"),
-        ({"velocity": [0.0, 1e17]}, "is 1e+17; allowed: up to 1000 rad/s, 1 rad in a tick"),
+        ({"velocity": [0.0, 1e17]}, "is 1e+17; allowed: up to 1000 rad/s, 1 rad in a time step"),
         ({"velocity": [-1000.1, 0.0]}, f"velocity of joint '{NAMES[0]}' is -1000.1; allowed: "),
         ({"joint_names": ["nobody"], "position": [1.0]}, "unknown joints nobody; allowed: "),
         ({"joint_names": [NAMES[0]] * 2, "position": [1.0] * 2}, "each once"),
@@ -146,7 +146,7 @@ def test_any_joint_may_be_as_fast_as_a_tick_allows(
     monkeypatch.setitem(vars(node.simulator.model), "joint_types", ("revolute", "prismatic"))
     answer = set_joint_state(node, velocity=[0.0, 1000.1])
     assert not answer.success
-    assert "allowed: up to 1000 m/s, 1 m in a tick" in answer.message
+    assert "allowed: up to 1000 m/s, 1 m in a time step" in answer.message
 
 
 def test_a_place_beyond_the_limits_is_refused_with_them(ros: Ros) -> None:

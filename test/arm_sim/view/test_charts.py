@@ -3,17 +3,13 @@
 
 from __future__ import annotations
 
-import json
-import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import POINTS, Chart, Charts, with_curves
-
-PAGE = "<html><head></head><body><div></div></body></html>"
+from arm_sim.view.charts import POINTS, Charts, RollingCharts
 
 
 def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
@@ -32,68 +28,33 @@ def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
     )
 
 
-def drawn(page: str) -> Any:
-    """What a page says that is to be drawn."""
-    found = re.search(r"const drawn = (.*);$", page, re.MULTILINE)
-    assert found
-    return json.loads(found[1])
-
-
-def test_a_page_has_the_curves_and_the_clock_of_the_motion() -> None:
-    time = np.arange(5) * 0.5
-    values = np.column_stack([np.sin(time), np.cos(time)])
-    chart = Chart("torque [N m]", ("hip", "knee"), time, values)
-    page = with_curves(PAGE, [chart], [0.0, 1.0, 2.0], 8.0)
-    assert page.startswith("<html><head></head><body><div></div>")
-    assert page.endswith("</body></html>")
-    assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)  # nothing from elsewhere
-    told = drawn(page)
-    assert (told["begin"], told["end"], told["pictures"], told["rate"]) == (0.0, 2.0, 3, 8.0)
-    (curves,) = told["charts"]
-    assert (curves["title"], curves["names"]) == ("torque [N m]", ["hip", "knee"])
-    assert curves["time"] == time.tolist()
-    np.testing.assert_allclose(np.transpose(curves["curves"]), values, rtol=1e-5)
-    assert with_curves(PAGE, [], [0.0, 1.0], 8.0) == PAGE
-
-
-def test_a_page_stays_small_and_keeps_peaks_of_a_long_motion() -> None:
-    time, values = np.arange(600_000) * 1e-3, np.full((600_000, 7), 1.0 / 3.0)
-    values[123_456, 2] = -8.0
-    chart = Chart("position [rad]", tuple("abcdefg"), time, values)
-    page = with_curves(PAGE, [chart], [0.0, 599.999], 25.0)
-    assert len(page) < 100_000
-    assert min(drawn(page)["charts"][0]["curves"][2]) == -8.0
-
-
-def test_what_is_not_finite_is_a_gap_and_a_name_ends_no_script() -> None:
-    values = np.array([[1.0], [np.nan], [np.inf], [2.0]])
-    chart = Chart("</script>", ("</body>",), np.arange(4.0), values)
-    page = with_curves(PAGE, [chart], [0.0, 3.0], 8.0)
-    assert (page.count("</script>"), page.count("</body>")) == (1, 1)
-    (curves,) = drawn(page)["charts"]
-    assert curves["curves"] == [[1.0, None, None, 2.0]]
-    assert (curves["title"], curves["names"]) == ("</script>", ["</body>"])
-
-
 @pytest.mark.group("view")
 def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: Any) -> None:
-    time = np.arange(4.0)
+    time, names = np.arange(4.0), ("hip", "knee")
     rows = np.column_stack([time, 10.0 * time])
-    shown = Charts(
-        server,
-        [
-            Chart("torque [N m]", ("hip", "knee"), time, 1.0 + rows),
-            Chart("error [rad]", ("hip", "knee"), time[:0], rows[:0]),
-        ],
-    )
-    (plot, text), (_, empty) = (shown._handles[title] for title in shown._charts)
+    charts = Charts(server, {"torque [N m]": names, "error [rad]": names})
+    charts.draw("torque [N m]", time, 1.0 + rows)
+    (plot, text), (_, empty) = charts._handles.values()
     assert ">4<" in text.content and ">31<" in text.content  # the last ones
     assert empty.content.count("–") == 2
     assert plot.data[0].tolist() == time.tolist()
     assert [curve.tolist() for curve in plot.data[1:3]] == (1.0 + rows).T.tolist()
     for now, values in ((2.0, ">3<"), (1.5, ">2<"), (-1.0, ">1<"), (9.0, ">4<")):
-        shown.read(now)
+        charts.read(now)
         assert values in text.content
-    shown.update("torque [N m]", time + 4.0, rows + 100.0)
-    assert ">103<" in text.content and plot.data[0][0] == 4.0
-    assert not Charts(server, [])._handles
+
+
+@pytest.mark.group("view")
+def test_rolling_plots_forget_what_is_old_and_leave_out_what_is_unknown(server: Any) -> None:
+    rolling = RollingCharts(server, {"arm": ("hip",)}, ("total",), memory=1.0, sampled=0.1)
+    for k in range(200):
+        energy = np.array([np.nan if k < 150 else k])
+        rolling.add("arm", 0.01 * k, lambda k=k, e=energy: (np.array([k]), np.zeros(1), e))
+    assert rolling.draw() and not rolling.draw(60.0)
+    torque, _, total = (plot for plot, _ in rolling._charts._handles.values())
+    np.testing.assert_allclose(torque.data[0], 1.0 + 0.1 * np.arange(10))
+    np.testing.assert_allclose(torque.data[1], 100.0 + 10.0 * np.arange(10))
+    np.testing.assert_allclose(total.data[0], 1.5 + 0.1 * np.arange(5))
+    rolling.clear("arm")
+    rolling.draw()
+    assert "–" in rolling._charts._handles["torque [N m]"][1].content

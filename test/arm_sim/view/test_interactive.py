@@ -3,24 +3,20 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from typing import Any
 
 import numpy as np
 import pytest
 
-from arm_dynamics import InvalidInput
 from arm_sim import Simulator
-from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.interactive import (
+    ENERGIES,
     NOTHING,
     SLIDERS,
     WEIGHT,
     Interactive,
     InteractiveArm,
 )
-from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Marker
 from arm_sim.view.stage import DrawnArm
 
@@ -42,11 +38,6 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
     np.testing.assert_array_equal(sim.arm.plant.parameters.of("external", sim.arm.parameters), 0.0)
 
 
-def test_a_frame_that_never_moves_is_not_pushed() -> None:
-    with pytest.raises(InvalidInput, match="base"):
-        InteractiveArm(Simulator("two_link")).push("base", np.ones(6), 1)
-
-
 def test_weight_is_carried_and_sliders_are_gone_to() -> None:
     sim = Simulator("panda")
     rig = InteractiveArm(sim)
@@ -66,73 +57,29 @@ def test_weight_is_carried_and_sliders_are_gone_to() -> None:
     np.testing.assert_array_equal(rig.error, 0.0)
 
 
-def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
-    """With a drive that stores, loses and brings in energy; after a push and in another place."""
+def test_its_energies_are_those_of_a_recording() -> None:
+    """With a drive that stores, loses and brings in energy; in another place, after a push."""
     sim = Simulator("motor_pendulum")
     rig = InteractiveArm(sim)
     rig.place(sim.state.q + 0.7)
-    rig.account.prepare()
-    rig.push("bob", np.zeros(6), ticks=1)  # which compiles the scene anew
-    until_built(rig.account)
-    rig.choose(WEIGHT)
-    rig.tick()  # opens the account
-    start = sim.state
-    commands = []
+    start, commands = sim.state, []
     for _ in range(200):
         rig.tick()
         commands.append(sim.arm.acted.copy())
-    account = dict(zip(rig.account.names, rig.account.now().tolist(), strict=True))
     other = Simulator("motor_pendulum")
     other.reset(start.q, start.v, start.z)
     recorded = other.run(0.2, np.array(commands))
+    account = dict(zip(ENERGIES, rig.curves()[2].tolist(), strict=True))
     for name, expected in {
-        "kinetic": recorded.kinetic, "potential": recorded.potential, "stored": recorded.stored,
+        "kinetic": recorded.kinetic, "potential": recorded.potential, "total": recorded.energy,
         "supplied": recorded.supplied, "lost": recorded.lost, "balance": recorded.balance,
     }.items():  # fmt: skip
         assert account[name] == pytest.approx(expected[-1], abs=1e-9), name
     assert account["lost"] > 1e-3
-    rig.place(sim.state.q)
-    assert rig.account.now() is None
-
-
-def test_an_account_starts_anew_when_somebody_else_has_moved_the_arm() -> None:
-    sim = Simulator("motor_pendulum")
-    rig = InteractiveArm(sim)
-    rig.account.prepare()
-    until_built(rig.account)
-    for _ in range(50):
-        rig.tick()
-    theirs = sim.run(0.1, [5.0])
-    for _ in range(2):
-        rig.tick()
-    account = rig.account.now()
-    assert account is not None
-    lost = account[rig.account.names.index("lost")]
+    theirs = sim.run(0.1, [5.0])  # somebody else moves it: the account begins again
+    rig.tick()
+    lost = rig.curves()[2][ENERGIES.index("lost")]
     assert 0.0 < lost < 0.1 * theirs.lost[-1]  # that of a single tick
-
-
-def until_built(account: LiveAccount) -> None:
-    """Wait for its equations."""
-    end = time.monotonic() + 60.0
-    while account.in_preparation:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
-def test_requests_are_served_in_turn_by_one_thread_and_refusals_are_reported() -> None:
-    told, served, done = list[str](), list[object](), threading.Event()
-    loop = DrawLoop(lambda passed: None, told.append)
-
-    def refuse() -> None:
-        raise InvalidInput("not allowed")
-
-    for order in (lambda: served.append(threading.current_thread()), refuse, done.set):
-        loop.order(order)
-    loop.start()
-    assert done.wait(10.0)
-    loop.stop()
-    assert told == ["not allowed"]
-    assert served != [threading.current_thread()]
 
 
 @pytest.mark.parametrize("name", ["four_bar", "two_link"])
@@ -148,59 +95,63 @@ def test_what_is_shown_are_the_forces_of_constraints_and_stops(name: str) -> Non
     np.testing.assert_array_equal(shown.stop_torque, sim.stop_torque)
     told = sim.multipliers() if name == "four_bar" else np.zeros(0)
     np.testing.assert_array_equal(shown.multipliers, told)
-    assert shown.time == sim.state.time
 
 
 @pytest.fixture
 def bench(server: Any) -> Interactive:
-    """A page of two arms with ticks of different lengths."""
+    """A page of two arms with ticks of different lengths, whose thread does not run."""
     sims = Simulator("two_link", dt=2e-3), Simulator("pendulum", dt=1e-3)
     pairs = zip(sims, ("left", "right"), strict=True)
     actors = [DrawnArm(server, sim.model, name) for sim, name in pairs]
-    return Interactive(server, [InteractiveArm(sim) for sim in sims], actors)
+    return Interactive(server, actors, [InteractiveArm(sim) for sim in sims])
 
 
 @pytest.mark.group("view")
 def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) -> None:
     left, right = (rig.simulation for rig in bench.rigs)
-    assert not bench.running and bench._run.label == "Run"
+    assert not bench.running and bench._run_button.label == "Run"
     bench.step(50)
     assert (left.state.step, right.state.step) == (50, 100)
     assert bench._status.content == "t = 0.100 s, paused"
     kinds = "torque [N m]", "error [rad]", "energy [J]"
-    curves = {chart.title: chart for chart in bench._curves()}
+    curves = bench._charts._charts._curves
     assert list(curves) == [f"{name}: {kind}" for name in ("left", "right") for kind in kinds]
-    torque = curves["left: torque [N m]"]
-    assert torque.names == left.joint_names == curves["left: error [rad]"].names
-    np.testing.assert_allclose(torque.values[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)
-    assert not curves["left: error [rad]"].values.any()  # nothing is to be followed
-    bench._choose(SLIDERS)
+    torque, error = (curves[f"left: {kind}"][1] for kind in kinds[:2])
+    np.testing.assert_allclose(torque[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)
+    assert not error.any()  # nothing is to be followed
+    bench.choose(SLIDERS)
     for rig in bench.rigs:
         rig.target += 0.1
     bench.step(31)
-    curves = {chart.title: chart for chart in bench._curves()}
-    np.testing.assert_array_equal(curves["left: error [rad]"].values[-1], bench.rigs[0].error)
+    np.testing.assert_array_equal(curves["left: error [rad]"][1][-1], bench.rigs[0].error)
     assert bench.rigs[0].error.all()
     bench.reset()
-    assert left.state.step == right.state.step == 0 and not len(bench._curves()[0].time)
+    assert left.state.step == right.state.step == 0 and not len(curves["left: torque [N m]"][0])
 
 
 @pytest.mark.group("view")
-def test_sliders_reach_the_limits_and_place_the_arm_while_it_is_paused(
-    bench: Interactive, server: Any
-) -> None:
+def test_orders_that_are_refused_pause_it_and_say_why(bench: Interactive) -> None:
+    bench.run(True)
+    bench._try(lambda: bench.rigs[0].push("base", np.ones(6), 1))
+    assert not bench.running and "**" in bench._status.content and "base" in bench._status.content
+    bench.run(True)
+    assert "**" not in bench._status.content
+
+
+@pytest.mark.group("view")
+def test_sliders_place_the_arm_while_it_is_paused(bench: Interactive) -> None:
     rig, (first, second) = bench.rigs[0], bench._sliders[0]
     sim = rig.simulation
     assert [slider.value for slider in (first, second)] == pytest.approx(sim.state.q)
     before = sim.state.q
-    bench._slide(rig, 1, 0.3)
+    bench.slide(rig, 1, 0.3)
     np.testing.assert_array_equal(sim.state.q, [before[0], 0.3])
     assert second.value == 0.3 and first.value == pytest.approx(before[0])
     bench.running = True
-    bench._slide(rig, 0, 0.2)
+    bench.slide(rig, 0, 0.2)
     np.testing.assert_array_equal(sim.state.q, [before[0], 0.3])  # it moves by itself
     rig.choose(SLIDERS)
-    bench._slide(rig, 0, 0.2)
+    bench.slide(rig, 0, 0.2)
     np.testing.assert_array_equal(rig.target, [0.2, 0.3])
 
 

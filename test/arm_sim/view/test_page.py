@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Page, needed, opened
+from PIL import Image
 
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.exceptions import ViewError
-from arm_sim.view import Chart, Film, View, show
-from arm_sim.view.interactive import NOTHING
+from arm_sim.view import show
+from arm_sim.view.interactive import NOTHING, Interactive
 from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
@@ -35,7 +35,7 @@ def panda() -> Simulator:
 
 
 @pytest.fixture
-def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
+def touched(panda: Simulator) -> Iterator[tuple[Interactive, Page]]:
     """A simulation in a page."""
     panda.reset()
     with (
@@ -45,24 +45,24 @@ def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
         yield view, page
 
 
-def let_fall(view: View) -> None:
+def let_fall(view: Interactive) -> None:
     """Choose no controller, as the menu of the page does."""
-    view.source.loop.order(lambda: view.source._choose(NOTHING))
+    view._order(lambda: view.choose(NOTHING))
+
+
+def is_drawn(page: Page, simulator: Simulator, name: str, q: np.ndarray) -> bool:
+    off = page.angles(name, simulator.model) - q
+    return bool(abs(np.angle(np.exp(1j * off))).max() < SHARP)  # whole turns look alike
 
 
 def assert_drawn(page: Page, simulator: Simulator, name: str = "panda") -> None:
     """The page comes to show the state, and shows it to rounding."""
     q = simulator.state.q
-
-    def drawn() -> bool:
-        off = page.angles(name, simulator.model) - q
-        return bool(abs(np.angle(np.exp(1j * off))).max() < SHARP)  # whole turns look alike
-
-    page.until(drawn, f"q = {q}")
+    page.until(lambda: is_drawn(page, simulator, name, q), f"q = {q}")
 
 
 def test_a_scene_runs_pauses_steps_and_resets(
-    touched: tuple[View, Page], panda: Simulator
+    touched: tuple[Interactive, Page], panda: Simulator
 ) -> None:
     view, page = touched
     assert_drawn(page, panda)
@@ -93,38 +93,8 @@ _CUT = """() => [...document.querySelectorAll('input')].filter(
   box => box.offsetParent && box.scrollWidth > box.clientWidth).map(box => box.value)"""
 
 
-class Touch:
-    """A finger on a page, with the methods of playwright's mouse."""
-
-    def __init__(self, page: Page) -> None:
-        self._session = page.handle.context.new_cdp_session(page.handle)
-        self._at, self._down = (0.0, 0.0), False
-
-    def move(self, x: float, y: float, steps: int = 1) -> None:
-        begin = np.array(self._at)
-        for k in range(1, steps + 1):
-            self._at = tuple(begin + k / steps * (np.array([x, y]) - begin))
-            if self._down:
-                self._send("touchMove")
-
-    def down(self) -> None:
-        self._down = True
-        self._send("touchStart")
-
-    def up(self) -> None:
-        if self._down:
-            self._send("touchEnd")
-        self._down = False
-
-    def _send(self, kind: str) -> None:
-        x, y = self._at
-        points = [] if kind == "touchEnd" else [{"x": x, "y": y}]
-        self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-
 @pytest.mark.nightly  # test_stage.py drags a link without a browser
-@pytest.mark.parametrize("by", ["mouse", "touch"])
-def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
+def test_a_link_is_pulled_until_released(panda: Simulator) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
     with (
@@ -132,17 +102,17 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         opened(view.url, "/panda/panda_joint7", size=(1600, 900)) as page,
     ):
         let_fall(view)
-        rig, finger = view.source.rigs[0], Touch(page) if by == "touch" else page.handle.mouse
+        rig, mouse = view.rigs[0], page.handle.mouse
 
         def pulled() -> bool:
             """Drag the elbow sideways, wherever the camera is by now."""
-            finger.up()
+            mouse.up()
             base, elbow = page.places("/panda/base", "/panda/panda_joint4")
             ends = np.array([elbow[:3, 3], elbow[:3, 3] + 0.3 * base[:3, 1]])
             (x, y), (beside, _) = page.pixels(ends)
-            finger.move(x, y)
-            finger.down()
-            finger.move(beside, y, steps=8)
+            mouse.move(x, y)
+            mouse.down()
+            mouse.move(beside, y, steps=8)
             page.handle.wait_for_timeout(200)
             return rig._pull is not None
 
@@ -153,88 +123,67 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         frame, *_ = rig._pull
         task = TaskSpace(alone, frame, "local_world_aligned")
         gained = panda.state.v / panda.dt - alone.forward(q, v, np.zeros(7))
-        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the finger is, in m/s²
-        finger.up()
+        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the mouse is, in m/s²
+        mouse.up()
         page.until(lambda: rig._pull is None, "its end")
 
 
-@pytest.fixture(scope="module")
-def long_film(panda: Simulator) -> Film:
-    """Ten minutes at 1 kHz."""
-    time = np.arange(600_001) * 1e-3
-    q = panda.model.q0 + 0.3 * np.sin(0.5 * time[:, None] + np.arange(7))
-    return Film("arm", panda.model, time, q)
-
-
 @pytest.mark.nightly  # test_view.py plays without a browser
-def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Simulator) -> None:
-    with show(long_film, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
-        player = view.source
+def test_a_recording_is_scrubbed_and_played(panda: Simulator) -> None:
+    run = Simulator("panda").run(4.0)
+    with show(run, port=0) as player, opened(player.url, "/panda/panda_joint7") as page:
+        assert isinstance(player, Player)
 
         def drawn(row: int) -> bool:
-            return bool(abs(page.angles("arm", panda.model) - long_film.q[row]).max() < SHARP)
+            return is_drawn(page, panda, "panda", run.q[row])
 
         page.until(lambda: drawn(0), "the beginning")
         track = page.handle.locator(".mantine-Slider-track").first.bounding_box()
         middle = track["x"] + track["width"] / 2, track["y"] + track["height"] / 2
         page.handle.mouse.click(*middle)
-        page.until(lambda: abs(player.time - 300.0) < 20.0, "the middle")
+        page.until(lambda: abs(player.time - 2.0) < 0.2, "the middle")
         page.until(lambda: drawn(round(1e3 * player.time)), "its positions")
         page.handle.wait_for_timeout(100)
         assert page.handle.evaluate(_CUT) == []
         page.click("Play")
         begun = player.time
-        page.until(lambda: player.time > begun + 0.5, "time to pass")
+        page.until(lambda: player.time > begun + 0.2, "time to pass")
         page.click("Pause")
         page.until(lambda: page.handle.get_by_role("button", name="Play").is_visible(), "a stop")
         page.until(lambda: drawn(int(1e3 * player.time + 1e-6)), "where it stopped")
-        player.loop.order(lambda: player.seek(player.end - 0.05))
-        page.click("Play")
-        page.until(lambda: player.time < 10.0, "the beginning again")
 
 
-# Of every chart: how far along its first curve the cursor stands, and how many curves there are.
-_CURVES = """() => [...document.querySelectorAll('#curves svg')].map(svg => {
-  const curves = [...svg.querySelectorAll('.curve')];
-  const [first, cursor] = [curves[0], svg.querySelector('.cursor')].map(x => x.getBBox());
-  return [(cursor.x - first.x) / first.width, curves.length, first.height];
-})"""
-
-
-def test_beside_a_page_without_a_server_a_cursor_follows_the_player(
-    panda: Simulator, tmp_path: Path
-) -> None:
-    time = np.linspace(0.0, 2.0, 201)
-    q = panda.model.q0 + 0.4 * time[:, None]
-    curves = Chart("position [rad]", panda.joint_names, time, q)
-    flat = np.column_stack([np.full(201, 3.0), np.full(201, np.nan)])
-    still = Chart("torque [N m]", ("known", "unknown"), time, flat)
-    film = Film("arm", panda.model, time, q, charts=(curves, still))
-    with show(film, port=0) as view:
+def test_a_page_without_a_server_plays_beside_its_figure(panda: Simulator, tmp_path: Path) -> None:
+    run = Simulator("panda").run(1.0)
+    with show(run, port=0, name="left & <right>") as view:
         file = view.page(tmp_path / "arm.html", rate=8.0, speed=0.5)
-    with opened(file.as_uri(), "/arm/panda_joint7") as page:
-        half_a_second = q[50]  # at half the speed
+        assert file.stat().st_size < 8e6
+    with opened(file.as_uri(), "/left & <right>/panda_joint7") as page:
+        half_a_second = run.q[500]  # at half the speed
 
         def at_rest() -> bool:
-            page.handle.locator("#root input").first.fill(
-                "1.0"
-            )  # the player's time; it stops there
-            off = page.angles("arm", panda.model) - half_a_second
-            at = [along for along, *_ in page.handle.evaluate(_CURVES)]
-            return bool(abs(off).max() < SHARP and np.allclose(at, 0.25, atol=2e-3))
+            # the player's time; it stops there
+            page.handle.locator("#root input").first.fill("1.0")
+            return is_drawn(page, panda, "left & <right>", half_a_second)
 
-        page.until(at_rest, "the picture and the cursor at half a second")
-        charted = page.handle.evaluate(_CURVES)
-        assert [count for _, count, _ in charted] == [7, 2]
-        assert charted[0][2] > 10.0  # it rises
-        texts = page.handle.locator("#curves h2").all_text_contents()
-        assert texts == ["position [rad]", "torque [N m]"]
+        page.until(at_rest, "the picture at half a second")
+        assert page.handle.title() == "left & <right>"
+        figure = page.handle.locator("#figures img")
+        assert figure.evaluate("image => image.naturalWidth") > 300
 
 
-def test_the_file_of_a_recording_is_shown_and_a_closed_page_refuses(tmp_path: Path) -> None:
+def test_the_file_of_a_recording_is_shown(tmp_path: Path) -> None:
     path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.mcap")
-    with show(path, port=0) as page:  # a film, which plays
-        assert isinstance(page.source, Player)
-    for write in (page.picture, page.film, page.page):
-        with pytest.raises(ViewError, match="the page is closed"):
-            write(tmp_path / "a.png")
+    with show(path, port=0) as page:
+        assert isinstance(page, Player)
+
+
+def test_a_picture_shows_the_arm_before_the_sky(tmp_path: Path) -> None:
+    with (
+        show(Simulator("two_link"), port=0) as page,
+        Image.open(page.picture(tmp_path / "a.png", (320, 200))) as file,
+    ):
+        above = np.asarray(file.convert("RGB"), dtype=int)[:85]  # the ground
+    drawn = abs(above - above[:, :1]).max(axis=2) > 20  # of the sky at the left
+    assert drawn.sum() > 100
+    assert not drawn[:20].any() and not drawn[:, :20].any() and not drawn[:, -20:].any()

@@ -5,11 +5,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,11 +21,12 @@ def test_without_ffmpeg_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PATH", "")
+    films = ".gif", ".mp4"
     with pytest.raises(ViewError, match=r"\.mp4 needs ffmpeg .*apt install ffmpeg\); \.gif does"):
-        pictures.refuse_film(tmp_path / "film.mp4")
-    pictures.refuse_film(tmp_path / "film.gif")
-    with pytest.raises(ViewError, match=r"unknown film format; allowed: \.gif, \.mp4"):
-        pictures.refuse_film(tmp_path / "film.avi")
+        pictures.refuse(tmp_path / "film.mp4", films)
+    pictures.refuse(tmp_path / "film.gif", films)
+    with pytest.raises(ViewError, match=r"unknown format; allowed: \.gif, \.mp4"):
+        pictures.refuse(tmp_path / "film.avi", films)
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")
@@ -56,60 +53,3 @@ def test_a_gif_holds_its_pictures_and_is_repeated(
         shown = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
         assert film.info["loop"] == 0 and film.info["duration"] == duration
     np.testing.assert_allclose(np.array(shown, int), np.array(bars, int), atol=12)
-
-
-class Browser:
-    """A browser that draws light only after a while, and its page's client."""
-
-    def __init__(self, until_open: int, loading: int) -> None:
-        self.left, self.loading = until_open, loading
-        self.waited: list[float] = []
-        self.asked: dict[str, Any] = {}
-
-    def wait_for_timeout(self, milliseconds: float) -> None:
-        self.waited.append(milliseconds)
-        self.left -= 1
-
-    def clients(self) -> dict[int, Any]:
-        here = {7: self} if self.left <= 0 else {}
-        return {3: None, **here}  # somebody else looks, too
-
-    def get_render(self, height: int, width: int, **pose: Any) -> np.ndarray:
-        if self.loading < 0:
-            raise TimeoutError("too slow")
-        self.asked = {"height": height, "width": width, **pose}
-        self.loading = max(0, self.loading - 1)
-        return np.full((height, width, 4), 200 - self.loading, dtype=np.uint8)
-
-
-@contextmanager
-def opened(browser: Browser, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """The camera of a page that this browser shows."""
-    sizes: list[tuple[int, int]] = []
-
-    @contextmanager
-    def page(url: str, size: tuple[int, int]) -> Iterator[Browser]:
-        sizes.append(size)
-        yield browser
-
-    monkeypatch.setattr(pictures, "page_in_browser", page)
-    monkeypatch.setattr(pictures, "address", lambda server: "http://here")
-    place = SimpleNamespace(position=(0.0, -2.0, 1.0), look_at=(0.0, 0.0, 1.0), fov=0.7)
-    server: Any = SimpleNamespace(get_clients=browser.clients, initial_camera=place)
-    with pictures.camera(server, (96, 60)) as shoot:
-        yield shoot
-    ((width, height),) = sizes
-    assert height == 60 and width > 96  # with room for the panels
-
-
-def test_a_picture_is_taken_when_everything_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
-    browser = Browser(until_open=5, loading=4)
-    with opened(browser, monkeypatch) as shoot:
-        picture = shoot()
-    assert picture.shape == (60, 96, 3) and (picture == 200).all()
-    assert browser.waited == 5 * [100] + 6 * [1000 * pictures.SETTLED]  # until three are alike
-    assert (browser.asked["height"], browser.asked["width"]) == (60, 96)
-    np.testing.assert_array_equal(browser.asked["position"], (0.0, -2.0, 1.0))
-    assert browser.asked["fov"] == 0.7
-    # Its third axis looks along y, its second down.
-    np.testing.assert_allclose(browser.asked["wxyz"], [0.5**0.5, -(0.5**0.5), 0, 0], atol=1e-12)

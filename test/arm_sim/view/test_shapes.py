@@ -11,7 +11,7 @@ import pytest
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.model import Robot
-from arm_sim.view.shapes import Box, Cylinder, Mesh, Sphere, Visual, visuals_of
+from arm_sim.view.shapes import Visual, visuals_of
 
 ROD = """<robot name="rod">
   <material name="blue"><color rgba="0 0 1 1"/></material>
@@ -40,24 +40,26 @@ def visual(geometry: str, material: str = "") -> str:
 
 def test_a_link_without_visuals_is_the_cylinder_of_its_inertia() -> None:
     capsule, bone, _ = visuals_of(rod())  # and its pivot
-    assert capsule.shape == Cylinder(pytest.approx(RADIUS), pytest.approx(LENGTH), rounded=True)
+    assert capsule.kind == "capsule" == bone.kind
+    assert capsule.size == pytest.approx((2 * RADIUS, 2 * RADIUS, LENGTH))
     np.testing.assert_allclose(capsule.placement.translation, [0.0, 0.0, 0.4])
     np.testing.assert_allclose(abs(capsule.placement.rotation[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
     assert bone.joint == capsule.joint == 1
 
 
 @pytest.mark.parametrize(
-    ("geometry", "shape"),
+    ("geometry", "size"),
     [
-        ('<box size="1 2 3"/>', Box((1.0, 2.0, 3.0))),
-        ('<cylinder radius="0.1" length="2"/>', Cylinder(0.1, 2.0)),
-        ('<capsule radius="0.1" length="2"/>', Cylinder(0.1, 2.0, rounded=True)),
-        ('<sphere radius="0.3"/>', Sphere(0.3)),
+        ('<box size="1 2 3"/>', (1.0, 2.0, 3.0)),
+        ('<cylinder radius="0.1" length="2"/>', (0.2, 0.2, 2.0)),
+        ('<capsule radius="0.1" length="2"/>', (0.2, 0.2, 2.0)),
+        ('<sphere radius="0.3"/>', (0.6, 0.6, 0.6)),
     ],
 )
-def test_visuals_of_the_description_are_drawn(geometry: str, shape: object) -> None:
+def test_visuals_of_the_description_are_drawn(geometry: str, size: tuple[float, ...]) -> None:
     drawn, _ = visuals_of(rod(visual(geometry, '<material name="blue"/>')))
-    assert drawn.shape == shape
+    assert (drawn.kind, drawn.size) == (geometry[1:].split()[0], size)
+    np.testing.assert_allclose(np.ptp(drawn.corners, axis=0)[2], size[2])
     assert drawn.colour == (0.0, 0.0, 1.0, 1.0)
     np.testing.assert_allclose(drawn.placement.rotation, pin.utils.rotate("z", 1.0))
     np.testing.assert_allclose(drawn.placement.translation, [0.0, 0.0, 0.4])
@@ -68,6 +70,7 @@ def test_visuals_of_the_description_are_drawn(geometry: str, shape: object) -> N
     [
         ('<mesh filename="package://nowhere/arm.stl"/>', "no file 'package://nowhere/arm.stl'"),
         ("<pyramid/>", "<pyramid>; allowed: mesh, box"),
+        ("<sphere/>", "the size of its <sphere> is not known"),
     ],
 )
 def test_a_visual_that_cannot_be_drawn_is_reported_and_replaced(
@@ -77,12 +80,12 @@ def test_a_visual_that_cannot_be_drawn_is_reported_and_replaced(
         drawn = visuals_of(rod(visual(geometry)))
     assert told in caplog.text
     assert "link 'rod'" in caplog.text
-    assert isinstance(drawn[0].shape, Cylinder)
+    assert drawn[0].kind == "capsule"
 
 
 def test_meshes_of_a_real_arm_are_found() -> None:
     visuals = visuals_of(ArmModel(load_scene("panda")))
-    files = [v.shape.path for v in visuals if isinstance(v.shape, Mesh)]
+    files = [visual.path for visual in visuals if visual.path]
     assert len(files) == 11  # eight links, the hand, two fingers
     assert all(path.is_file() for path in files)
     assert len(visuals) == len(files)
@@ -97,9 +100,9 @@ def test_payloads_planes_and_contact_points_are_drawn() -> None:
                          "plane": {"point": [0, 0, -3], "normal": [0, 1, 0]}}],
     }  # fmt: skip
     drawn: dict[str, Visual] = {v.name: v for v in visuals_of(Robot(load_scene(scene)))}
-    radius = drawn["payload_0"].shape.radius
+    radius = drawn["payload_0"].size[0] / 2
     assert 4 / 3 * np.pi * radius**3 * 1000.0 == pytest.approx(2.0)
-    assert drawn["contact_0"].shape == Sphere(0.03)
+    assert (drawn["contact_0"].kind, drawn["contact_0"].size[0]) == ("sphere", 0.06)
     plane = drawn["contact_0_plane"]
     assert plane.joint == 0
     np.testing.assert_allclose(plane.placement.rotation[:, 2], [0.0, 1.0, 0.0], atol=1e-12)

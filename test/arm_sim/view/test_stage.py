@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import models
@@ -18,14 +19,8 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.shapes import METAL, PIVOT, RAIL, Mesh, visuals_of
-from arm_sim.view.stage import (
-    KEPT,
-    DrawnArm,
-    _cones,
-    _glb,
-    lay_ground,
-)
+from arm_sim.view.shapes import METAL, PIVOT, RAIL, Visual, visuals_of
+from arm_sim.view.stage import KEPT, DrawnArm, _cones, _glb, lay_ground
 
 pytestmark = pytest.mark.group("view")
 
@@ -69,7 +64,7 @@ def test_a_friction_cone_holds_the_directions_of_forces_that_stick() -> None:
     np.testing.assert_allclose(rim @ normal, 0.2)  # as high as the normal force
     across = np.linalg.norm(rim - 0.2 * normal, axis=1)
     np.testing.assert_allclose(across, mu * 0.2)  # a force there would begin to slide
-    assert len(_cones(arrow, 0.0 * normal[None])) == 0 == len(_cones(arrow, np.zeros((0, 3))))
+    assert len(_cones(arrow, 0.0 * normal[None])) == 0
 
 
 def test_contacts_are_drawn_with_their_cones(server: Any) -> None:
@@ -77,9 +72,10 @@ def test_contacts_are_drawn_with_their_cones(server: Any) -> None:
     sim.run(0.2)
     instant, actor = InteractiveArm(sim).look(), DrawnArm(server, sim.model, "arm")
     ((_, contact),), (force,) = sim.model.scene.contacts, sim.contact_forces()
-    np.testing.assert_allclose(instant.cones, [[0.0, 0.0, contact.sticking]], atol=1e-12)
+    np.testing.assert_array_equal(instant.contacts[0, :2], [force.point, force.force])
+    np.testing.assert_allclose(instant.contacts[0, 2], [0.0, 0.0, contact.sticking], atol=1e-12)
     actor.draw(instant)
-    cone = actor._lines["friction cones"]
+    cone = actor._marks["friction cones"]
     assert force.normal > 0.0 and cone.visible
     actor.show("friction cones", False)
     assert not cone.visible
@@ -96,7 +92,7 @@ def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None
     sim, link = Simulator("two_link"), Link()
     rig, actor = InteractiveArm(sim), DrawnArm(server, sim.model, "arm", base=(0.0, 2.0, 0.0))
     actor.links = [("elbow", link)]
-    bench = Interactive(server, [rig], [actor])
+    bench = Interactive(server, [actor], [rig])
     marker, h = Marker(sim.model), 1e-6
     lever = np.array([0.3, 0.0, 0.1])  # of the point that is held, from the elbow
 
@@ -105,14 +101,14 @@ def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None
         turn = q.sum() - sim.state.q.sum()
         c, s = np.cos(turn), np.sin(turn)  # a positive angle lifts
         x, z = c * lever[0] - s * lever[2], s * lever[0] + c * lever[2]
-        elbow = marker.at(Instant(0.0, q)).position[2]
+        elbow = marker.at(Instant(q)).position[2]
         return np.asarray(actor.base + elbow + [x, 0.0, z])
 
     q = sim.state.q
     start, mouse = held(q), held(q) + [0.0, 0.0, 0.2]
     event = SimpleNamespace(phase="update", start_position=start, end_position=mouse)
     asyncio.run(link.called(event))
-    bench.loop._serve()
+    bench._orders.get()()
     J = np.array([(held(q + d) - held(q - d)) / (2 * h) for d in h * np.eye(2)])
     along = J[:, 2]  # the way is upward
     mass = 1.0 / (along @ np.linalg.solve(sim.dynamics.mass_matrix(q), along))
@@ -120,32 +116,24 @@ def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None
     assert mass < sim.model.total_mass
     np.testing.assert_allclose(rig.external, J @ force, rtol=1e-6)
     asyncio.run(link.called(SimpleNamespace(phase="end")))
-    bench.loop._serve()
+    bench._orders.get()()
     assert not rig.external.any()
-
-
-def test_places_are_those_of_the_state(server: Any) -> None:
-    model = models.dynamics("panda").model
-    actor = DrawnArm(server, model, "arm", base=(0.0, 2.0, 0.0))
-    marks = actor.draw(Instant(0.0, model.q0 + 0.1))
-    for frame, position, wxyz in zip(actor._joints, marks.position, marks.rotation, strict=True):
-        np.testing.assert_array_equal(frame.position, position)
-        np.testing.assert_array_equal(frame.wxyz, wxyz)
 
 
 def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(server: Any) -> None:
     model = Simulator("spring_balanced_arm").model
     actor = DrawnArm(server, model, "arm")
-    marks = actor.draw(Instant(0.0, model.q0))
-    springs, path = actor._lines["springs"], actor._lines["path"]
+    marks = actor.draw(Instant(model.q0))
+    springs, path = actor._marks["springs"], actor._marks["path"]
     assert springs.visible and len(marks.springs)
     np.testing.assert_allclose(springs.points[0, 0], marks.springs[0, 0], rtol=1e-6)
     assert not path.visible
     for k in range(KEPT + 50):
-        actor.trail(np.array([0.1 * k * actor.size, 0.0, 0.0]))
-    actor.trail(np.array([0.1 * k * actor.size, 1e-4 * actor.size, 0.0]))  # hardly a motion
+        q = model.q0 + 0.02 * k
+        hand = actor.draw(Instant(q), leave_path=True).hand
+    actor.draw(Instant(q + 1e-6), leave_path=True)  # hardly a motion
     assert path.visible and len(path.points) == KEPT
-    np.testing.assert_allclose(path.points[-1, 1], [0.1 * k * actor.size, 0.0, 0.0], rtol=1e-6)
+    np.testing.assert_allclose(path.points[-1, 1], hand, rtol=1e-6, atol=1e-7)
     for kind, line in (("springs", springs), ("path", path)):
         actor.show(kind, False)
         assert not line.visible
@@ -153,19 +141,19 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
         assert line.visible
     actor.forget_way()
     assert not path.visible
-    actor.trail(np.zeros(3))
+    actor.draw(Instant(q), leave_path=True)
     assert not path.visible  # a point is no path
 
 
 def test_joints_at_their_stops_are_marked(server: Any) -> None:
     model = models.dynamics("panda").model
     actor, q = DrawnArm(server, model, "arm"), model.q0.copy()
-    actor.draw(Instant(0.0, q))
+    actor.draw(Instant(q))
     assert not any(ball.visible for ball in actor._stops)
     q[3] = model.position_lower[3]
-    marks = actor.draw(Instant(0.0, q))
-    assert [ball.visible for ball in actor._stops] == [True] + 6 * [False]
-    np.testing.assert_allclose(actor._stops[0].position, marks.position[4])
+    actor.draw(Instant(q))
+    assert [ball.visible for ball in actor._stops] == [k == 3 for k in range(7)]
+    assert actor._stops[3].name == "/arm/panda_joint4/stop"
 
 
 def floor(server: Any, actor: DrawnArm, monkeypatch: pytest.MonkeyPatch) -> float:
@@ -206,7 +194,7 @@ def test_an_arm_without_a_base_has_pivots_and_is_above_the_ground_wherever_it_mo
         np.testing.assert_allclose(pivot.placement.rotation[:, 2], axis, atol=1e-12)
     actor = DrawnArm(server, model, "arm")
     if scene == "cart_pendulum":
-        assert pivots[0].shape.length == pytest.approx(2 * 1.4)  # of 4 m, twice its reach each way
+        assert pivots[0].size[2] == pytest.approx(2 * 1.4)  # of 4 m, twice its reach each way
     turns = np.stack(np.meshgrid(*[np.linspace(-3.0, 3.0, 13)] * model.n), axis=-1)
     reached = [actor.marker.extent(q) for q in turns.reshape(-1, model.n)]
     assert floor(server, actor, monkeypatch) < np.concatenate(reached)[:, 2].min()
@@ -218,12 +206,14 @@ def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) 
     size = np.array([200.0, 100.0, 50.0])
     for name in ("box.stl", "box.ply"):
         trimesh.creation.box(size).export(tmp_path / name)
-    for mesh, colour, extents in (
-        (Mesh(tmp_path / "box.stl", (1e-3, 1e-3, 2e-3)), (0.2, 0.4, 0.6, 0.5), [0.2, 0.1, 0.1]),
-        (Mesh(tmp_path / "box.ply"), None, size),
-    ):
-        drawn = trimesh.load_scene(io.BytesIO(_glb(mesh, colour)), file_type="glb")
-        np.testing.assert_allclose(drawn.extents, extents, rtol=1e-6)
+    for name, scale, colour in (
+        ("box.stl", (1e-3, 1e-3, 2e-3), (0.2, 0.4, 0.6, 0.5)), ("box.ply", (1.0, 1.0, 1.0), None)
+    ):  # fmt: skip
+        visual = Visual("box", 1, pin.SE3.Identity(), "mesh", scale, colour, tmp_path / name)
+        data, drawn_scale = _glb(visual)
+        assert drawn_scale == scale
+        drawn = trimesh.load_scene(io.BytesIO(data), file_type="glb")
+        np.testing.assert_allclose(drawn.extents, size, rtol=1e-6)
         (geometry,) = drawn.geometry.values()
         wanted = [round(255 * x) for x in colour or METAL]
         assert geometry.visual.material.baseColorFactor.tolist() == wanted

@@ -15,31 +15,28 @@ from PIL import Image, ImageSequence
 import models
 from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
-from arm_sim.view import Film, View, pictures, show
-from arm_sim.view.player import Player
+from arm_sim.view import pictures, show
+from arm_sim.view.player import Player, instant
 
 pytestmark = pytest.mark.group("view")
 
 
 @pytest.fixture
-def playing(monkeypatch: pytest.MonkeyPatch) -> Iterator[View]:
+def playing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Player]:
     """A motion of two seconds; the later it is, the more of a picture of it is white."""
-    model = models.dynamics("two_link").model
-    film = Film("arm", model, np.linspace(0.0, 2.0, 21), np.linspace(0.0, 1.0, 42).reshape(21, 2))
 
     @contextmanager
-    def camera(server: Any, size: tuple[int, int]) -> Iterator[Any]:
+    def camera(server: Any, size: tuple[int, int], *pose: Any) -> Iterator[Any]:
         def shoot() -> np.ndarray:
-            source = view.source
-            assert isinstance(source, Player)
             picture = np.zeros((size[1], size[0], 3), dtype=np.uint8)
-            picture[:, : round(20 * source.time)] = 255
+            picture[:, : round(20 * view.time)] = 255
             return picture
 
         yield shoot
 
     monkeypatch.setattr(pictures, "camera", camera)
-    with show(film, port=0) as view:
+    with show(Simulator("two_link").run(2.0), port=0) as view:
+        assert isinstance(view, Player)
         yield view
 
 
@@ -51,7 +48,7 @@ def look(path: Path) -> tuple[list[float], tuple[int, int], float]:
         return [float(line.sum()) / 20 for line in white], film.size, film.info.get("duration", 0)
 
 
-def test_a_picture_is_of_the_time_that_is_asked_for(playing: View, tmp_path: Path) -> None:
+def test_a_picture_is_of_the_time_that_is_asked_for(playing: Player, tmp_path: Path) -> None:
     path = playing.picture(tmp_path / "a.png", (64, 40), time=1.5)
     assert path == tmp_path / "a.png" and look(path) == ([1.5], (64, 40), 0)
     assert look(playing.picture(tmp_path / "b.png"))[:2] == ([1.5], (960, 600))  # as it is shown
@@ -61,11 +58,14 @@ def test_a_picture_is_of_the_time_that_is_asked_for(playing: View, tmp_path: Pat
     with pytest.raises(ViewError, match="there is no folder"):
         playing.picture(tmp_path / "none" / "a.png")
     playing.close()
-    with pytest.raises(ViewError, match="the page is closed"):
-        playing.picture(tmp_path / "a.png")
+    for write in (playing.picture, playing.film, playing.page):
+        with pytest.raises(ViewError, match="the page is closed"):
+            write(tmp_path / "a.png")
 
 
-def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(playing: View, tmp_path: Path) -> None:
+def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(
+    playing: Player, tmp_path: Path
+) -> None:
     path = playing.film(tmp_path / "a.gif", (60, 20), rate=2.0)
     assert look(path) == ([0.0, 0.5, 1.0, 1.5, 2.0], (60, 20), 500)
     slow = look(playing.film(tmp_path / "b.gif", (60, 20), rate=2.0, speed=0.5))
@@ -73,42 +73,77 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(playing: View, tmp_p
     assert look(playing.film(tmp_path / "c.gif", (60, 20), rate=2.0, speed=50.0))[0] == [0.0, 2.0]
     with pytest.raises(ViewError, match="0 pictures per second"):
         playing.film(tmp_path / "d.gif", rate=0.0)
-    with pytest.raises(ViewError, match="unknown film format"):
+    with pytest.raises(ViewError, match="unknown format"):
         playing.film(tmp_path / "d.avi")
 
 
-def test_it_plays_pauses_and_begins_again(playing: View) -> None:
-    player = playing.source
-    assert isinstance(player, Player)
-    player.loop.stop()  # the beats below are the only ones
+def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
+    playing._ended.set()
+    playing._thread.join()  # the beats below are the only ones
     seen = []
     for change in (
-        lambda: player._beat(0.5), player.play, lambda: player._beat(0.5),
-        lambda: player._beat(1.6), lambda: setattr(player._loop, "value", False),
-        lambda: player._beat(2.5), lambda: player._beat(0.5), player.play,
+        lambda: playing._beat(0.5), playing.play, lambda: playing._beat(0.5),
+        lambda: playing._beat(1.6), lambda: setattr(playing._loop, "value", False),
+        lambda: playing._beat(2.5), lambda: playing._beat(0.5), playing.play,
     ):  # fmt: skip
         change()
-        seen.append((player.time, player._playing))
+        seen.append((playing.time, playing._playing))
     assert seen == [(0.0, False), (0.0, True), (0.5, True), (0.0, True), (0.0, True),
                     (2.0, False), (2.0, False), (0.0, True)]  # fmt: skip
 
 
+def test_the_last_state_up_to_a_time_is_shown_with_its_forces() -> None:
+    sim = Simulator("panda_table")
+    run = sim.run(0.3, control=lambda state: sim.dynamics.gravity(state.q))
+    for time, row in ((-1.0, 0), (0.0, 0), (0.1, 100), (0.1009, 100), (9.0, 300)):
+        np.testing.assert_array_equal(instant(run, time).q, run.q[row])
+    (point, force, _), contact = instant(run, 0.3).contacts[0], sim.contact_forces()[0]
+    np.testing.assert_allclose([point, force], [contact.point, contact.force], rtol=1e-9)
+
+
+def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
+    run = Simulator("two_link").run(0.3, [1.0, 0.0])
+    with show(run, run, port=0, name=["one", "other"]) as page:
+        assert isinstance(page, Player)
+        curves = page._charts._curves
+    time, torque = curves["one: torque [N m]"]
+    np.testing.assert_array_equal(time, run.time)
+    np.testing.assert_array_equal(torque, run.tau)
+    names = page._charts._names["other: energy [J]"]
+    energy = dict(zip(names, curves["other: energy [J]"][1].T, strict=True))
+    np.testing.assert_allclose(energy["total"], energy["kinetic"] + energy["potential"])
+    total, flows = energy["total"], energy["supplied"] - energy["lost"] + energy["balance"]
+    np.testing.assert_allclose(total - flows, total[0], rtol=1e-12)
+
+
+def test_requests_are_served_in_turn_by_one_thread() -> None:
+    import threading
+
+    served, done = list[object](), threading.Event()
+    with show(models.simulator("two_link"), port=0) as view:
+        for _ in range(2):
+            view._order(lambda: served.append(threading.current_thread()))
+        view._order(done.set)
+        assert done.wait(10.0)
+    assert served == 2 * [view._thread] and not view._thread.is_alive()
+
+
 def test_a_simulation_has_no_film(tmp_path: Path) -> None:
     with show(models.simulator("two_link"), port=0) as view:
-        for call in (lambda: view.film(tmp_path / "a.gif"), lambda: view._seek(1.0)):
+        for call in (
+            lambda: view.film(tmp_path / "a.gif"), lambda: view.picture(tmp_path / "a.png", time=1)
+        ):  # fmt: skip
             with pytest.raises(ViewError, match="a simulation has no end"):
                 call()
-        before = view.source
-        view.draw()
-        assert view.source is before and repr(view) == f"<View of two_link at {view.url}>"
+        assert repr(view) == f"<View of two_link at {view.url}>"
         assert f'src="{view.url}"' in view._repr_html_()
 
 
 def test_what_does_not_go_together_is_refused() -> None:
-    model, sim = models.dynamics("two_link").model, models.simulator("two_link")
-    film = Film("a", model, np.arange(3.0), np.zeros((3, 2)))
+    sim = models.simulator("two_link")
+    run = Simulator("two_link").run(0.01)
     for what, more in (
-        ((), {}), ((film, sim), {}), ((film, film), {"name": ["a"]}), ((sim,), {"together": True}),
+        ((), {}), ((run, sim), {}), ((run, run), {"name": ["a"]}), ((sim,), {"together": True}),
     ):  # fmt: skip
         with pytest.raises(ViewError, match="things to show with"):
             show(*what, **more)

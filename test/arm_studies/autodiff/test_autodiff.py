@@ -234,7 +234,7 @@ def test_torch_takes_whole_numbers() -> None:
     ("changed", "said"),
     [
         ({"x0": np.zeros(3)}, r"x0 has shape \(3,\); expected \(…, 6\)"),
-        ({"tau": np.zeros(3)}, r"tau has shape \(3,\); expected \(…, ticks, 3\)"),
+        ({"tau": np.zeros(3)}, r"tau has shape \(3,\); expected \(…, steps, 3\)"),
         ({"parameters": {"payload": np.zeros(3)}}, r"payload has shape \(3,\).*\(…, 10\)"),
         (
             {"x0": np.zeros((2, 6)), "tau": np.zeros((3, TICKS, 3))},

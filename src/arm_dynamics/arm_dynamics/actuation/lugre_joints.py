@@ -13,6 +13,7 @@ from arm_dynamics.actuation.internal_state import Flow, InternalState, StateKind
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import lugre
 from arm_dynamics.equations.elementary import Quantity
+from arm_dynamics.exceptions import counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.friction import Lugre, refusal
 
@@ -53,7 +54,7 @@ class LugreFriction:
             for i, title, scale in zip(asked, titles, scales, strict=True)
         )
         self.replaces_command = np.zeros(model.n, dtype=bool)
-        self.summary = f"{len(self.states)} joints, as many states"
+        self.summary = f"{counted(len(self.states), 'joint')}, as many states"
         for i, law in asked.items():
             _check(model, i)
             _check_passive(model, i, law)

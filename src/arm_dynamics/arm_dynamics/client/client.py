@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -11,17 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen, sealed
-from arm_dynamics.client.values import (
-    fields_of,
-    fixed,
-    flat,
-    motion,
-    points,
-    rows,
-    shaped,
-    whole,
-    words,
-)
+from arm_dynamics.client.values import fields_of, fixed, flat, motion, rows, shaped, whole, words
 from arm_dynamics.exceptions import Refused, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.caller import Caller
@@ -180,15 +172,11 @@ class ArmClient:
     def model_info(self) -> ModelFacts:
         """Properties of the node's arm."""
         answer = self._ask(self._dynamics, interfaces.MODEL_INFO)
-        return ModelFacts(
-            joint_names=tuple(answer.joint_names), joint_types=tuple(answer.joint_types),
-            position_lower=np.array(answer.position_lower),
-            position_upper=np.array(answer.position_upper),
-            velocity_limits=np.array(answer.velocity_limits),
-            effort_limits=np.array(answer.effort_limits), frame_names=tuple(answer.frame_names),
-            total_mass=answer.total_mass, gravity=np.array(answer.gravity, float),
-            summary=answer.summary,
-        )  # fmt: skip
+        values = {field.name: getattr(answer, field.name) for field in fields(ModelFacts)}
+        for name, value in values.items():
+            if not isinstance(value, str | float):
+                values[name] = tuple(value) if isinstance(value, list) else np.array(value, float)
+        return ModelFacts(**values)
 
     def inverse_dynamics(
         self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
@@ -206,27 +194,27 @@ class ArmClient:
         Returns:
             Torques in [N m] or [N], shape of ``q``.
         """
-        fields = motion(joint_names, position=q, velocity=v, acceleration=a)
-        terms = whole("terms", terms, ALL_TERMS)
-        answer = self._ask(self._dynamics, interfaces.INVERSE_DYNAMICS, terms=terms, **fields)
-        return shaped(answer.effort, points(answer, q))
+        more = {"terms": whole("terms", terms, ALL_TERMS)}
+        answer, shape = self._ask_at(
+            interfaces.INVERSE_DYNAMICS, q, joint_names, more, velocity=v, acceleration=a
+        )
+        return shaped(answer.effort, shape)
 
     def forward_dynamics(
         self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
     ) -> Array:  # fmt: skip
         """Accelerations that torques produce, shape of ``q``; see ``inverse_dynamics``."""
-        fields = motion(joint_names, position=q, velocity=v, effort=tau)
-        answer = self._ask(self._dynamics, interfaces.FORWARD_DYNAMICS, **fields)
-        return shaped(answer.acceleration, points(answer, q))
+        answer, shape = self._ask_at(
+            interfaces.FORWARD_DYNAMICS, q, joint_names, velocity=v, effort=tau
+        )
+        return shaped(answer.acceleration, shape)
 
     def dynamics_terms(
         self, q: ArrayLike, v: ArrayLike | None = None, joint_names: Sequence[str] = ()
     ) -> Terms:
         """M, C, G, F, S and the energies; see ``inverse_dynamics`` for the arguments."""
-        fields = motion(joint_names, position=q, velocity=v)
-        answer = self._ask(self._dynamics, interfaces.DYNAMICS_TERMS, **fields)
-        *batch, n = points(answer, q)
+        answer, (*batch, n) = self._ask_at(interfaces.DYNAMICS_TERMS, q, joint_names, velocity=v)
         shapes = {name: shape for entry in OF_SERVICE for name, shape in entry.parts.items()}
         return Terms(tuple(answer.joint_names), **fields_of(answer, shapes, tuple(batch), n=n))
 
@@ -251,17 +239,14 @@ class ArmClient:
             The fields of ``arm_msgs/TaskSpace`` by name, as arrays in their natural shapes; a
             batch has k in front. ``axes`` and ``joint_names`` are tuples.
         """
-        answer = self._ask(
-            self._dynamics, interfaces.TASK_SPACE, frame=str(frame), reference=str(reference),
-            axes=words("axes", axes), direction=flat("direction", direction),
-            **motion(joint_names, position=q, velocity=v),
-        )  # fmt: skip
-        sizes = {"n": len(answer.joint_names), "m": len(answer.axes)}
-        shapes = TASK_SPACE | {"effective_mass": (), "effective_mass_bounded": ()}
-        return {
-            "axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names),
-            **fields_of(answer, shapes, points(answer, q)[:-1], **sizes),
+        more = {
+            "frame": str(frame), "reference": str(reference), "axes": words("axes", axes),
+            "direction": flat("direction", direction),
         }  # fmt: skip
+        answer, (*batch, n) = self._ask_at(interfaces.TASK_SPACE, q, joint_names, more, velocity=v)
+        names = {"axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names)}
+        shapes = TASK_SPACE | {"effective_mass": (), "effective_mass_bounded": ()}
+        return names | fields_of(answer, shapes, tuple(batch), n=n, m=len(answer.axes))
 
     def inverse_kinematics(
         self, frame: str, pose: ArrayLike, seed: ArrayLike | None = None, *,
@@ -313,9 +298,10 @@ class ArmClient:
         τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for the initially active constraints.
         Arguments as for ``forward_dynamics``; the constraints should be satisfied at ``q``.
         """
-        fields = motion(joint_names, position=q, velocity=v, effort=tau)
-        answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, **fields)
-        shape, names = points(answer, q), tuple(answer.constraint_names)
+        answer, shape = self._ask_at(
+            interfaces.CONSTRAINED_DYNAMICS, q, joint_names, velocity=v, effort=tau
+        )
+        names = tuple(answer.constraint_names)
         return ConstrainedMotion(
             tuple(answer.joint_names), names, shaped(answer.acceleration, shape),
             shaped(answer.multipliers, (*shape[:-1], len(names))),
@@ -330,11 +316,11 @@ class ArmClient:
         As ``inverse_dynamics``, with ``multipliers`` λ as ``constrained_dynamics`` gives them, in
         [N] or [N m], shape (m,), or (k, m); None for zeros.
         """
-        fields = motion(
-            joint_names, position=q, velocity=v, acceleration=a, multipliers=multipliers
-        )
-        answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, inverse=True, **fields)
-        return shaped(answer.effort, points(answer, q))
+        answer, shape = self._ask_at(
+            interfaces.CONSTRAINED_DYNAMICS, q, joint_names, {"inverse": True},
+            velocity=v, acceleration=a, multipliers=multipliers,
+        )  # fmt: skip
+        return shaped(answer.effort, shape)
 
     # --- the sim node --------------------------------------------------------------------------
 
@@ -353,8 +339,7 @@ class ArmClient:
     def step(self, steps: int = 1) -> float:
         """Advance a paused simulation by whole ticks; return its time in [s]. Never repeated."""
         fields = {"steps": whole("steps", steps, _U32)}
-        answer = _agreed(self._answer(self._sim, interfaces.STEP, fields, once=True))
-        return float(answer.time)
+        return float(_agreed(self._answer(self._sim, interfaces.STEP, fields, once=True)).time)
 
     def set_joint_state(
         self,
@@ -407,6 +392,16 @@ class ArmClient:
     def _ask(self, node: str, service: interfaces.Service, **fields: Any) -> Any:
         """The response of a node; raises ``Refused`` if the request was declined."""
         return _agreed(self._answer(node, service, fields))
+
+    def _ask_at(
+        self, service: interfaces.Service, q: ArrayLike, joint_names: Sequence[str],
+        more: Mapping[str, Any] = MappingProxyType({}), **vectors: ArrayLike | None,
+    ) -> tuple[Any, tuple[int, ...]]:  # fmt: skip
+        """The response of the dynamics node at points, and their shape: (n,) or (k, n)."""
+        sent = motion(joint_names, position=q, **vectors)
+        answer = self._ask(self._dynamics, service, **sent, **more)
+        n = len(answer.joint_names)
+        return answer, (*rows("position", q, n), n)
 
     def _answer(
         self, node: str, service: interfaces.Service, fields: dict[str, Any], once: bool = False

@@ -54,12 +54,6 @@ def rows(name: str, value: ArrayLike, size: int) -> tuple[int, ...]:
     return shape[:-1]
 
 
-def points(answer: Any, q: ArrayLike) -> tuple[int, ...]:
-    """Shape of the request: (n,) or (k, n)."""
-    n = len(answer.joint_names)
-    return (*rows("position", q, n), n)
-
-
 def fixed(name: str, value: ArrayLike, size: int) -> Array:
     """Numbers for a field of ``size``; ``InvalidInput`` if they are more or fewer."""
     numbers = np.array(flat(name, value))

@@ -256,7 +256,7 @@ def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: 
         _, part = joint_space.typical_inertia(dynamics, c * s.dt)
         if part < share.min():
             share, lowered = np.asarray(part), "" if by_force else ", for which gains are lowered"
-            why = f"the lightest motions of the arm at {s.dt:g} s a tick{lowered}"
+            why = f"the lightest motions of the arm at {s.dt:g} s per cycle{lowered}"
     if (least := share.min()) == 1.0:
         return ""
     given = f"bandwidth = {s.bandwidth!r}"

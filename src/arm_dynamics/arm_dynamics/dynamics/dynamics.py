@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each, finite_answer, vectors
-from arm_dynamics.attributes import sealed
+from arm_dynamics.attributes import check_arguments, sealed
 from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.built import arm_model
@@ -64,16 +64,23 @@ def _asked(entry: Entry) -> Callable[..., Array]:
     signature = Signature([Parameter(x, Parameter.POSITIONAL_OR_KEYWORD) for x in names])
     count = len(names) - 1
 
+    def bound(self: Dynamics, *given: Any, **named: Any) -> tuple[Any, ...]:
+        try:
+            return signature.bind(self, *given, **named).args[1:]
+        except TypeError as error:
+            check_arguments(self, method, named)
+            raise TypeError(f"Dynamics.{entry.asked}() {error}") from None
+
     def plain(self: Dynamics, *given: Any, **named: Any) -> Array:
         if named or len(given) != count:
-            given = signature.bind(self, *given, **named).args[1:]
+            given = bound(self, *given, **named)
         call: PythonCall = self._calls[entry]
         found = call(*given)
         return self._answer(entry, given, (), call) if found is None else found
 
     def of_frame(self: Dynamics, *given: Any, **named: Any) -> Array:
         if named or len(given) != count:
-            given = signature.bind(self, *given, **named).args[1:]
+            given = bound(self, *given, **named)
         vectors, frame = given[:-1], given[-1]
         of_names: dict[Any, PythonCall] = self._calls[entry]
         call = of_names.get(frame, unanswered) if type(frame) is str else unanswered
@@ -118,6 +125,7 @@ class Dynamics:
         "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "
         "under(external)",
     }
+    _parts = ("model",)
 
     def __init__(self, scene: SceneSource | ArmModel) -> None:
         self.model = arm_model(scene)
@@ -134,6 +142,10 @@ class Dynamics:
         self._turning, self._looks = np.array(self.model.joint_types) != "prismatic", LOOKS
         self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
         self._calls: dict[Entry, Any] = {x: {} if x.which else unanswered for x in TERMS}
+
+    def __repr__(self) -> str:
+        """Its arm."""
+        return repr(self.model).replace(type(self.model).__name__, type(self).__name__, 1)
 
     @property
     def n(self) -> int:

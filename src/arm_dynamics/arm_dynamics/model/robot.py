@@ -20,7 +20,7 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
-from arm_dynamics.exceptions import ModelError, SceneError
+from arm_dynamics.exceptions import ModelError, SceneError, counted, known_names
 from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
@@ -103,6 +103,12 @@ class Robot:
     def whole(self) -> pin.Model:
         """Pinocchio's model of the unmodified description: no joint locked, no payload."""
         return self._whole
+
+    def __repr__(self) -> str:
+        """Its joints."""
+        joints = f"{counted(self.n, 'joint')}: {known_names(self.joint_names, 8)}"
+        locked = f"; locked: {known_names(self.locked, 8)}" if self.locked else ""
+        return f"<{type(self).__name__} of {self.pin.name}, {joints}{locked}>"
 
     @property
     def n(self) -> int:

@@ -51,9 +51,10 @@ def find_scene(name: str, folder: Path) -> Path:
     known = ready_scenes()
     files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf", ".xacro")]
     guess = did_you_mean(name, [*files, *known]) or did_you_mean(Path(name).stem, known) or "."
+    listed = "" if Path(name).suffix else f" Ready scenes: {known_names(known, 60)}"
     raise SceneError(
-        f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name{guess} "
-        f"Ready scenes: {known_names(known, 60)}"
+        f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name{guess}"
+        f"{listed}"
     )
 
 

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from arm_dynamics.attributes import not_assignable
+from arm_dynamics.exceptions import plain
 
 
 def _number(value: object) -> object:
@@ -61,6 +62,12 @@ class Part(BaseModel):
     """A part of a scene: immutable, with unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    def __repr_args__(self) -> Iterator[tuple[str, object]]:
+        """What is given; of long text, as of a robot description, its ends."""
+        given = (name for name in type(self).model_fields if name in self.model_fields_set)
+        for name, value in ((name, getattr(self, name)) for name in given):
+            yield name, plain(value, 60) if isinstance(value, str) else value
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse to be changed.

@@ -140,7 +140,7 @@ class InverseKinematics:
 
     def _starts(self, seed: ArrayLike | None) -> Iterator[Array]:
         model = self.task.model
-        first = model.q0 if seed is None else vector("seed", seed, model.n)
+        first = model.q0 if seed is None else vector("seed", seed, model.joint_names)
         if first.ndim != 1:
             raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is expected")
         starts = [first] if seed is None else [first, model.q0]

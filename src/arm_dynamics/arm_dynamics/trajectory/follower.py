@@ -56,8 +56,8 @@ class Outset:
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
         if not ahead:
             raise InvalidInput(
-                f"none of {len(waypoints)} waypoints lies in the future; allowed: times after "
-                f"{late:g} s, as the arm needs time to get there"
+                f"no waypoint lies in the future; allowed: times (time_from_start) after {late:g} "
+                "s, as the arm needs time to get there"
             )
         begin, rest = self._with_torques(waypoints, ahead)
         return [Waypoint(0.0, here.q, here.v, here.a, begin), *rest]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 from click.shell_completion import (
@@ -17,7 +17,7 @@ from click.shell_completion import (
 )
 
 from arm_dynamics.exceptions import choices
-from arm_sim.cli.output import examples
+from arm_sim.cli.command import command
 
 VARIABLE = "_ARM_COMPLETE"
 ALSO = "ARM_COMMANDS"  # set by the script ./arm to its own commands
@@ -31,35 +31,33 @@ class Commands(click.Group):
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            name = error.option_name
-            having = [x for x in self.list_commands(ctx) if _has(self.get_command(ctx, x), name)]
+            having = [
+                name
+                for name, one in sorted(self.commands.items())
+                if any(error.option_name in parameter.opts for parameter in one.params)
+            ]
             if not having:
                 raise
-            ctx.fail(f"option '{name}' stands behind its command: {', '.join(having)}")
+            ctx.fail(
+                f"option '{error.option_name}' stands behind its command: {', '.join(having)}"
+            )
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find a command, or fail with a list of the commands."""
-        if args and args[0][:1].isalpha() and self.get_command(ctx, args[0]) is None:
+        if args and args[0][:1].isalpha() and args[0] not in self.commands:
             known = [*self.list_commands(ctx), *self._others(ctx)]
             ctx.fail(f"unknown command '{args[0]}'; allowed: {choices(args[0], known, 60)}")
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Commands with this prefix."""
-        offered = super().shell_complete(ctx, incomplete)
-        return [
-            *offered,
-            *(CompletionItem(x) for x in self._others(ctx) if x.startswith(incomplete)),
-        ]
+        others = [CompletionItem(x) for x in self._others(ctx) if x.startswith(incomplete)]
+        return super().shell_complete(ctx, incomplete) + others
 
     def _others(self, ctx: click.Context) -> list[str]:
         return os.environ.get(ALSO, "").split() if ctx.parent is None else []
-
-
-def _has(command: click.Command | None, option: str) -> bool:
-    return command is not None and any(option in one.opts for one in command.params)
 
 
 class SceneType(click.ParamType):
@@ -102,30 +100,23 @@ class _Fish(FishComplete):
     """As click's, but it calls the typed path."""
 
     source_template = FishComplete.source_template.replace(
-        "%(complete_var)s=fish_complete COMP_WORDS=(commandline -cp) "
-        "COMP_CWORD=(commandline -t) %(prog_name)s",
-        "%(complete_var)s=fish_complete COMP_WORDS=(commandline -cp) "
-        "COMP_CWORD=(commandline -t) (commandline -opc)[1]",
+        "(commandline -t) %(prog_name)s", "(commandline -t) (commandline -opc)[1]"
     )
 
 
 SHELLS: dict[str, type[ShellComplete]] = {"bash": _Bash, "zsh": _Zsh, "fish": _Fish}
 
 
-@click.command(
-    epilog=examples(
-        "./arm completion bash > ~/.arm-completion",
-        'eval "$(./arm completion bash)"',
-        "./arm completion fish | source",
-    )
+@command(
+    "./arm completion bash > ~/.arm-completion",
+    'eval "$(./arm completion bash)"',
+    "./arm completion fish | source",
 )
-@click.argument("shell", type=click.Choice(list(SHELLS)))
-@click.pass_context
-def completion(context: click.Context, shell: str) -> None:
+def completion(shell: Annotated[str, click.Choice(list(SHELLS))]) -> None:
     """Print a script that makes SHELL complete commands, options and names of scenes by Tab.
 
     To enable it permanently, add the line below to the start-up file of the shell, with the path
     of the command. It completes every command called arm.
     """
-    root: Any = context.find_root().command
+    root: Any = click.get_current_context().find_root().command
     click.echo(SHELLS[shell](root, {}, "arm", VARIABLE).source())

@@ -80,9 +80,18 @@ class Suite(Commands):
         except ImportError as error:
             if interrupted:
                 raise click.Abort from None
-            raise _explained(error) from error
+            package = str(error.name).split(".")[0]
+            if not (isinstance(error, ModuleNotFoundError) and _OF_ROS.fullmatch(package)):
+                raise
+            raise click.ClickException(
+                f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "
+                "Kilted and the built workspace; the script arm of the project's folder sets both "
+                "up, or source the workspace's install/setup.bash"
+            ) from error
         except OSError as error:
-            raise click.ClickException(_of_system(error)) from error
+            what = f"'{error.filename}'" if error.filename else "the output"
+            said = f"{what}: {error.strerror}" if error.strerror else str(error)
+            raise click.ClickException(said) from error
         except ArmError as error:
             raise click.ClickException(as_called(str(error))) from None
         except click.ClickException as error:
@@ -90,24 +99,7 @@ class Suite(Commands):
             raise
 
 
-def _of_system(error: OSError) -> str:
-    """The system's error message without its number."""
-    what = f"'{error.filename}'" if error.filename else "the output"
-    return f"{what}: {error.strerror}" if error.strerror else str(error)
-
-
 _OF_ROS = re.compile(r"rclpy|ament_\w+|rosidl_\w+|rpyutils|\w+_(msgs|srvs|interfaces)")
-
-
-def _explained(error: ImportError) -> Exception:
-    missing = isinstance(error, ModuleNotFoundError) and error.name or ""
-    if not _OF_ROS.fullmatch(missing.split(".")[0]):
-        return error
-    return click.ClickException(
-        f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "
-        "Kilted and the built workspace; the script arm of the project's folder sets both up, or "
-        "source the workspace's install/setup.bash"
-    )
 
 
 def suite(
@@ -125,13 +117,10 @@ def suite(
         help="Dynamics, simulation and control of robot arms on ROS 2.",
         epilog=examples("./arm demo", "./arm describe panda"),
         context_settings={
-            "help_option_names": ["-h", "--help"],
-            "max_content_width": 100,
-            "obj": compiled,
+            "help_option_names": ["-h", "--help"], "max_content_width": 100, "obj": compiled
         },
-    )
-    click.version_option(__version__, message="%(version)s")(group)
-    return group
+    )  # fmt: skip
+    return click.version_option(__version__, message="%(version)s")(group)
 
 
 main = suite(SECTIONS)

@@ -8,51 +8,43 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
 from arm_dynamics import InvalidInput
-from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import examples
+from arm_sim.cli.arguments import File, Scene
+from arm_sim.cli.command import command
 
 _PR_SET_PDEATHSIG = 1
-Command = Callable[..., Any]
+ForRos = Annotated[tuple[str, ...], click.UNPROCESSED, "[--ros-args …]"]
+WithParent = Annotated[bool, {"hidden": True}, "End with the parent."]
 
 
-def _node(*lines: str) -> Callable[[Command], click.Command]:
-    """A command that takes a scene and passes everything from --ros-args on to ROS."""
-
-    def make(command: Command) -> click.Command:
-        for part in (
-            click.option("--with-parent", is_flag=True, hidden=True, help="End with the parent."),
-            click.argument("rest", metavar="[--ros-args …]", nargs=-1, type=click.UNPROCESSED),
-            click.argument("scene", type=SCENE, required=False),
-        ):
-            command = part(command)
-        settings = {"ignore_unknown_options": True}
-        return click.command(context_settings=settings, epilog=examples(*lines))(command)
-
-    return make
-
-
-@_node(
+@command(
     "./arm sim panda",
     "./arm sim my_arm.urdf --ros-args -p stale_policy:=zero -p dt:=0.0005",
     "./arm sim my_arm.urdf --ros-args -r __ns:=/left",
+    ignore_unknown_options=True,
 )
-@click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
-              help="At the end, write timing statistics of the loop to this file.")  # fmt: skip
-def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Path | None) -> None:
+def sim(
+    scene: Scene | None = None,
+    rest: ForRos = (),
+    *,
+    report: File | None = None,
+    with_parent: WithParent = False,
+) -> None:
     """Simulate the arm of SCENE at 1 kHz from joint commands until Ctrl-C.
 
     It receives efforts, positions or velocities on joint_commands, or efforts on sim/commands in
     model order, and publishes joint_states. Until the first command, and when commands stop,
     brakes hold the arm; the parameter stale_policy selects brake, servo, zero, hold or gravity.
+
+    Args:
+        report: At the end, write timing statistics of the loop to this file.
     """
     from arm_sim.ros.sim_node import SimNode
 
@@ -66,8 +58,12 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
         report.write_text(json.dumps(content), encoding="utf-8")
 
 
-@_node("./arm dynamics panda", "./arm dynamics --ros-args -r __ns:=/left")
-def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
+@command(
+    "./arm dynamics panda", "./arm dynamics --ros-args -r __ns:=/left", ignore_unknown_options=True
+)
+def dynamics(
+    scene: Scene | None = None, rest: ForRos = (), *, with_parent: WithParent = False
+) -> None:
     """Answer inverse and forward dynamics of the arm of SCENE as services until Ctrl-C.
 
     Without SCENE it waits for a URDF on the topic robot_description.
@@ -77,12 +73,15 @@ def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Non
     _run(DynamicsNode, scene, rest, with_parent)
 
 
-@_node(
+@command(
     "./arm controller panda",
     "./arm controller my_scene.yaml --ros-args -p bandwidth:=[40.0] -p damping_ratio:=[0.9]",
     "./arm controller my_scene.yaml --ros-args -p controller:=pd_gravity",
+    ignore_unknown_options=True,
 )
-def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
+def controller(
+    scene: Scene | None = None, rest: ForRos = (), *, with_parent: WithParent = False
+) -> None:
     """Move the arm of SCENE along trajectories until Ctrl-C.
 
     The parameter controller selects the control law, computed torque by default. The node
@@ -95,43 +94,45 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
 
 
 def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
-    """Run one node in this process; return it after a clean end, else exit with its status.
-
-    None if it was ended before it was complete.
-    """
+    """Run one node; return it after a clean end, else exit with its status."""
     from rclpy.parameter import Parameter
 
-    from arm_dynamics.ros.common.executor import run
-
-    scene, rest = split_words(scene, rest)
-    if with_parent:
-        _end_with_parent()
-    chosen = [Parameter("scene", value=scene)] if scene else []
-    made: list[Any] = []
-
-    def make(**kwargs: Any) -> Any:
-        made.append(kind(parameter_overrides=chosen, **kwargs))
-        return made[0]
-
-    status = run(make, list(rest))
-    if status:
-        sys.exit(status)
-    return made[0] if made else None
-
-
-def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
-    """Separate the scene from ROS arguments, and refuse anything else."""
-    from arm_dynamics.ros.common import executable
+    from arm_dynamics.ros.common.executable import split_words
 
     try:
-        return executable.split_words((scene, *rest) if scene else rest)
+        scene, rest = split_words((scene, *rest) if scene else rest)
     except InvalidInput as error:
         raise click.UsageError(str(error)) from None
+    if with_parent:
+        # The kernel sends SIGTERM when the parent process ends, for any reason.
+        parent = os.getppid()
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != parent:
+            sys.exit(1)
+    chosen = [Parameter("scene", value=scene)] if scene else []
+    status, node = run_node(partial(kind, parameter_overrides=chosen), rest)
+    if status:
+        sys.exit(status)
+    return node
 
 
-def _end_with_parent() -> None:
-    """Have the kernel send SIGTERM when the parent process ends, for any reason."""
-    parent = os.getppid()
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    if os.getppid() != parent:
-        sys.exit(1)
+def run_node(
+    make: Callable[..., Any],
+    words: Sequence[str] = (),
+    done: Callable[[Any], bool] = lambda node: False,
+) -> tuple[int, Any]:
+    """Run a node in this process until it is done.
+
+    Returns:
+        The exit status, and the node, or None if it was ended before it was complete.
+    """
+    from arm_dynamics.ros.common.executor import run
+
+    made: list[Any] = []
+
+    def make_one(**context: Any) -> Any:
+        made.append(make(**context))
+        return made[0]
+
+    status = run(make_one, list(words), lambda: done(made[0]))
+    return status, made[0] if made else None

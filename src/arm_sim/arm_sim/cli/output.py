@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import io
+import json
 import logging
+import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from shutil import get_terminal_size
 from threading import Event, Thread
@@ -109,6 +111,55 @@ def _tell(done: Event, stream: TextIO, in_place: bool) -> None:
 
 
 @contextmanager
+def progress(
+    stream: TextIO,
+    otherwise: Callable[..., object] = lambda **_: None,
+    *columns: Any,
+    refresh: bool = False,
+    **task: Any,
+) -> Iterator[Callable[..., object]]:
+    """Show progress by a bar on a terminal, which is told description, completed and total.
+
+    Args:
+        stream: Where to show it.
+        otherwise: What is told without a terminal.
+        columns: Columns of the bar; by default its text, the bar and a percentage.
+        refresh: Draw it when it is told something, not from a thread of its own.
+        task: What is told at first.
+    """
+    if not stream.isatty():
+        yield otherwise
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn
+
+    columns = columns or ("{task.description}", BarColumn(), TaskProgressColumn())
+    shown = Progress(
+        *columns, console=Console(file=stream), transient=True, auto_refresh=not refresh
+    )
+    with shown:
+        shown_task = shown.add_task(**{"description": "", "total": None, **task})
+        yield lambda **told: shown.update(shown_task, refresh=refresh, **told)
+
+
+def to_json(facts: Mapping[str, Any], indent: int | None = None) -> str:
+    """Facts as JSON: arrays and sets as lists, null for numbers that it lacks."""
+    return json.dumps(_plain(facts), indent=indent, default=str)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, frozenset):
+        value = sorted(value)
+    if isinstance(value, list | tuple | bytes):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@contextmanager
 def quiet() -> Iterator[None]:
     """Log no warnings: the command prints what they say itself."""
     before = logging.root.manager.disable
@@ -162,6 +213,16 @@ def show(out: Console, made: Table) -> None:
     if needed > out.width:
         out = Console(width=needed, highlight=False, emoji=False)
     out.print(made)
+
+
+def say(*parts: Any) -> None:
+    """Print tables, and other things as they are, without markup."""
+    out = console()
+    for part in parts:
+        if hasattr(part, "add_column"):
+            show(out, part)
+        else:
+            out.print(str(part), markup=False)
 
 
 def number(value: Any, digits: int = 6) -> str:

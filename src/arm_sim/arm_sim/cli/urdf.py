@@ -4,49 +4,53 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 from xml.etree import ElementTree
 
 import click
 
-from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import examples
+from arm_sim.cli.arguments import Scene
+from arm_sim.cli.command import command
 
 if TYPE_CHECKING:
     from arm_dynamics import ArmModel
 
 TOPICS = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 LIBRARY = "arm_ros2_control/ArmSystem"
-COMMANDS = ("position", "velocity", "effort")
 STATES = ("position", "velocity", "effort")
 
 
-@click.command(
-    epilog=examples(
-        "./arm urdf panda > panda.urdf",
-        "./arm urdf panda --ros2-control position",
-        "./arm urdf panda --ros2-control effort --library $PWD/build/libpanda.so",
-    )
+@command(
+    "./arm urdf panda > panda.urdf",
+    "./arm urdf panda --ros2-control position",
+    "./arm urdf panda --ros2-control effort --library $PWD/build/libpanda.so",
 )
-@click.argument("scene", type=SCENE)
-@click.option("--ros2-control", "command", type=click.Choice(COMMANDS),
-              help="Add a ros2_control tag with this command interface, for the JointState-topic "
-              "hardware.")  # fmt: skip
-@click.option("--library", type=click.Path(exists=True, dir_okay=False, resolve_path=True),
-              metavar="FILE", help="The hardware is arm_ros2_control with this shared library, "
-              "made of SCENE by ./arm export --tick or --servo.")  # fmt: skip
-@click.option("--commands-topic", default="/robot_joint_commands", show_default=True,
-              help="Topic on which the hardware publishes commands.")  # fmt: skip
-@click.option("--states-topic", default="/robot_joint_states", show_default=True,
-              help="Topic on which the hardware receives joint states.")  # fmt: skip
 def urdf(
-    scene: str, command: str | None, library: str | None, commands_topic: str, states_topic: str
+    scene: Scene,
+    *,
+    interface: Annotated[
+        Literal["position", "velocity", "effort"] | None, "--ros2-control"
+    ] = None,
+    library: Annotated[
+        str | None, click.Path(exists=True, dir_okay=False, resolve_path=True), "--library FILE"
+    ] = None,
+    commands_topic: str = "/robot_joint_commands",
+    states_topic: str = "/robot_joint_states",
 ) -> None:
-    """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI."""
+    """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI.
+
+    Args:
+        interface: Add a ros2_control tag with this command interface, for the JointState-topic
+            hardware.
+        library: The hardware is arm_ros2_control with this shared library, made of SCENE by ./arm
+            export --tick or --servo.
+        commands_topic: Topic on which the hardware publishes commands.
+        states_topic: Topic on which the hardware receives joint states.
+    """
     from arm_dynamics import ArmModel, load_scene
 
     loaded = load_scene(scene)
-    if command is None:
+    if interface is None:
         click.echo(loaded.description)
         return
     if library is not None:
@@ -56,7 +60,7 @@ def urdf(
             "joint_commands_topic": commands_topic, "joint_states_topic": states_topic,
             "trigger_joint_command_threshold": "-1",
         }  # fmt: skip
-    click.echo(with_hardware(ArmModel(loaded), command, plugin, parameters))
+    click.echo(with_hardware(ArmModel(loaded), interface, plugin, parameters))
 
 
 def with_hardware(

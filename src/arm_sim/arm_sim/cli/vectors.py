@@ -43,22 +43,30 @@ class Vector:
 
 
 class VectorType(click.ParamType):
-    """The click type of ``parse``."""
+    """The click type of ``parse``.
 
-    name = "numbers"
+    Args:
+        name: What help shows.
+        row: What one row of numbers is expected to be, with their count in front; empty: anything.
+    """
+
+    def __init__(self, name: str = "numbers", row: str = "") -> None:
+        self.name, self._row = name, row
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> Vector:
         """Parse an argument, or fail with a usage error."""
-        if isinstance(value, Vector):
-            return value
         try:
-            return parse(value)
+            found = value if isinstance(value, Vector) else parse(value)
         except OSError as error:
             self.fail(f"'{error.filename}': {error.strerror}; {HOW}", param, ctx)
         except ValueError as error:
             self.fail(f"{error}; {HOW}", param, ctx)
+        count = self._row.partition(" ")[0]
+        if count and [str(len(row)) for row in found.rows] != [count]:
+            self.fail(f"{value!r}; {self._row}", param, ctx)
+        return found
 
 
 def parse(text: str) -> Vector:
@@ -81,7 +89,13 @@ def parse(text: str) -> Vector:
     if not lines:
         raise ValueError("no numbers given")
     if "=" in text:
-        return Vector((), dict(_pair(word) for line in lines for word in line))
+        named = {}
+        for word in (word for line in lines for word in line):
+            name, _, value = word.partition("=")
+            if not name or not value:
+                raise ValueError(f"{word!r} is not of the form joint=number")
+            named[name] = _number(value)
+        return Vector((), named)
     if len({len(line) for line in lines}) > 1:
         raise ValueError(f"{_short(text)} does not have the same number of values on every line")
     return Vector(tuple(tuple(map(_number, line)) for line in lines), {}, len(lines) > 1)
@@ -101,13 +115,6 @@ def _structured(text: str) -> Vector:
     if not rows or not all(isinstance(row, list) and len(row) == len(rows[0]) for row in rows):
         raise ValueError(f"{_short(text)} is not a list of numbers, nor lists of one length")
     return Vector(tuple(tuple(map(_number, row)) for row in rows), {}, nested)
-
-
-def _pair(word: str) -> tuple[str, float]:
-    name, _, value = word.partition("=")
-    if not name or not value:
-        raise ValueError(f"{word!r} is not of the form joint=number")
-    return name, _number(value)
 
 
 def _number(value: Any) -> float:

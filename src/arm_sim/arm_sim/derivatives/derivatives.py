@@ -39,6 +39,8 @@ class Derivatives:
         backend: As for ``Kernel``.
     """
 
+    _called = "Simulator"  # whose methods these are, too
+
     def __init__(
         self,
         plant: Plant,

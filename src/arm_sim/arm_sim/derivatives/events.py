@@ -45,10 +45,10 @@ REFUSALS = {value: name for name, value in Header(
     _DERIVATIVES / "sensitivities.h", only="refusal").constants.items()}  # fmt: skip
 """Names of ``enum refusal`` by their values."""
 MESSAGES = {
-    "ACCUMULATE": "events accumulate in the tick: it has no derivative",
-    "BEGINS_WITH_IMPACT": "the tick begins with an impact",
-    "BEGINS_ON_BOUNDARY": "{} is on the boundary between two modes at the beginning of the tick",
-    "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at the end of the tick",
+    "ACCUMULATE": "events accumulate in the time step: it has no derivative",
+    "BEGINS_WITH_IMPACT": "the time step begins with an impact",
+    "BEGINS_ON_BOUNDARY": "{} is on the boundary between two modes at its beginning",
+    "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
     "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
     "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
     "UNLOADED_GEAR": "{} is at rest without load, where its gear's friction vanishes",
@@ -66,7 +66,7 @@ MESSAGES = {
     "STOPS_STRAIGHT": (
         "{} comes to rest in a straight line, where its direction of sliding is not differentiable"
     ),
-    "SAME_INSTANT": "two events occur at the same instant, or one at the start of the tick",
+    "SAME_INSTANT": "two events occur at the same instant, or one at the start of the time step",
     "COINCIDE": "{}: events at the same instant",
     "GRAZES": "{} is grazed",
 }
@@ -95,7 +95,7 @@ CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
 
 def diverged(choice: Choice) -> SimulationDiverged:
     """The error of a tick that cannot be computed."""
-    return SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
+    return SimulationDiverged(f"linearize: the time step cannot be computed{choice.remark}")
 
 
 class Events:

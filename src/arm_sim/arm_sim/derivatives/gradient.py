@@ -268,7 +268,7 @@ class Gradients:
                 if motion.ticks < batch.steps:
                     parts.append(TickPart(motion.ticks, motion.slope(tau[motion.ticks])))
             except (SimulationDiverged, NotDifferentiable) as error:
-                raise type(error)(f"arm {arm}, tick {motion.ticks}: {error}") from None
+                raise type(error)(f"arm {arm}, time step {motion.ticks}: {error}") from None
         weight, found.by_p[arm] = g[arm, -1].copy(), 0.0
         for part in reversed(parts):
             weight = part.back(weight, tau, g[arm], found.by_tau[arm], found.by_p[arm])

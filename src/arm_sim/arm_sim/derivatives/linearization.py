@@ -529,7 +529,7 @@ def _warn_of_coarse_steps(plant: Plant, choice: Choice) -> bool:
         return False
     for joint in np.flatnonzero(sided(plant)):
         _log.warning(
-            "derivatives of ticks in which joint '%s' turns back are those of %s, not of the "
+            "derivatives of time steps in which joint '%s' turns back are those of %s, not of the "
             "motion: its viscous friction differs by direction",
             plant.model.joint_names[joint], choice.method.name,
         )  # fmt: skip

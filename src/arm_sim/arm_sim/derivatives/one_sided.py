@@ -87,7 +87,7 @@ def one_sided(
         if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:
             raise NotDifferentiable(
                 f"linearize: no derivative by {name} on the side {side:+d}: the state after the "
-                "tick jumps, or changes ever faster"
+                "time step jumps, or changes ever faster"
             )
         columns.append(column)
     return np.column_stack(columns)

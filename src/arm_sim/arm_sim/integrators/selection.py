@@ -108,8 +108,8 @@ def _tick(dt: float) -> float:
     dt = _within("dt", dt, DT_RANGE, " s")
     if dt > LONG:
         _log.warning(
-            "dt = %g s is long for a tick: a torque is held for all of it, and without a tolerance"
-            " it is one step; arms are controlled every 0.001 to 0.01 s", dt,
+            "dt = %g s is long for a time step: a torque is held for all of it, and without a "
+            "tolerance it is one step; arms are controlled every 0.001 to 0.01 s", dt,
         )  # fmt: skip
     return dt
 

@@ -171,10 +171,10 @@ class Recording(RecordedMotion):
         """A summary: duration, origin, events, and the verdict, if it has been asked for."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
-        lines = [f"{max(len(self) - 1, 0)} ticks, {span}", joints, *self._origin_texts()]
+        lines = [f"{max(len(self) - 1, 0)} time steps, {span}", joints, *self._origin_texts()]
         for count, what in (
             (len(self.jumps), "changes between ticks"), (len(self.events), "events"),
-            (len(self.gaps), "gaps: ticks are missing"),
+            (len(self.gaps), "gaps: time steps are missing"),
         ):  # fmt: skip
             if count:
                 lines.append(f"{count} {what}")

@@ -137,7 +137,9 @@ class Witness:
             elif done < end - row and how != WINDOWS:
                 break
         choice = self.choice
-        means = f"{choice.method.name}, tolerance {choice.tolerance:g}, ticks of {choice.dt:g} s"
+        means = (
+            f"{choice.method.name}, tolerance {choice.tolerance:g}, time steps of {choice.dt:g} s"
+        )
         return SecondRun(read_only(there), read_only(carried), how, means)
 
     def _parts(self, motion: Contents, row: int, out: Array) -> bool:
@@ -223,12 +225,14 @@ def doubt(
     )
     stepped = int(motion.time_stepped[row] - motion.time_stepped[0])
     if stepped:
-        return f"{text}; {stepped} ticks before were time-stepped, as they had too many events"
+        return (
+            f"{text}; {stepped} time steps before were of first order, as they had too many events"
+        )
     if (factor := magnification(row)) > MAGNIFIED:
         return (
             f"{text}; the motion magnifies errors, {factor:.0e} times until then: both runs agree "
             "before, and a smaller tolerance extends that little"
         )
     if row > 1 and size[row, column] > 10.0 * size[row - 1, column]:
-        return f"{text}; most of it arises in this tick"
+        return f"{text}; most of it arises in this time step"
     return f"{text}; it adds up over the run: a tolerance, or a smaller dt, reduces it"

@@ -68,8 +68,8 @@ class SimDiagnostics:
             "messages": "in C",
             "ticks made": "in C",
         }  # fmt: skip
-        self.growth.warn(found, report.missed, "ticks began after the next one was due")
-        self.growth.warn(found, report.dropped, "ticks dropped")
+        self.growth.warn(found, report.missed, "time steps began after the next one was due")
+        self.growth.warn(found, report.dropped, "dropped")
         for refusal in self.refused_privileges:
             found.complain(WARN, refusal)
         return found
@@ -109,7 +109,7 @@ class SimDiagnostics:
         elif stopped:
             found.complain(WARN, "commands stopped, and have resumed")
         self.growth.warn(
-            found, slot.extended, "ticks with an old command: the middleware has to catch up"
+            found, slot.extended, "time steps with an old command: the middleware has to catch up"
         )
 
     def _check_simulation(self) -> Finding:
@@ -128,7 +128,7 @@ class SimDiagnostics:
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
-        piled_up = "ticks were time-stepped at first order: too many events"
+        piled_up = "time steps were of first order: too many events"
         self.growth.warn(found, state.time_stepped, piled_up)
         if self.outputs.clock is not None:
             found.complain(ERROR, self.outputs.clock.alarm.words)
@@ -143,7 +143,7 @@ class SimDiagnostics:
             found.complain(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
-                f"{UNBALANCED:g}: with ticks of {dt:g} s reduce dt or set a tolerance",
+                f"{UNBALANCED:g}: with time steps of {dt:g} s reduce dt or set a tolerance",
             )
 
     def _check_recorder(self, recorder: TickRecorder) -> Finding:

@@ -87,7 +87,7 @@ class SimServices:
                 unit = "m" if kind == "prismatic" else "rad"
                 raise InvalidInput(
                     f"velocity of joint '{name}' is {speed:.6g}; allowed: up to {limit:g} "
-                    f"{unit}/s, {_REACH:g} {unit} in a tick"
+                    f"{unit}/s, {_REACH:g} {unit} in a time step"
                 )
 
     def _set_payload(self, request: Any, response: Any) -> Action:

@@ -29,18 +29,20 @@ class SimParams(ThreadParams, RobotParams):
 
     scene: str = parameter("", f"{SCENE}; the simulated scene")
     integrator: str = parameter("", "Integration method; empty: that of the scene")
-    dt: float = parameter(0.0, "Length of a tick [s]; 0: that of the scene", low=0.0, high=1.0)
-    tolerance: float = parameter(
-        0.0, "Error tolerance inside a tick; 0: that of the scene", low=0.0, high=1.0
+    dt: float = parameter(
+        0.0, "Length of a time step [s]; 0: that of the scene", low=0.0, high=1.0
     )
-    realtime: bool = parameter(True, "Tick in real time; false: only when tick() is called")
+    tolerance: float = parameter(
+        0.0, "Error tolerance inside a time step; 0: that of the scene", low=0.0, high=1.0
+    )
+    realtime: bool = parameter(True, "Run in real time; false: only when tick() is called")
     realtime_factor: float = parameter(
         1.0, "Simulated time per real time; 0: as fast as possible", low=0.0, high=1000.0
     )
     overrun: str = parameter(
         CATCH_UP,
-        "After a tick that is late by more than a tick: catch_up makes up for it, skip leaves out "
-        "ticks whose time has passed, slow_down lets simulated time fall behind",
+        "After a cycle that is late by more than a cycle: catch_up makes up for it, skip leaves "
+        "out cycles whose time has passed, slow_down lets simulated time fall behind",
         choices=OVERRUN,
     )
     lockstep: bool = parameter(
@@ -59,7 +61,9 @@ class SimParams(ThreadParams, RobotParams):
     wait_for_command: bool = parameter(
         False, "Hold simulated time until the first command, also after a reset"
     )
-    publish_every: int = parameter(1, "Number of ticks between joint states", low=1, high=100_000)
+    publish_every: int = parameter(
+        1, "Number of time steps between joint states", low=1, high=100_000
+    )
     time: str = parameter(
         AUTO,
         "Stamps: sim (simulated time), ros (the node's clock), or auto: ros where the simulation "
@@ -69,8 +73,8 @@ class SimParams(ThreadParams, RobotParams):
     publish_clock: bool = parameter(False, "Publish simulated time on /clock")
     record: str = parameter(
         "",
-        "File (.mcap) or folder of a bag to record every tick to; {time} in its name stands for "
-        "the time of the start; empty: none",
+        "File (.mcap) or folder of a bag to record every time step to; {time} in its name stands "
+        "for the time of the start; empty: none",
     )
     energy_period: float = parameter(
         0.1, "Time between messages on ~/energy [s]", low=0.001, high=10.0
@@ -162,5 +166,5 @@ def greeting(simulator: Simulator, params: SimParams) -> str:
         pace += ", paused at first"
     return (
         f"simulates {model.n} joints of '{model.pin.name}' by {choice.method.name}, "
-        f"tick {1e3 * choice.dt:g} ms, {pace}; from {at}"
+        f"time step {1e3 * choice.dt:g} ms, {pace}; from {at}"
     )

@@ -95,7 +95,7 @@ class JointCommand:
         if self.shape != (ticks, n):
             raise InvalidInput(
                 f"commands of shape {self.shape}; expected ({n},) or ({ticks}, {n}): "
-                f"a row for each tick of {dt} s"
+                f"a row for each time step of {dt} s"
             )
         both = zip(self.position, self.velocity, self.effort, strict=True)
         return (JointCommand.of_rows(*row, stamp=0) for row in both)

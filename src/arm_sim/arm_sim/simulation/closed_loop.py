@@ -15,12 +15,12 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array
-from arm_dynamics.attributes import sealed
+from arm_dynamics.attributes import check_arguments, sealed, with_arguments
 from arm_dynamics.control.controller import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller, mismatch, overreach
 from arm_dynamics.control.wrappers import Switch
-from arm_dynamics.exceptions import InvalidInput, not_copied
+from arm_dynamics.exceptions import UnknownArgument, not_copied
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
@@ -54,6 +54,7 @@ class ClosedLoop:
         "q v state time": "simulator.set_state(q=…, v=…) or simulator.reset(…)",
         "reference goal trajectory waypoints": "follow([Waypoint(…)])",
     }
+    _parts = ("simulator",)
 
     def __init__(
         self,
@@ -79,12 +80,10 @@ class ClosedLoop:
         Raises:
             ArmError: If a scene, the controller or a setting cannot be used.
         """
-        for name in simulator.keys() - {"integrator", "dt", "tolerance", "backend"}:
-            setting = f"{name}=…" if name in _SETTINGS else "…"
-            raise InvalidInput(
-                f"ClosedLoop has no argument '{name}'; allowed: integrator, dt, tolerance, backend"
-                f" for the simulator, settings=Settings({setting}) for the controller"
-            )
+        for name in simulator.keys() & _SETTINGS - {"dt"}:
+            instead = f"settings=Settings({name}=…) for the controller"
+            raise UnknownArgument(f"ClosedLoop has no argument '{name}'; {instead}")
+        check_arguments(self, Simulator.__init__, simulator)
         self.simulator = Simulator(scene, **simulator)
         if controller_scene is None:  # of which the simulator has warned already
             self._dynamics = Dynamics(ArmModel(rigid_twin(self.simulator.model.scene)))
@@ -110,11 +109,16 @@ class ClosedLoop:
         """
         raise not_copied(self, "build another one of the same scene")
 
+    def __repr__(self) -> str:
+        """The simulator."""
+        return repr(self.simulator).replace("Simulator", "ClosedLoop", 1)
+
     @property
     def stamp(self) -> int:
         """Simulated time in [ns]."""
         return round(1e9 * self.simulator.state.time)
 
+    @with_arguments
     def follow(self, waypoints: Sequence[Waypoint], start: int | None = None) -> Trajectory:
         """Follow waypoints from the stamp ``start`` in [ns]; see ``Follower.follow``.
 
@@ -133,6 +137,7 @@ class ClosedLoop:
             )  # fmt: skip
         return motion
 
+    @with_arguments
     def run(self, duration: float) -> Recording:
         """Advance by a duration in [s] and record every tick.
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,10 +14,10 @@ import numpy as np
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
-from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.exceptions import counted
 from arm_dynamics.model.stops import Stops
 from arm_dynamics.scene import Line, Scene
 from arm_dynamics.scene.constraint import WORLD
@@ -61,10 +62,8 @@ class LawCost:
 
     def __str__(self) -> str:
         """One line of text."""
-        number = len(self.states)
-        count = f"{number or 'no'} state{'s' if number > 1 else ''}"
-        cost = f"{self.operations} operations, {self.nanoseconds:.0f} ns an evaluation"
-        return f"{self.title}: {count}, {cost}"
+        cost = f"{counted(self.operations, 'operation')}, {self.nanoseconds:.0f} ns per evaluation"
+        return f"{self.title}: {counted(len(self.states), 'state')}, {cost}"
 
 
 @sealed
@@ -116,11 +115,11 @@ class Plan:
         backend = "auto" if self._stepper.kernel.native else "vm"
         return tuple(_cost_of(law, self._plant.model.n, backend) for law in self._plant.laws.laws)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """Readable lines."""
         choice = self._choice
         control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
-        per = "sub-step" if choice.tolerance is not None else "tick"
+        per = "sub-step" if choice.tolerance is not None else "time step"
         method = f"{self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}"
         apart = f" ({self.apart} in free motion)" if self.apart < self.operations else ""
         cost = f"{self.operations} operations per {per}{apart}, {self.evaluation} per evaluation"
@@ -143,29 +142,31 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     dry = model.friction.static.mean
     locked, loads = len(scene.robot.lock), len(scene.payloads)
     contacts, by_speed = _contacts(scene), _by_speed(model)
-    folded = f"{loads} bodies, merged into their links"
+    folded = f"{loads} {'bodies' if loads > 1 else 'body'}, merged into links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
     free = model.n - rows
-    held = f"{rows} rows, {free} degree{'s' * (free != 1)} of freedom"
+    held = f"{counted(rows, 'row')}, {counted(free, 'degree')} of freedom"
     states = sum(len(law.states) for law in plant.laws.laws if law.replaces_command.any())
-    driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states"
-    gears = f"{len(model.friction.gears)} joints, load-dependent friction, solved by events"
+    driven = f"{_at(model.drives)}, {counted(states, 'state')}"
+    gears = (
+        f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, solved by events"
+    )
     tables = sum(
         bool(place or load)
         for dry in (model.friction, model.friction.by_law)
         for place, load in zip(dry.position, dry.load, strict=True)
     )
     return (
-        Part("rigid body", True, f"{model.n} joints"),
+        Part("rigid body", True, counted(model.n, "joint")),
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
         _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part("dry friction", dry.any(), f"{_at(dry)}, by events", "not given", "coulomb" in p),
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, plant.laws.laws) for kind in FRICTION),
-        _part("friction by position or load", tables, f"{tables} joints", "no table"),
+        _part("friction by position or load", tables, counted(tables, "joint"), "no table"),
         _part("friction by speed", by_speed, by_speed, "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
@@ -173,10 +174,10 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("payloads", loads, folded, "none", "payload" in p),
         _part("constraints", rows, held, "none"),
         _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
-        _part("effort limits", limited, f"{limited} joints", "no joint has one"),
+        _part("effort limits", limited, counted(limited, "joint"), "no joint has one"),
         _part("sensors", scene.sensors, _sensors(scene), "measurements are exact and immediate"),
         _part("delay and loss of commands", _late(scene), _late(scene), "they act immediately"),
-        _part("mimic joints", followers, f"{followers} joints follow", "none"),
+        _part("mimic joints", followers, f"{counted(followers, 'joint')} of others", "none"),
         _part("locked joints", False, "", f"{locked} eliminated" if locked else "none"),
         _part("energies", False, "", "computed on demand"),
         _part("check by a second run", False, "", "on demand, some four times a run"),
@@ -191,11 +192,7 @@ def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) 
 
 def _stops(stops: Stops) -> str:
     kinds = {"rigid": stops.rigid, "compliant": stops.compliant}
-    counts = [
-        f"{int(ends.any(axis=0).sum())} joints, {kind}"
-        for kind, ends in kinds.items()
-        if ends.any()
-    ]
+    counts = [f"{_at(ends.any(axis=0))}, {kind}" for kind, ends in kinds.items() if ends.any()]
     return f"{' and '.join(counts)}, solved by events"
 
 
@@ -203,9 +200,9 @@ def _contacts(scene: Scene) -> str:
     """Numbers of contacts by kind, and the frames of planes that are not fixed to the world."""
     contacts = [contact for _, contact in scene.contacts]
     balls = sum(contact.radius > 0 for contact in contacts)
-    kinds = {"points": len(contacts) - balls, "ball" if balls == 1 else "balls": balls}
+    kinds = {"point": len(contacts) - balls, "ball": balls}
     carriers = sorted({contact.plane.frame for contact in contacts} - {WORLD})
-    counts = [f"{count} {kind}" for kind, count in kinds.items() if count]
+    counts = [counted(count, kind) for kind, count in kinds.items() if count]
     return ", ".join([*counts, *([f"planes on {', '.join(carriers)}"] if carriers else [])])
 
 
@@ -223,7 +220,8 @@ def _late(scene: Scene) -> str:
 
 
 def _line(line: Line) -> list[str]:
-    late = [f"{1e3 * line.delay:g} to {1e3 * (line.delay + line.jitter):g} ms late"]
+    latest = f" to {1e3 * (line.delay + line.jitter):g}" if line.jitter else ""
+    late = [f"{1e3 * line.delay:g}{latest} ms late"]
     lost = [f"{100.0 * line.loss:g} % lost"]
     return (late if line.delay or line.jitter else []) + (lost if line.loss else [])
 
@@ -245,11 +243,11 @@ def _by_speed(model: ArmModel) -> str:
     """Sizes of the tables of friction by speed, for display."""
     found = [table for table in model.friction.tables if table]
     rows = sum(len(table.moving) for table in found)
-    return f"{len(found)} joints, {rows} rows of speeds" if found else ""
+    return f"{_at(found)}, {counted(rows, 'row')} of speeds" if found else ""
 
 
-def _at(values: Array) -> str:
-    return f"{int(np.count_nonzero(values))} joints"
+def _at(values: Any) -> str:
+    return counted(sum(map(bool, values)), "joint")
 
 
 @one_at_a_time

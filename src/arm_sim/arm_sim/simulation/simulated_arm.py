@@ -319,7 +319,7 @@ class SimulatedArm:
         state, choice = self.state, self.compiled.choice
         hint = constraint_hint(self.plant, state.q, state.v, self.held_constraints)
         return SimulationDiverged(
-            f"tick {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
+            f"time step {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
             f"{choice.method.name}{choice.remark}; the state before it is kept: largest |v| = "
             f"{abs(state.v).max():.3g}{hint}{trouble(self._stepper)}"
         )

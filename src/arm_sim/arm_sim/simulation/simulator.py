@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array
-from arm_dynamics.attributes import sealed
+from arm_dynamics.attributes import sealed, with_arguments
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.exceptions import choices, not_copied
@@ -67,7 +67,10 @@ class _Derivative[**P, R]:
 
     def __get__(self, simulator: Simulator | None, owner: type[Simulator]) -> Callable[P, R]:
         made: Any = self._method()
-        return made if simulator is None else MethodType(made, simulator.arm.compiled.derivatives)
+        if simulator is not None:
+            made = MethodType(with_arguments(made), simulator.arm.compiled.derivatives)
+        method: Callable[P, R] = made
+        return method
 
 
 @cache
@@ -112,6 +115,7 @@ class Simulator:
         "name, value), where the scene's key 'tunable' lists it; else build another Simulator, of "
         "a changed scene",
     }
+    _parts = "state", "dynamics", "choice", "model"
 
     @one_at_a_time
     def __init__(
@@ -141,6 +145,13 @@ class Simulator:
             ArmError: Always; it says what to do instead.
         """
         raise not_copied(self, "build another one of the same scene, and give it this one's state")
+
+    def __repr__(self) -> str:
+        """The arm, the method and the time."""
+        head, choice = repr(self.dynamics.model).split(" ", 1)[1][:-1], self.choice
+        tolerance = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
+        method = f"{choice.method.name}, dt {self.dt:g} s{tolerance}"
+        return f"<Simulator {head}; {method}; t = {self.state.time:.6g} s>"
 
     @property
     def model(self) -> ArmModel:
@@ -226,6 +237,7 @@ class Simulator:
         """
         return self.arm.step(tau)
 
+    @with_arguments
     def run(
         self,
         duration: float,
@@ -269,6 +281,7 @@ class Simulator:
                 )
                 raise
 
+    @with_arguments
     def record(
         self,
         path: str | os.PathLike[str],
@@ -391,6 +404,7 @@ class Simulator:
 
         return again if torques else None
 
+    @with_arguments
     def reset(
         self, q: ArrayLike | None = None, v: ArrayLike | None = None, z: ArrayLike | None = None
     ) -> State:
@@ -412,6 +426,7 @@ class Simulator:
         self.arm.restore(x, self._stepper.p, 0)
         return self.state
 
+    @with_arguments
     def set_state(
         self, q: ArrayLike | None = None, v: ArrayLike | None = None, z: ArrayLike | None = None
     ) -> State:
@@ -436,6 +451,7 @@ class Simulator:
             raise InvalidInput(f"{name} has shape {np.shape(value)}; expected one row")
         self._stepper.p[:] = merged
 
+    @with_arguments
     def rollout(
         self,
         q0: ArrayLike,

@@ -206,8 +206,9 @@ class Rollouts:
             p: Parameters, shape (np,) or (b, np).
             given: Positions and velocities, each of shape (b, n), by the names of the arguments.
         """
-        plant, n = self._plant, self._plant.model.n
-        q, v = (np.atleast_2d(vector(name, x, n)) for name, x in given.items())
+        plant, joints = self._plant, self._plant.model.joint_names
+        n = len(joints)
+        q, v = (np.atleast_2d(vector(name, x, joints)) for name, x in given.items())
         of_q, of_v = given
         for name, count in ((of_v, len(v)), ("parameters", len(p) if p.ndim == 2 else len(q))):
             if count != len(q):

@@ -336,7 +336,7 @@ def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
     model = plant.model
     numbers = model.viscous.tolist(), model.command_limit.tolist()
-    made_of = model.scene, numbers, plant.options, choice, acted
+    made_of = model.scene.model_dump(), numbers, plant.options, choice, acted
     return repr((made_of, sources, ca.__version__, np.__version__))
 
 

@@ -1,21 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plots beside the arm, in a page of a server or in a standalone page."""
+"""Plots beside the arm."""
 
 from __future__ import annotations
 
 import html
-import json
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import replace
-from importlib.resources import files
-from threading import Event
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from time import monotonic
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.attributes import frozen
 from arm_sim.figures import COLORS
 from arm_sim.recording.figure import thinned
 from arm_sim.view.framing import TALL
@@ -24,141 +20,125 @@ if TYPE_CHECKING:
     import viser
 
 POINTS = 1200  # points of a curve
-FLAT = 1e-9  # range of values, relative to them or to 1, that is not drawn as a change
+FLAT = 1e-9  # what is not told from zero, relative to 1 or to the largest value
 WIDTH = 380  # size of the panel in pixels
 
 
-@frozen
-class Chart:
-    """Curves over time.
-
-    Attributes:
-        title: Title with the unit.
-        names: Names of the curves.
-        time: In [s], shape (k,).
-        values: Shape (k, curves).
-    """
-
-    title: str
-    names: tuple[str, ...]
-    time: Array
-    values: Array
-
-
-Samples = deque[tuple[float, Array]]
-"""Times, and values of curves then."""
-
-
-def gathered(samples: Samples, width: int) -> tuple[Array, Array]:
-    """Times and values, shapes (k,) and (k, width)."""
-    times, rows = [time for time, _ in samples], [row for _, row in samples]
-    return np.array(times), np.array(rows).reshape(-1, width)
-
-
 class Charts:
-    """Tabs with curves in a panel of the page."""
+    """Tabs with curves, of these names by title of a plot, in a panel of the page."""
 
-    def __init__(self, server: viser.ViserServer, charts: Sequence[Chart]) -> None:
-        """Draw the plots, if any."""
-        self._handles, self._charts = {}, {chart.title: chart for chart in charts}
-        if not charts:
-            return
+    def __init__(self, server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> None:
         self._panel = panel = server.gui.add_panel()
-        for chart in charts:
-            with panel.add_tab(chart.title):
+        self._names, self._handles = names, dict[str, tuple[Any, Any]]()
+        self._curves = dict[str, tuple[Array, Array]]()
+        for title, curves in names.items():
+            hidden = {"label": "", "width": 0, "points": {"show": False}}
+            series = [
+                {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
+                 "points": {"show": False}}
+                for i, name in enumerate(curves)
+            ]  # fmt: skip
+            with panel.add_tab(title):
                 plot = server.gui.add_uplot(
-                    _columns(chart.time, chart.values), _series(chart.names),
+                    tuple(np.zeros(0) for _ in range(len(curves) + 2)),
+                    ({"label": "t"}, *series, hidden),
                     scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
-                    axes=({"label": "time [s]"}, {"label": chart.title}),
+                    axes=({"label": "time [s]"}, {"label": title}),
                     legend={"show": False}, aspect=1.25, padding=(12, 16, 0, 0),
                 )  # fmt: skip
-                self._handles[chart.title] = plot, server.gui.add_html("")
-            self._tell(chart, len(chart.time) - 1)
+                self._handles[title] = plot, server.gui.add_html("")
+            self.draw(title, np.zeros(0), np.zeros((0, len(curves))))
         panel.dock_left()
         panel.set_width(WIDTH)
         server.on_client_connect(self._welcome)
 
-    def update(self, title: str, time: Array, values: Array) -> None:
-        """Draw other curves of the same names; the legend has their last values."""
-        self._charts[title] = chart = replace(self._charts[title], time=time, values=values)
+    def draw(self, title: str, time: Array, values: Array) -> None:
+        """Draw curves, values of shape (k, curves); the legend has their last values."""
+        self._curves[title] = time, values
         self._handles[title][0].data = _columns(time, values)
-        self._tell(chart, len(time) - 1)
+        self._read(title, len(time) - 1)
 
     def read(self, time: float) -> None:
         """Show the values at a time in [s] in the legends."""
-        for chart in self._charts.values():
-            self._tell(chart, int(np.searchsorted(chart.time, time + 1e-9)) - 1)
+        for title, (times, _) in self._curves.items():
+            self._read(title, int(np.searchsorted(times, time + 1e-9)) - 1)
 
-    def _tell(self, chart: Chart, row: int) -> None:
+    def _read(self, title: str, row: int) -> None:
         """Write the legend of a plot, with the values of a row, or without, if there is none."""
-        nothing = np.full(len(chart.names), np.nan)
-        values = chart.values[max(row, 0)] if len(chart.time) else nothing
-        text = legend(chart.names, values)
-        handle = self._handles[chart.title][1]
+        time, values = self._curves[title]
+        shown = values[max(row, 0)] if len(time) else np.full(len(self._names[title]), np.nan)
+        text, handle = legend(self._names[title], shown), self._handles[title][1]
         if handle.content != text:
             handle.content = text
 
-    def _welcome(self, client: viser.ClientHandle) -> None:
+    async def _welcome(self, client: viser.ClientHandle) -> None:
         """Fold the plots away for a visitor whose picture they leave too narrow."""
-        folded = Event()
+        folded = False
 
-        def look(_: object = None) -> None:
-            if client.camera.aspect < TALL and not folded.is_set():
-                folded.set()
+        async def look(_: object = None) -> None:
+            nonlocal folded
+            if client.camera.aspect < TALL and not folded:
+                folded = True
                 panel = client.gui.main_panel  # commands of a client, for a panel that all have
                 panel._placement_uuid = self._panel._placement_uuid
                 panel.minimize()
 
         client.camera.on_update(look)
-        look()
+        await look()
 
 
-def with_curves(page: str, charts: Sequence[Chart], times: Sequence[float], rate: float) -> str:
-    """Add plots to the player of a standalone page.
+class RollingCharts:
+    """Torques, errors and energies of the last seconds of arms with joints of these names."""
 
-    A line across them follows the player; without the player's slider, there is no line.
+    def __init__(
+        self, server: viser.ViserServer, joints: Mapping[str, Sequence[str]],
+        energies: Sequence[str], memory: float, sampled: float,
+    ) -> None:  # fmt: skip
+        self._sampled, self._drawn = sampled, 0.0
+        self._samples: dict[str, deque[tuple[float, Sequence[Array]]]] = {
+            arm: deque(maxlen=round(memory / sampled)) for arm in joints
+        }
+        self._titles: dict[str, dict[str, Sequence[str]]] = {}
+        for arm, names in joints.items():
+            of = f"{arm}: " if len(joints) > 1 else ""
+            self._titles[arm] = {
+                f"{of}torque [N m]": names, f"{of}error [rad]": names, f"{of}energy [J]": energies
+            }  # fmt: skip
+        self._charts = Charts(
+            server, dict(x for each in self._titles.values() for x in each.items())
+        )
 
-    Args:
-        page: The page, as the library writes it.
-        charts: The plots, perhaps none.
-        times: Times of the motion in [s], evenly spaced, that the player's frames show.
-        rate: Frames per second of the player.
+    def add(self, arm: str, time: float, values: Callable[[], Sequence[Array]]) -> None:
+        """Add what ``values`` returns for each plot, if the last point is old enough."""
+        samples = self._samples[arm]
+        if not samples or time - samples[-1][0] >= self._sampled - 1e-9:
+            samples.append((time, values()))
 
-    Returns:
-        The page with the plots.
-    """
-    if not charts:
-        return page
-    drawn = {
-        "charts": [_drawn(chart) for chart in charts], "colours": COLORS, "width": WIDTH,
-        "begin": times[0], "end": times[-1], "pictures": len(times), "rate": rate,
-    }  # fmt: skip
-    data = json.dumps(drawn, separators=(",", ":"), allow_nan=False)
-    data = data.replace("<", "\\u003c")  # a name must not terminate the script
-    fragment = (files(__package__) / "curves.html").read_text(encoding="utf-8")
-    head, end, tail = page.rpartition("</body>")
-    return head + fragment.replace("DRAWN", data) + end + tail
+    def clear(self, arm: str) -> None:
+        """Restart the plots of an arm."""
+        self._samples[arm].clear()
 
-
-def _drawn(chart: Chart) -> dict[str, object]:
-    """A chart as the page draws it: two points for each of its pixels, six digits of each."""
-    time, rows = thinned(chart.time, chart.values, 2 * WIDTH)
-    curves = [_digits(column) for column in rows.T]
-    return {
-        "title": chart.title, "names": chart.names, "time": _digits(time), "curves": curves
-    }  # fmt: skip
-
-
-def _digits(values: Array) -> list[float | None]:
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
+    def draw(self, pause: float = 0.0) -> bool:
+        """Draw what is known, unless it was drawn less than ``pause`` ago, in [s]."""
+        if monotonic() - self._drawn < pause:
+            return False
+        self._drawn = monotonic()
+        for arm, titles in self._titles.items():
+            for i, (title, names) in enumerate(titles.items()):
+                rows = [(time, *values[i]) for time, values in self._samples[arm]]
+                table = np.array(rows).reshape(-1, 1 + len(names))
+                known = table[np.isfinite(table[:, 1:]).any(axis=1)]
+                self._charts.draw(title, known[:, 0], known[:, 1:])
+        return True
 
 
 def legend(names: Sequence[str], values: Array) -> str:
     """A legend as HTML: colours, names, and values with four digits, shape (curves,)."""
+    largest = np.nan_to_num(abs(values)).max(initial=1.0)
     rows = [
         f'<span style="color:{COLORS[i % len(COLORS)]}">&#9632;</span>'
         f"<span>{html.escape(name)}</span>"
-        f'<span style="text-align:right">{_number(value)}</span>'
+        f'<span style="text-align:right">{_number(value, FLAT * largest)}</span>'
         for i, (name, value) in enumerate(zip(names, values.tolist(), strict=True))
     ]
     grid = "display:grid;grid-template-columns:1em 1fr auto;gap:0 0.5em"
@@ -168,10 +148,10 @@ def legend(names: Sequence[str], values: Array) -> str:
     )
 
 
-def _number(value: float) -> str:
+def _number(value: float, nothing: float) -> str:
     if not np.isfinite(value):
         return "–"
-    return f"{value:.4g}" if abs(value) > FLAT else "0"
+    return f"{value:.4g}" if abs(value) > nothing else "0"
 
 
 def _columns(time: Array, values: Array) -> tuple[Array, ...]:
@@ -185,17 +165,7 @@ def _columns(time: Array, values: Array) -> tuple[Array, ...]:
     half = 0.0 if seen.size and np.ptp(seen) > FLAT * max(1.0, abs(middle)) else 1.0
     if len(x) < 2:  # a flat second before it
         end = float(x[0]) if len(x) else 0.0
-        x = np.array([end - 1.0, end])
-        rows = np.repeat(rows, 2, axis=0) if len(rows) else np.zeros((2, values.shape[1]))
+        x, rows = np.array([end - 1.0, end]), np.resize(rows, (2, values.shape[1]))
     room = np.full(len(x), middle)
     room[[0, -1]] = middle - half, middle + half
     return (np.ascontiguousarray(x), *map(np.ascontiguousarray, rows.T), room)
-
-
-def _series(names: Sequence[str]) -> tuple[dict[str, object], ...]:
-    curves = [
-        {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
-         "points": {"show": False}}
-        for i, name in enumerate(names)
-    ]  # fmt: skip
-    return ({"label": "t"}, *curves, {"label": "", "width": 0, "points": {"show": False}})

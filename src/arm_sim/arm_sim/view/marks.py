@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
@@ -16,7 +17,6 @@ from arm_dynamics.equations.constraint import across
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.scene.constraint import (
-    Contact,
     CouplingConstraint,
     DistanceConstraint,
     FrameBased,
@@ -31,85 +31,54 @@ _NONE = np.zeros((0, 2, 3))
 
 @frozen
 class Instant:
-    """The data of a picture of an arm at one instant.
+    """The data of a picture of an arm at one instant; what is empty is unknown.
 
     Attributes:
-        time: Time in [s].
         q: Joint positions in [rad] or [m], shape (n,).
-        contacts: Points in the world in [m] and forces on the arm there in [N], shape (k, 2, 3).
-        multipliers: λ of the constraints, shape (m,); empty if unknown.
-        stop_torque: Torques of stops in [N m] or [N], shape (n,); empty if unknown.
-        cones: Normals of the planes there, away from them, each as long as the coefficient of
-            static friction, shape (k, 3); empty if unknown.
+        contacts: Points in the world in [m], forces on the arm there in [N], and normals of the
+            planes there, each as long as the coefficient of static friction, shape (k, 3, 3).
+        multipliers: λ of the constraints, shape (m,).
+        stop_torque: Torques of stops in [N m] or [N], shape (n,).
     """
 
-    time: float
     q: Array
-    contacts: Array = field(default_factory=_NONE.copy)
+    contacts: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
     multipliers: Array = field(default_factory=lambda: np.zeros(0))
     stop_torque: Array = field(default_factory=lambda: np.zeros(0))
-    cones: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
-def cones(forces: Sequence[ContactForce], contacts: Iterable[tuple[str, Contact]]) -> Array:
-    """Friction cones of a scene's contacts as an ``Instant`` has them, shape (k, 3)."""
-    normals = [
-        contact.sticking * (force.force - force.tangential) / (force.normal or 1.0)
-        for force, (_, contact) in zip(forces, contacts, strict=True)
+def contacts_of(model: ArmModel, forces: Sequence[ContactForce]) -> Array:
+    """Contacts of a scene as an ``Instant`` has them, shape (k, 3, 3)."""
+    rows = [
+        (x.point, x.force, contact.sticking * (x.force - x.tangential) / (x.normal or 1.0))
+        for x, (_, contact) in zip(forces, model.scene.contacts, strict=True)
     ]
-    return np.array(normals).reshape(-1, 3)
-
-
-def arrows(forces: Sequence[ContactForce]) -> Array:
-    """Points and forces of contacts as an ``Instant`` has them, shape (k, 2, 3)."""
-    return np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3)
+    return np.array(rows).reshape(-1, 3, 3)
 
 
 @frozen
 class Marks:
-    """Positions in the world, in [m].
+    """Positions in the world, in [m]."""
 
-    Attributes:
-        position: Positions of Pinocchio's joints, the world first, shape (k, 3).
-        rotation: Orientations of their axes as quaternions w, x, y, z, shape (k, 4).
-        hand: Position of the hand, shape (3,).
-        contacts: Points and forces in [N] there, shape (c, 2, 3).
-        constraints: The same of constraints between frames, on the first one, shape (r, 2, 3).
-        springs: Both ends of each spring between points, shape (s, 2, 3).
-        stops: Joints that are at a stop, shape (t, 3).
-    """
-
-    position: Array
-    rotation: Array
-    hand: Array
-    contacts: Array
-    constraints: Array
-    springs: Array
-    stops: Array
+    position: Array  # of Pinocchio's joints, the world first, shape (k, 3)
+    rotation: Array  # of their axes as quaternions w, x, y, z, shape (k, 4)
+    hand: Array  # shape (3,)
+    constraints: Array  # points and forces in [N] on the first frames, shape (r, 2, 3)
+    springs: Array  # both ends of each, shape (s, 2, 3)
+    stopped: NDArray[np.bool_]  # whether joints are at a stop, shape (n,)
 
 
 class Marker:
-    """Computes the marks of an arm; for one thread.
-
-    Args:
-        model: The arm.
-
-    Attributes:
-        model: The arm.
-        hand: Frame whose path is shown: the outermost one of the longest chain.
-    """
+    """Computes the marks of an arm; for one thread."""
 
     def __init__(self, model: ArmModel) -> None:
         self.model, self._data = model, pin.Data(model.pin)
-        self.hand = outermost(model)
-        self._hand = model.frame_index(self.hand)
+        self.hand = outermost(model)  # whose path is shown
         self._rows = ConstraintRows(model) if model.scene.bilateral else None
 
     def at(self, instant: Instant) -> Marks:
         """The marks at an instant."""
-        model, data, q = self.model.pin, self._data, np.asarray(instant.q, dtype=float)
-        pin.framesForwardKinematics(model, data, self.model.configuration(q))
-        turns = [pin.Quaternion(place.rotation).coeffs() for place in data.oMi]
+        data, q = self._placed(instant.q), np.asarray(instant.q, dtype=float)
         springs = [
             [self._point(*end) for end in zip(spring.frames, spring.points, strict=True)]
             for spring in self.model.springs.points
@@ -117,38 +86,25 @@ class Marker:
         stopped = self.model.stops.touched(q)
         if len(instant.stop_torque):
             stopped = stopped & (instant.stop_torque != 0.0)
-        joints = [model.getJointId(self.model.joint_names[i]) for i in np.flatnonzero(stopped)]
         return Marks(
             np.array([place.translation for place in data.oMi]),
-            np.roll(np.array(turns), 1, axis=1),
-            data.oMf[self._hand].translation.copy(),
-            np.asarray(instant.contacts, dtype=float),
+            np.array([np.roll(pin.Quaternion(place.rotation).coeffs(), 1) for place in data.oMi]),
+            self._point(self.hand, (0.0, 0.0, 0.0)),
             self._constraint_forces(instant.multipliers),
-            np.array(springs) if springs else _NONE,
-            np.array([data.oMi[joint].translation for joint in joints]).reshape(-1, 3),
+            np.array(springs).reshape(-1, 2, 3),
+            stopped,
         )
-
-    def origin(self, frame: str) -> Array:
-        """Position of a frame at the last call of ``at``, shape (3,)."""
-        place = self._data.oMf[self.model.frame_index(frame)]
-        return np.asarray(place.translation.copy())
 
     def extent(self, q: Array, carried: Iterable[tuple[int, Array]] = ()) -> Array:
         """Points that the arm reaches around at joint positions, shape (k, 3).
 
-        Origins of joints and frames, and points equally far beyond the centre of mass of each
-        body.
-
-        Args:
-            q: Joint positions, shape (n,).
-            carried: Further points, shape (c, 3), in the frames of Pinocchio's joints of these
-                numbers.
+        Origins of joints and frames, points equally far beyond the centre of mass of each body,
+        and those that Pinocchio's joints of some numbers carry, shape (c, 3).
         """
-        data, model = self._data, self.model.pin
-        pin.framesForwardKinematics(model, data, self.model.configuration(np.asarray(q)))
+        data = self._placed(q)
         ends = [
             place.act(2.0 * body.lever)
-            for place, body in zip(data.oMi, model.inertias, strict=True)
+            for place, body in zip(data.oMi, self.model.pin.inertias, strict=True)
             if body.mass > 0.0
         ]
         further = [data.oMi[joint].act(point) for joint, points in carried for point in points]
@@ -156,11 +112,14 @@ class Marker:
 
     def path(self, q: Iterable[Array]) -> Array:
         """Positions of the hand at joint positions, shape (k, 3)."""
-        model, data, places = self.model.pin, self._data, []
-        for row in q:
-            pin.forwardKinematics(model, data, self.model.configuration(np.asarray(row)))
-            places.append(pin.updateFramePlacement(model, data, self._hand).translation.copy())
+        hand = self.model.frame_index(self.hand)
+        places = [self._placed(row).oMf[hand].translation.copy() for row in q]
         return np.array(places).reshape(-1, 3)
+
+    def _placed(self, q: Array) -> pin.Data:
+        configuration = self.model.configuration(np.asarray(q, dtype=float))
+        pin.framesForwardKinematics(self.model.pin, self._data, configuration)
+        return self._data
 
     def _point(self, frame: str, point: Sequence[float]) -> Array:
         place = self._data.oMf[self.model.frame_index(frame)]

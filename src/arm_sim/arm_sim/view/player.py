@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays motions: at any time and speed, repeatedly."""
+"""Plays recordings: at any time and speed, repeatedly, with their forces and plots."""
 
 from __future__ import annotations
 
+import io
+from base64 import b64encode
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_sim.view.charts import Chart, Charts
-from arm_sim.view.draw_loop import DrawLoop
-from arm_sim.view.film import Film
+from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
+from arm_sim.figures import units
+from arm_sim.recording import Recording
+from arm_sim.recording.figure import LONG
+from arm_sim.stepping.contact_forces import contact_forces
+from arm_sim.view.charts import Charts
+from arm_sim.view.marks import Instant, contacts_of
+from arm_sim.view.page import View
 from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
@@ -19,88 +27,133 @@ if TYPE_CHECKING:
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
 WAY_POINTS = 1500  # points of the path of a hand
+POINTS = 4000  # points of curves of energies
+FIGURES = (
+    "<style>body {display: flex} #root {flex: 3; min-width: 0} #figures {order: -1; flex: 2; "
+    "height: 100%; overflow-y: auto; background: #fff} #figures img {width: 100%} "
+    "@media (max-width: 700px) {body {flex-direction: column} #figures {order: 1}}</style>"
+)
 
 
-class Player:
-    """The controls of a page that shows motions.
+@sealed
+class Player(View):
+    """A page of recordings, which begin together, at a ``time`` in [s]."""
 
-    Args:
-        server: The page.
-        films: The motions, one for each actor; they begin together.
-        actors: The arms.
-
-    Attributes:
-        loop: Its thread.
-        time: Time in [s] of the picture.
-        begin: Start time of the motions.
-        end: End time of the longest.
-        charts: Plots beside them.
-    """
+    time: float
 
     def __init__(
-        self, server: viser.ViserServer, films: Sequence[Film], actors: Sequence[DrawnArm]
-    ) -> None:
-        self._server, self._pairs = server, tuple(zip(films, actors, strict=True))
-        self.begin = min(float(film.time[0]) for film in films)
-        self.end = max(float(film.time[-1]) for film in films)
-        self.time, self._playing = self.begin, False
-        self.loop = DrawLoop(self._beat, self._show_status)
-        gui = server.gui
-        step = max(round((self.end - self.begin) / 20000, 3), 1e-3)
-        first, last = np.floor(self.begin * 1e3) / 1e3, np.ceil(self.end * 1e3) / 1e3
-        self._slider = gui.add_slider(
-            "time [s]", float(first), max(float(last), float(first) + step), step, float(first)
-        )
+        self, server: viser.ViserServer, actors: Sequence[DrawnArm],
+        recordings: Sequence[Recording],
+    ) -> None:  # fmt: skip
+        super().__init__(server, actors)
+        self._motions = tuple(zip(recordings, actors, strict=True))
+        begin = min(float(recording.time[0]) for recording in recordings)
+        end = max(float(recording.time[-1]) for recording in recordings)
+        self._begin, self._end, self.time, self._playing = begin, end, begin, False
+        gui, step = server.gui, max(round((end - begin) / 20000, 3), 1e-3)
+        first, last = float(np.floor(begin * 1e3) / 1e3), float(np.ceil(end * 1e3) / 1e3)
+        self._slider = gui.add_slider("time [s]", first, max(last, first + step), step, first)
+        self._on_change(self._slider, self.seek)
         self._button = gui.add_button("Play")
+        self._button.on_click(lambda _: self._order(lambda: self.play(not self._playing)))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
         self._loop = gui.add_checkbox("loop", True)
         self._status = gui.add_markdown("")
-        self._button.on_click(lambda _: self.loop.order(self._toggle))
-        self._slider.on_update(self.loop.moved(self.seek))
-        self.charts = tuple(chart for pair in self._pairs for chart in self._charted(*pair))
-        self._charts = Charts(server, self.charts)
-        for film, actor in self._pairs:
-            rows = np.unique(np.linspace(0, len(film.time) - 1, WAY_POINTS).astype(int))
-            actor.show_path(actor.marker.path(film.q[rows]))
-        self.seek(self.begin)
+        curves = dict[str, tuple[Sequence[str], Array, Array]]()
+        for recording, actor in self._motions:
+            of = f"{actor.name}: " if len(actors) > 1 else ""
+            curves |= {f"{of}{title}": curve for title, curve in _curves(recording)}
+            rows = np.unique(np.linspace(0, len(recording) - 1, WAY_POINTS).astype(int))
+            actor.show_path(actor.marker.path(recording.q[rows]))
+        self._charts = Charts(server, {title: names for title, (names, *_) in curves.items()})
+        for title, (_, time, values) in curves.items():
+            self._charts.draw(title, time, values)
+        self.seek(begin)
 
     def play(self, on: bool = True) -> None:
-        """Start or stop playing; for the thread of the loop."""
-        if on and self.time >= self.end:
-            self.seek(self.begin)
+        """Start or stop playing; for the thread of the page."""
+        if on and self.time >= self._end:
+            self.seek(self._begin)
         self._playing = on
         self._button.label = "Pause" if on else "Play"
 
     def seek(self, time: float) -> None:
-        """Show a time in [s]; for the thread of the loop."""
-        self.time = min(max(time, self.begin), self.end)
+        """Show a time in [s]; for the thread of the page."""
+        self.time = min(max(time, self._begin), self._end)
         with self._server.atomic():
-            for film, actor in self._pairs:
-                actor.draw(film.at(self.time))
+            for recording, actor in self._motions:
+                actor.draw(instant(recording, self.time))
         self._slider.value = self.time
         self._charts.read(self.time)
-        self._show_status("")
+        self._complain("")
 
-    def _charted(self, film: Film, actor: DrawnArm) -> Iterator[Chart]:
-        """A film's plots, with the arm's name if there are several."""
-        title = f"{actor.name}: " if len(self._pairs) > 1 else ""
-        return (replace(chart, title=title + chart.title) for chart in film.charts)
-
-    def _toggle(self) -> None:
-        self.play(not self._playing)
+    def _seek(self, time: float) -> None:
+        self.play(False)
+        self.seek(time)
 
     def _beat(self, passed: float) -> None:
         if not self._playing:
             return
         time = self.time + passed * float(self._speed.value)
-        if time < self.end:
+        if time < self._end:
             self.seek(time)
-        elif self._loop.value and self.end > self.begin:
-            self.seek(self.begin)
+        elif self._loop.value and self._end > self._begin:
+            self.seek(self._begin)
         else:
-            self.seek(self.end)
-            self.play(False)
+            self._seek(self._end)
 
-    def _show_status(self, trouble: str) -> None:
-        text = f"t = {self.time:.3f} s of {self.end:.3f} s"
+    def _complain(self, trouble: str) -> None:
+        text = f"t = {self.time:.3f} s of {self._end:.3f} s"
         self._status.content = f"{text}\n\n**{trouble}**" if trouble else text
+
+    def _with_figures(self, page: str) -> str:
+        images = []
+        for recording, _ in self._motions:
+            file = io.BytesIO()
+            recording.plot().savefig(file)
+            data = b64encode(file.getvalue()).decode()
+            images.append(f'<img src="data:image/png;base64,{data}">')
+        head, end, tail = page.rpartition("</body>")
+        return f'{head}{FIGURES}<div id="figures">{"".join(images)}</div>{end}{tail}'
+
+
+def instant(recording: Recording, time: float) -> Instant:
+    """The last state up to a time, with forces; those of a robot are unknown."""
+    row = max(0, bisect_right(recording.time, time + 1e-9) - 1)
+    if recording.of_robot:
+        return Instant(recording.q[row])
+    part, model = recording.part([row]), recording.plant.model
+    tied, stopped = model.scene.bilateral, model.stops.touched(part.q).any()
+    contacts = np.zeros((0, 3, 3))
+    if recording.plant.points:
+        stepper = part.account.stepper
+        stepper.p[:] = part.p[0]
+        forces = contact_forces(part.plant, stepper, part.x[0], part.command[0])
+        contacts = contacts_of(model, forces)
+    return Instant(
+        part.q[0], contacts, part.multipliers[0] if tied else np.zeros(0),
+        part.stop_torque[0] if stopped else np.zeros(model.n),
+    )  # fmt: skip
+
+
+def _curves(recording: Recording) -> Iterator[tuple[str, tuple[Sequence[str], Array, Array]]]:
+    """Titles of plots, with names, times and values of their curves."""
+    model = recording.dynamics.model
+    for title, unit, values in (
+        ("torque", ("N m", "N"), recording.tau), ("position", ("rad", "m"), recording.q),
+        ("velocity", ("rad/s", "m/s"), recording.v),
+    ):  # fmt: skip
+        if np.isfinite(values).any():
+            full = f"{title} [{units(model.joint_types, *unit)}]"
+            yield full, (model.joint_names, recording.time, values)
+    if recording.of_robot:
+        return  # work and heat between its states are unknown
+    if (error := recording.local_error).any():
+        yield "error [rad]", (("estimated error of q",), recording.time, error[:, None])
+    rows = np.unique(np.linspace(0, len(recording) - 1, POINTS).astype(int))
+    part = recording.part(rows)
+    curves = {"kinetic": part.kinetic, "potential": part.potential, "total": part.energy}
+    if len(recording) <= LONG or not recording.account.makes_ticks_again(recording.x):
+        supplied, lost = recording.supplied[rows], recording.lost[rows]
+        curves |= {"supplied": supplied, "lost": lost, "balance": recording.balance[rows]}
+    yield "energy [J]", (tuple(curves), part.time, np.column_stack(list(curves.values())))

@@ -83,7 +83,7 @@ class Motion:
         shape = tuple(np.shape(tau))
         if len(shape) < 2 or shape[-1] != self.n or not shape[-2]:
             raise InvalidInput(
-                f"tau has shape {shape}; expected (…, ticks, {self.n}), at least one tick"
+                f"tau has shape {shape}; expected (…, steps, {self.n}), at least one step"
             )
         leading = [np.shape(x0)[:-1], shape[:-2], *(np.shape(part)[:-1] for part in parameters)]
         try:

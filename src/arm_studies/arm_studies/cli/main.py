@@ -3,15 +3,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
 from arm_sim.cli.main import SECTIONS, suite
 from arm_studies.cli.compare import compare
-from arm_studies.cli.compiling import of_optimization
 from arm_studies.cli.excite import excite
 from arm_studies.cli.identify import identify
 from arm_studies.cli.identify_drive import identify_drive
 from arm_studies.cli.sweep import sweep
 
+if TYPE_CHECKING:
+    from arm_sim import Simulator
+
 _STUDIES = {"Studies": (sweep,), "Identification": (excite, identify, identify_drive, compare)}
+
+
+def of_optimization(simulator: Simulator) -> Iterator[tuple[str, Callable[[], object]]]:
+    """What ``./arm build --derivatives`` compiles for the studies, by name."""
+    from arm_studies.optimization import prepare
+
+    yield "trajectory optimization", lambda: prepare(simulator)
+
 
 *_others, _shell = SECTIONS.items()
 main = suite(dict([*_others, *_STUDIES.items(), _shell]), [of_optimization])

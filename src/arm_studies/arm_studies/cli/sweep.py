@@ -5,58 +5,65 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from arm_sim.cli.output import console, examples, number, show, table
+from arm_sim.cli.arguments import Count
+from arm_sim.cli.command import command
+from arm_sim.cli.output import number, progress, say, table
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.table import Table
 
     from arm_studies.sweeps import Progress, Sweep
 
-_PATH = click.Path(path_type=Path)
 _LISTED = 20  # number of runs up to which each is printed
 _EVERY = 5.0  # [s] between lines of progress without a terminal
 
 
-@click.command(
-    epilog=examples(
-        "./arm sweep study.yaml",
-        "./arm sweep study.yaml --out results --workers 4",
-        "./arm sweep study.yaml --cluster tcp://10.0.0.2:8786",
-    )
+@command(
+    "./arm sweep study.yaml",
+    "./arm sweep study.yaml --out results --workers 4",
+    "./arm sweep study.yaml --cluster tcp://10.0.0.2:8786",
 )
-@click.argument("study", type=_PATH)
-@click.option("--out", type=_PATH,
-              help="Folder of the table, the figures and the journal, from which an interrupted "
-              "sweep continues.  [default: reports/sweeps/NAME]")  # fmt: skip
-@click.option(
-    "--workers",
-    type=click.IntRange(1),
-    help="Number of worker processes.  [default: one per core]",
-)
-@click.option("--cluster", metavar="ADDRESS",
-              help="Address of a Dask scheduler whose workers simulate the runs.")  # fmt: skip
-@click.option("--no-figures", is_flag=True, help="Do not draw figures.")
 def sweep(
-    study: Path, out: Path | None, workers: int | None, cluster: str | None, no_figures: bool
+    study: Path,
+    *,
+    out: Path | None = None,
+    workers: Count | None = None,
+    cluster: Annotated[str | None, "--cluster ADDRESS"] = None,
+    no_figures: bool = False,
 ) -> None:
     """Simulate all runs of a STUDY: closed loops with varied parameters, and their metrics.
 
     Rows are saved as they are computed: repeating the command continues an interrupted sweep. The
     table does not depend on the number of workers or their order, bit for bit.
+
+    Args:
+        out: Folder of the table, the figures and the journal, from which an interrupted sweep
+            continues.  [default: reports/sweeps/NAME]
+        workers: Number of worker processes.  [default: one per core]
+        cluster: Address of a Dask scheduler whose workers simulate the runs.
+        no_figures: Do not draw figures.
     """
+    from rich.progress import BarColumn, MofNCompleteColumn
+
     from arm_studies.sweeps import sweep as make
     from arm_studies.sweeps.figures import draw
 
     folder = out or Path("reports/sweeps") / study.stem
+    columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), "{task.fields[left]}")
+    lines, first = _Lines(), {"description": "reading the study", "left": ""}
     try:
-        with _progress() as told:
+        with progress(sys.stderr, lines.tell, *columns, **first) as tell:
+
+            def told(at: Progress) -> None:
+                left = _left(at.remaining)
+                tell(description=at.what, completed=at.done, total=at.total, left=left)
+
             done = make(study, folder, workers=workers, cluster=cluster, told=told)
     except KeyboardInterrupt:
         click.echo(
@@ -67,7 +74,20 @@ def sweep(
     written = [done.table.save(folder)]
     if not no_figures:
         written += draw(done.study, done.table, folder)
-    _report(done, written)
+    plan = done.plan
+    how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
+    said = [*_losses(done)]
+    if done.dropped:
+        said.append("the last line of the journal was damaged; its run was repeated")
+    if done.made:
+        rate = done.made * done.study.duration / max(done.seconds, 1e-9)
+        said.append(
+            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
+            f"{plan.runs - done.made} resumed; {how}; sets of equations: {plan.worlds}"
+        )
+    else:
+        said.append(f"all {plan.runs} runs were done before")
+    say((_runs if len(done.table) <= _LISTED else _groups)(done), *said, *written)
 
 
 def _losses(done: Sweep) -> Iterator[str]:
@@ -80,38 +100,16 @@ def _losses(done: Sweep) -> Iterator[str]:
         yield f"{len(lost)} of {done.plan.runs} runs {kind}; run {run}: {note}"
 
 
-def _report(done: Sweep, written: list[Path]) -> None:
-    out, plan = console(), done.plan
-    (_show_runs if len(done.table) <= _LISTED else _show_groups)(out, done)
-    for line in _losses(done):
-        out.print(line, markup=False)
-    if done.dropped:
-        out.print("the last line of the journal was damaged; its run was repeated")
-    how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
-    if done.made:
-        rate = done.made * done.study.duration / max(done.seconds, 1e-9)
-        out.print(
-            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
-            f"{plan.runs - done.made} resumed; {how}; "
-            f"sets of equations: {plan.worlds}",
-            markup=False,
-        )
-    else:
-        out.print(f"all {plan.runs} runs were done before")
-    for path in written:
-        out.print(str(path), markup=False)
-
-
-def _show_runs(out: Console, done: Sweep) -> None:
+def _runs(done: Sweep) -> Table:
     names = ["run", *done.table.varied, *done.table.metrics, "status"]
     columns = [done.table[name].tolist() for name in names]
     rows = ([x if isinstance(x, str) else number(x, 4) for x in row]
             for row in zip(*columns, strict=True))  # fmt: skip
     text = [i for i, column in enumerate(columns) if isinstance(column[0], str)]
-    show(out, table(names, rows, text))
+    return table(names, rows, text)
 
 
-def _show_groups(out: Console, done: Sweep) -> None:
+def _groups(done: Sweep) -> Table:
     import numpy as np
 
     from arm_studies.sweeps.figures import groups
@@ -127,29 +125,7 @@ def _show_groups(out: Console, done: Sweep) -> None:
     headings = ["runs of", "metric", "done", "5 %", "median", "95 %", "largest"]
     if len(groups(done.table)) == 1:
         rows, headings = [row[1:] for row in rows], headings[1:]
-    show(out, table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,)))
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[Progress], None]]:
-    """Show the number of finished runs and the remaining time."""
-    if not sys.stderr.isatty():
-        yield _Lines().tell
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-    from rich.progress import Progress as Bar
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-               TextColumn("{task.fields[left]}"))  # fmt: skip
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading the study", total=None, left="")
-
-        def tell(at: Progress) -> None:
-            bar.update(task, description=at.what, total=at.total, completed=at.done,
-                       left=_left(at.remaining))  # fmt: skip
-
-        yield tell
+    return table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,))
 
 
 class _Lines:
@@ -158,13 +134,13 @@ class _Lines:
     def __init__(self) -> None:
         self._said, self._what = 0.0, ""
 
-    def tell(self, at: Progress) -> None:
+    def tell(self, description: str, completed: int, total: int, left: str) -> None:
         now = time.monotonic()
-        if now - self._said < _EVERY and at.what == self._what:
+        if now - self._said < _EVERY and description == self._what:
             return
-        self._said, self._what = now, at.what
-        left = f", {_left(at.remaining)}" if at.remaining is not None else ""
-        click.echo(f"{at.what}: {at.done} of {at.total} runs{left}", err=True)
+        self._said, self._what = now, description
+        end = f", {left}" if left else ""
+        click.echo(f"{description}: {completed} of {total} runs{end}", err=True)
 
 
 def _left(seconds: float | None) -> str:

@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Callable, Collection
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import rclpy
 from rclpy.context import Context
@@ -66,37 +66,77 @@ class Asker:
         return None
 
 
-class Caller:
-    """A node that calls services of other nodes; it has a context of its own."""
+class TemporaryNode:
+    """A node with a context of its own, which joins the ROS graph for a while.
 
-    def __init__(self, timeout: float, domain: int | None = None) -> None:
-        """Join the ROS graph; ``close`` leaves it.
+    Args:
+        name: The beginning of its name.
+        domain: ROS domain; None for that of the environment.
+    """
 
-        Args:
-            timeout: How long to wait for a node, and for each of its answers, in [s].
-            domain: ROS domain; None for that of the environment.
-        """
-        self._timeout = timeout
+    def __init__(self, name: str, domain: int | None = None) -> None:
         self._context = Context()
         rclpy.init(
             args=[], context=self._context, domain_id=domain,
             signal_handler_options=SignalHandlerOptions.NO,
         )  # fmt: skip
         self._node = Node(
-            f"arm_call_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
+            f"{name}_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
             enable_rosout=False, start_parameter_services=False,
         )  # fmt: skip
         arrange_middleware_threads()
+
+    def __enter__(self) -> Self:
+        """Use it in a ``with`` statement."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the graph."""
+        self.close()
+
+    def close(self) -> None:
+        """Leave the graph; may be called repeatedly."""
+        if self._context.ok():
+            self._node.destroy_node()
+            self._context.try_shutdown()
+
+    def nodes(self) -> list[str]:
+        """Full names of the other nodes."""
+        found = self._node.get_node_names_and_namespaces()
+        mine = self._node.get_name()
+        return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != mine)
+
+    def where(self, node: str | None = None) -> str:
+        """The visible nodes, and what to check if none, or not this one, is among them."""
+        seen = [name for name in self.nodes() if "/arm_shell_" not in name]
+        text = f"nodes seen: {', '.join(seen) or 'none'}"
+        if node in seen:
+            return f"{text}\n  {node} may still be starting"
+        if node is None and seen:
+            return text
+        domain = self._context.get_domain_id()
+        return f"{text}\n  both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
+
+
+class Caller(TemporaryNode):
+    """A node that calls services of other nodes.
+
+    Args:
+        timeout: How long to wait for a node, and for each of its answers, in [s].
+        domain: ROS domain; None for that of the environment.
+    """
+
+    def __init__(self, timeout: float, domain: int | None = None) -> None:
+        super().__init__("arm_call", domain)
+        self._timeout = timeout
         self._askers: dict[tuple[str, str], Asker] = {}
         self._answered: set[Asker] = set()
         self._offering: dict[Asker, int] = {}
 
     def close(self) -> None:
         """Leave the graph; may be called repeatedly."""
-        if self._context.ok():
-            self._askers.clear()
-            self._node.destroy_node()
-            self._context.try_shutdown()
+        self._askers.clear()
+        super().close()
 
     def ask(self, node: str, service: Service, request: Any, repeatable: bool = True) -> Any:
         """Call a service; a request without an answer is repeated.
@@ -181,15 +221,7 @@ class Caller:
         others = [o for o, _ in offered if o.rsplit("/", 1)[1] == wanted and o != name]
         if others:
             lines.append(f"it is offered as {', '.join(others)}")
-        nodes = [
-            f"{'' if space == '/' else space}/{node}"
-            for node, space in self._node.get_node_names_and_namespaces()
-            if node != self._node.get_name()
-        ]
-        lines.append(f"nodes seen: {', '.join(sorted(nodes)) or 'none'}")
-        domain = self._context.get_domain_id()
-        lines.append(f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}")
-        return "\n  ".join(lines)
+        return "\n  ".join([*lines, self.where(name.rsplit("/", 1)[0])])
 
 
 def _full_name(node: str) -> str:

@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, counted, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
@@ -134,7 +134,7 @@ class Goals:
                 points.pop()
             return motion
 
-        goal = Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
+        goal = Goal("trajectory", counted(message.count, "point"), message.stamp or None, plan)
         self.follow(goal, at_once=message.count <= PLANNED_AT_ONCE)
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from arm_dynamics.control.controller import Moving
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
 from arm_dynamics.ros.common.diagnostics import Lateness
@@ -296,7 +296,9 @@ class TrajectoryAction:
         plan = self._planned(message, params)
         at_once = message.count <= PLANNED_AT_ONCE
         start = message.stamp or None
-        self._goals.follow(Goal(_KIND, f"{message.count} points", start, plan, then), at_once)
+        self._goals.follow(
+            Goal(_KIND, counted(message.count, "point"), start, plan, then), at_once
+        )
 
     def _planned(
         self, message: TrajectoryMessage, params: FollowParams

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array, all_finite, finite_answer
+from arm_dynamics.arrays import Array, all_finite, finite_answer, without_number
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.ros.common.convert import to_array
 from arm_dynamics.scene.urdf.joint_names import JointNames
@@ -48,7 +48,8 @@ class Batch:
             self._back = np.argsort(self._order)
         n, size = len(model_names), len(position)
         if size == 0 or size % n:
-            raise InvalidInput(f"position has {size} numbers; allowed: a multiple of {n}")
+            text = f"position has {size} numbers; allowed: a multiple of {n}"
+            raise InvalidInput(text + without_number(model_names, np.zeros(size)))
         if size > most * n:
             raise InvalidInput(
                 f"position has {size // n} points; allowed: up to {most} in one call"

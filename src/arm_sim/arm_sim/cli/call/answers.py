@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from arm_sim.cli.call.services import Field, Service
-from arm_sim.cli.output import console, number, show, table
+from arm_sim.cli.output import console, number, say, table, to_json
 from arm_sim.cli.vectors import Vector
 
 if TYPE_CHECKING:
@@ -45,8 +44,12 @@ class Answer:
             if field.type == "string[]" and field.shape and field.shape[0] not in self._lists:
                 self._lists[field.shape[0]] = field
                 self._names[field.shape[0]] = list(getattr(response, field.name))
-        for field, vector in self._given.items():
-            self._check_row(field, vector)
+        for field, vector in self._given.items():  # several points are to be listed as such
+            size, row = self._size(field.shape[-1]), len(vector.rows[0]) if vector.rows else 0
+            if row not in (0, size):
+                raise click.ClickException(
+                    f"{field.name} has {row} numbers in a row; allowed: {size}"
+                )
         values = {x: self._shaped(x, getattr(response, x.name)) for x in service.response}
         self._values = {field: value for field, value in values.items() if value is not None}
 
@@ -55,28 +58,21 @@ class Answer:
             return self._count
         return int(dim) if dim.isdigit() else len(self._names[dim])
 
-    def _check_row(self, field: Field, vector: Vector) -> None:
-        """Refuse several points that are not listed as such."""
-        size, row = self._size(field.shape[-1]), len(vector.rows[0]) if vector.rows else 0
-        if row not in (0, size):
-            raise click.ClickException(f"{field.name} has {row} numbers in a row; allowed: {size}")
-
     def _shaped(self, field: Field, values: Any) -> Any:
         """An array in its shape; None if it is empty but should not be."""
         import numpy as np
 
         if not field.shape:
-            return values.tolist() if isinstance(values, np.ndarray) else values
+            return values
         shape = [self._size(dim) for dim in field.shape]
         return np.array(values).reshape(shape) if len(values) or not math.prod(shape) else None
 
     def print_json(self, refusal: str) -> None:
         """Print all fields as JSON, without k unless points were listed."""
-        plain = {}
-        for field, value in self._values.items():
-            one = value[0] if "k" in field.shape and not self._batch else value
-            plain[field.name] = _json(one.tolist() if field.shape else one)
-        print_json(refusal, **plain)
+        print_json(refusal, **{
+            field.name: value[0] if "k" in field.shape and not self._batch else value
+            for field, value in self._values.items()
+        })  # fmt: skip
 
     # --- tables --------------------------------------------------------------------------------
 
@@ -91,7 +87,7 @@ class Answer:
                     console().rule(f"point {k}")
                 self._print_point({x: v[k] if "k" in x.shape else v for x, v in values.items()})
         if self._count > SHOWN:
-            console().print(f"… and {self._count - SHOWN} more points; --json prints all")
+            say(f"… and {self._count - SHOWN} more points; --json prints all")
 
     def _print_rows(self, values: Mapping[Field, Any]) -> None:
         """Print a table for each vector that was not given; the first has the numbers, too."""
@@ -114,6 +110,8 @@ class Answer:
 
     def _print_point(self, values: Mapping[Field, Any]) -> None:
         """Print matrices, then vectors with the same rows beside each other, then the rest."""
+        import numpy as np
+
         vectors: dict[str, dict[str, Any]] = {}
         rest = []
         for field, value in values.items():
@@ -121,25 +119,22 @@ class Answer:
             if not dims or not all(map(self._names.get, dims)):
                 rest.append((field, value))
             elif len(dims) == 1:
-                vectors.setdefault(dims[0], self._beside(dims[0]))[self._title(field)] = value
+                vectors.setdefault(dims[0], {})[self._title(field)] = value
             else:
                 rows, heads = (_numbered(self._names[dim]) for dim in dims)
                 columns = list(zip(heads, readable(value).T, strict=True))
                 _print_table(self._title(field), rows, columns, digits=5)
-        for dim, beside in vectors.items():
+        for dim, columns in vectors.items():
+            names = self._names[dim]
+            given = {
+                self._title(field): np.array(vector.flat(names))
+                for field, vector in self._given.items()
+                if field.shape == ("k", dim) and not self._batch
+            }
             head = self._lists[dim].name.removesuffix("_names") if dim in self._lists else "joint"
-            _print_table(head, _numbered(self._names[dim]), list(beside.items()))
+            _print_table(head, _numbered(names), list((given | columns).items()))
         for field, value in rest:
             self._print_line(field, value)
-
-    def _beside(self, dim: str) -> dict[str, Any]:
-        """Columns of the given vectors, by title."""
-        import numpy as np
-
-        if self._batch:
-            return {}
-        given = ((x, v) for x, v in self._given.items() if x.shape == ("k", dim))
-        return {self._title(x): np.array(v.flat(self._names[dim])) for x, v in given}
 
     def _print_line(self, field: Field, value: Any) -> None:
         """Print entries without names, and what it means if they are true."""
@@ -148,7 +143,7 @@ class Answer:
         text = ", ".join(_cells(np.ravel(value)))
         if field.type == "bool[]" and value:
             text += f" ({field.about})"
-        console().print(f"  {self._title(field)}: {text or 'none'}", markup=False)
+        say(f"  {self._title(field)}: {text or 'none'}")
 
     def _title(self, field: Field) -> str:
         """Name and unit of a field, both units if both kinds of joints occur; or its comment."""
@@ -167,7 +162,7 @@ def _print_table(
     cells = (_cells(values, digits) for _, values in columns)
     heads = (title, *(head for head, _ in columns))
     text = [0, *(i for i, (_, values) in enumerate(columns, 1) if values.dtype.kind == "U")]
-    show(console(), table(heads, zip(names, *cells, strict=True), text))
+    say(table(heads, zip(names, *cells, strict=True), text))
 
 
 def _cells(values: np.ndarray, digits: int = 6) -> list[str]:
@@ -193,14 +188,7 @@ def _numbered(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _json(value: Any) -> Any:
-    """JSON has no infinity: null."""
-    if isinstance(value, list):
-        return [_json(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def print_json(refusal: str = "", **fields: Any) -> None:
     """Print an answer as JSON, with the reason if the node refused."""
     head = {"success": False, "message": refusal} if refusal else {"success": True}
-    click.echo(json.dumps({**head, **fields}))
+    click.echo(to_json(head | fields))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from functools import partial, reduce
 from operator import or_
@@ -13,21 +13,29 @@ from typing import Any
 import click
 
 from arm_dynamics.exceptions import choices
+from arm_sim.cli.arguments import Json, Timeout
 from arm_sim.cli.call.answers import Answer, print_json
 from arm_sim.cli.call.services import DYNAMICS, MODEL_INFO, SERVICES, Field, Service
+from arm_sim.cli.command import command, option_name
 from arm_sim.cli.completion import Commands
-from arm_sim.cli.output import console, examples
+from arm_sim.cli.output import examples, say
 from arm_sim.cli.vectors import HOW, Vector, VectorType
 
-KINDS = {
-    "bool": click.BOOL, "float64": click.FLOAT, "string": click.STRING, "string[]": click.STRING,
-    "uint8": click.IntRange(0, 2**8 - 1), "uint32": click.IntRange(0, 2**32 - 1),
-}  # fmt: skip
 Given = Mapping[Field, Any]
 POINTS = '"[[…], […]]" for two points, or @FILE'
 
 
-class _Bits(click.ParamType):
+class _Words(click.ParamType):
+    """Names, with commas or spaces between them."""
+
+    name = "text"
+
+    def convert(self, value: str, param: Any, ctx: click.Context | None) -> Any:
+        """List them."""
+        return value.replace(",", " ").split()
+
+
+class _Bits(_Words):
     """Names of bits of a number."""
 
     name = "names"
@@ -37,123 +45,90 @@ class _Bits(click.ParamType):
 
     def convert(self, value: str, param: Any, ctx: click.Context | None) -> int:
         """The number with these bits, or a usage error."""
-        chosen = set(_words(value.lower()))
+        chosen = set(super().convert(value.lower(), param, ctx))
         unknown = min(chosen - {*self._bits}, default="")
         if unknown or not chosen:
             self.fail(f"{value!r}; allowed: some of {choices(unknown, self._bits)}", param, ctx)
         return reduce(or_, (self._bits[name] for name in chosen))
 
 
-def _words(text: str) -> list[str]:
-    return text.replace(",", " ").split()
+KINDS = {
+    "float64": click.FLOAT, "string": click.STRING, "string[]": _Words(),
+    "uint8": click.IntRange(0, 2**8 - 1), "uint32": click.IntRange(0, 2**32 - 1),
+}  # fmt: skip
 
 
-# --- from fields to options --------------------------------------------------------------------
-
-
-def _made(service: Service) -> click.Command:
+def _command(service: Service) -> click.Command:
     """The command of a service."""
     name = service.command.replace("_", "-")
+
+    def call(
+        *, node: str = f"/{service.node}", timeout: Timeout = 5.0, as_json: Json = False, **options
+    ) -> None:
+        """Call a service and print the answer; fail if the node does not answer or refuses.
+
+        Args:
+            node: Name of the node, with its namespace.
+            timeout: How long to wait, in s.
+            as_json: Print JSON.
+            options: The fields of the request.
+        """
+        from arm_dynamics.exceptions import NoAnswer, Refused
+        from arm_dynamics.ros.common.caller import Caller
+
+        given = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
+        wanted = [x for x in service.request if x.name != "joint_names"]
+        if wanted and not any(field in given for field in wanted):
+            raise click.UsageError(f"nothing to set: give {' or '.join(map(_option, wanted))}")
+        try:
+            with closing(Caller(timeout)) as caller:
+                _call(partial(_ask, caller, node), service, node, given, as_json)
+        except NoAnswer as error:
+            raise click.ClickException(
+                f"{error}\n  start one in another terminal: ./arm {service.node} SCENE"
+                "\n  --node selects another node, --timeout waits longer"
+            ) from None
+        except Refused as error:
+            if not as_json:
+                raise click.ClickException(f"refused: {error}") from None
+            print_json(str(error))
+            raise SystemExit(1) from None
+
     lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
+    made = command(*lines, name=name, first=partial(_fields, service))(call)
+    made.help, made.short_help = service.help, service.short_help
+    return made
+
+
+def _fields(service: Service) -> list[click.Parameter]:
     fields = sorted(service.request, key=lambda field: field.name == "joint_names")
-    return click.Command(
-        name, params=[*(_parameter(service, field) for field in fields), *_common(service.node)],
-        callback=partial(_run, service), help=service.help, short_help=service.short_help,
-        epilog=examples(*lines),
-    )  # fmt: skip
+    return [_parameter(service, field) for field in fields]
+
+
+def _option(field: Field) -> str:
+    return "--joints" if field.name == "joint_names" else option_name(field.name)
 
 
 def _parameter(service: Service, field: Field) -> click.Parameter:
     """The option of a field; an argument if a number is all that is asked for."""
-    kind, default, about = _kind(service, field), field.default.strip('"'), field.help
-    if isinstance(kind, _Bits):
+    default, about = field.default.strip('"'), field.help
+    if field.type == "bool":
+        return click.Option([_option(field), field.name], is_flag=True, help=f"{about}.")
+    if field.type == "uint8" and service.bits:
+        kind = _Bits(service.bits)
         default = next((name for name, bit in service.bits.items() if str(bit) == default), "")
         about = f"Some of {', '.join(service.bits)}"
-    elif field == next((x for x in service.request if x.shape), None):
-        about += f"; {HOW if 'n' in field.shape else POINTS}"
-    settings: dict[str, Any] = {"type": kind} | ({"default": default} if default else {})
+    else:
+        kind = VectorType() if field.type.startswith("float64[") else KINDS[field.type]
+        if field == next((x for x in service.request if x.shape), None):
+            about += f"; {HOW if 'n' in field.shape else POINTS}"
+    settings = {"type": kind} | ({"default": default} if default else {})
     if [field] == service.request and isinstance(kind, click.IntRange):
         return click.Argument([field.name], **settings)
-    if field.type == "bool":
-        settings = {"is_flag": True}
     return click.Option(
         [_option(field), field.name], required=field.required, show_default=bool(default),
         help=f"{about}.", **settings,
     )  # fmt: skip
-
-
-def _kind(service: Service, field: Field) -> click.ParamType:
-    if field.type.startswith("float64["):
-        return VectorType()
-    if field.type == "uint8" and service.bits:
-        return _Bits(service.bits)
-    return KINDS[field.type]
-
-
-def _option(field: Field) -> str:
-    return "--joints" if field.name == "joint_names" else f"--{field.name.replace('_', '-')}"
-
-
-def _common(node: str) -> list[click.Parameter]:
-    """Options of every command."""
-    return [
-        click.Option(["--node"], default=f"/{node}", show_default=True,
-                     help="Name of the node, with its namespace."),
-        click.Option(["--timeout"], default=5.0, show_default=True, type=click.FloatRange(0.1),
-                     help="How long to wait, in s."),
-        click.Option(["--json", "as_json"], is_flag=True, help="Print JSON."),
-    ]  # fmt: skip
-
-
-# --- a call ------------------------------------------------------------------------------------
-
-
-def _run(service: Service, node: str, timeout: float, as_json: bool, **options: Any) -> None:
-    """Call a service and print the answer; fail if the node does not answer or refuses."""
-    from arm_dynamics.exceptions import NoAnswer, Refused
-    from arm_dynamics.ros.common.caller import Caller
-
-    given = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
-    _check_any(service, given)
-    try:
-        with closing(Caller(timeout)) as caller:
-            _call(partial(_ask, caller, node), service, given, as_json)
-    except NoAnswer as error:
-        raise click.ClickException(
-            f"{error}\n  start one in another terminal: ./arm {service.node} SCENE"
-            "\n  --node selects another node, --timeout waits longer"
-        ) from None
-    except Refused as error:
-        if as_json:
-            print_json(str(error))
-            raise SystemExit(1) from None
-        raise click.ClickException(f"refused: {error}") from None
-
-
-def _check_any(service: Service, given: Collection[Field]) -> None:
-    options = [x for x in service.request if x.name != "joint_names"]
-    if options and not any(field in given for field in options):
-        names = " or ".join(map(_option, options))
-        raise click.UsageError(f"nothing to set: give {names}")
-
-
-def _call(ask: Callable[..., Any], service: Service, given: Given, as_json: bool) -> None:
-    """Send a request, and print the response."""
-    joints = _joints(ask, service, given)
-    sent = {field.name: _value(field, value, list(joints)) for field, value in given.items()}
-    if any(field.name == "joint_names" for field in service.request):
-        sent["joint_names"] = sent.get("joint_names") or list(joints)
-    response = ask(service, **sent)
-    vectors = {field: value for field, value in given.items() if isinstance(value, Vector)}
-    answer = Answer(service, response, vectors, joints)
-    if as_json:
-        answer.print_json("" if response.success else response.message)
-    elif service.done:
-        _print_done(service, sent, response)
-    else:
-        answer.print()
-    if not response.success:  # a part of the request
-        raise SystemExit(1) if as_json else click.ClickException(response.message)
 
 
 def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
@@ -170,9 +145,34 @@ def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
     return response
 
 
+def _call(
+    ask: Callable[..., Any], service: Service, node: str, given: Given, as_json: bool
+) -> None:
+    """Send a request, and print the response."""
+    joints = _joints(ask, service, given)
+    sent = {field.name: _value(field, value, list(joints)) for field, value in given.items()}
+    if any(field.name == "joint_names" for field in service.request):
+        sent["joint_names"] = sent.get("joint_names") or list(joints)
+    response = ask(service, **sent)
+    vectors = {field: value for field, value in given.items() if isinstance(value, Vector)}
+    answer = Answer(service, response, vectors, joints)
+    if as_json:
+        answer.print_json("" if response.success else response.message)
+    elif service.done:  # numbers that were not sent are zero
+        facts = {field.name: 0 for field in service.request} | sent
+        facts |= {field.name: getattr(response, field.name) for field in service.response}
+        names = ", ".join(sent.get("joint_names", ())) or "all joints"
+        done = service.done.format(**facts, joints=names)
+        say(f"/{node.strip('/')}: {done}")
+    else:
+        answer.print()
+    if not response.success:  # a part of the request
+        raise SystemExit(1) if as_json else click.ClickException(response.message)
+
+
 def _joints(ask: Callable[..., Any], service: Service, given: Given) -> dict[str, str]:
     """Types of joints by name, in the order of the vectors; of a simulation those named."""
-    names = next((_words(v) for x, v in given.items() if x.name == "joint_names"), [])
+    names = next((value for field, value in given.items() if field.name == "joint_names"), [])
     if service.node == DYNAMICS:
         facts = ask(MODEL_INFO)
         kinds = dict(zip(facts.joint_names, facts.joint_types, strict=True))
@@ -190,7 +190,7 @@ def _joints(ask: Callable[..., Any], service: Service, given: Given) -> dict[str
 def _value(field: Field, value: Any, joints: list[str]) -> Any:
     """The value of a field; vectors by name in the order of these joints."""
     if not isinstance(value, Vector):
-        return _words(value) if field.type == "string[]" else value
+        return value
     if value.named and "n" not in field.shape:
         raise click.ClickException(f"{_option(field)}: numbers without names are expected")
     if value.batch and "k" not in field.shape:
@@ -202,19 +202,9 @@ def _value(field: Field, value: Any, joints: list[str]) -> Any:
     return numbers if size else array("d", numbers)
 
 
-def _print_done(service: Service, sent: Mapping[str, Any], response: Any) -> None:
-    """Print what a request has changed; numbers that were not sent are zero."""
-    node = click.get_current_context().params["node"].strip("/")
-    facts = {field.name: getattr(response, field.name) for field in service.response}
-    joints = ", ".join(sent.get("joint_names", ())) or "all joints"
-    zeros = {field.name: 0 for field in service.request}
-    done = service.done.format(**zeros | {**sent, **facts}, joints=joints)
-    console().print(f"/{node}: {done}", markup=False)
-
-
 @click.group(
     cls=Commands,
-    commands={command.name: command for command in map(_made, SERVICES)},
+    commands=[_command(service) for service in SERVICES],
     epilog=examples(
         './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
         './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import tempfile
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import yaml
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.console import Console
+from rich.progress import BarColumn, TimeElapsedColumn
 
 from arm_dynamics import load_scene
 from arm_dynamics.ros.common.transport import as_usual
@@ -32,7 +32,7 @@ from arm_sim.cli.demo.report import (
     remarks,
     result_table,
 )
-from arm_sim.cli.output import console, quiet, show
+from arm_sim.cli.output import console, progress, quiet, show
 from arm_sim.recording import Recording
 from arm_sim.view.server import library
 
@@ -42,8 +42,6 @@ _TELL = 1.7  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
 RECORDING = "run.mcap"
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
-
-Say = Callable[[str], None]
 
 
 def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
@@ -58,21 +56,37 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     motion = choose_motion(load_scene(robot), duration)
     output.mkdir(parents=True, exist_ok=True)
     out = console()
-    with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
-        seen, clock = _run(motion, output, Path(scratch), say, bar, view)
-        say("checking the simulated motion by a second run")
+    columns = ("{task.description}", BarColumn(), TimeElapsedColumn())
+    with (
+        tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch,
+        # A separate thread that refreshes it would disturb the measurement.
+        progress(sys.stdout, _Lines(out).tell, *columns, refresh=True) as tell,
+    ):
+        seen, clock = _run(motion, output, Path(scratch), tell, view)
+        tell(description="checking the simulated motion by a second run")
         with quiet():
             verdict = Recording.load(Path(scratch) / RECORDING).verdict
     _report(output, motion, seen, numbers(motion, seen, clock), verdict, out)
 
 
+class _Lines:
+    """Prints, without a terminal, what goes on, and every two seconds for how long it has."""
+
+    def __init__(self, out: Console) -> None:
+        self._out, self._began, self._told = out, 0.0, 0.0
+
+    def tell(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
+        now = time.monotonic()
+        if description:
+            self._began = self._told = now
+            self._out.print(f"{description} …")
+        elif now > self._told + _TELL:
+            self._told = now
+            self._out.print(f"  {now - self._began:.0f} s")
+
+
 def _run(
-    motion: DemoMotion,
-    output: Path,
-    scratch: Path,
-    say: Say,
-    bar: Callable[[float], None],
-    view: bool,
+    motion: DemoMotion, output: Path, scratch: Path, tell: Callable[..., object], view: bool
 ) -> tuple[Seen, dict[str, Any]]:
     """Execute the motion; return the observations and the sim node's report."""
     scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
@@ -82,20 +96,24 @@ def _run(
 
     def glance() -> None:
         processes.check()
-        bar(observer.now() / motion.trajectory.duration)
+        tell(completed=observer.now(), total=motion.trajectory.duration)
 
     # For the child processes, which inherit it, and for the demo's own node.
     os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
-    with (
-        Processes(output) as processes,
-        Observer(motion.model.joint_names, domain, glance) as observer,
-    ):
-        say(f"starting the nodes (ROS domain {domain}, this machine only)")
-        _start_nodes(processes, observer, scene, report)
+    with Processes(output) as processes, Observer(motion.model.joint_names, glance) as observer:
+        tell(description=f"starting the nodes (ROS domain {domain}, this machine only)")
+        node = str(scene), "--with-parent"
+        processes.start("dynamics", "dynamics", *node)
+        processes.start("controller", "controller", *node, *_ROS_CONTROLLER)
+        observer.wait_for_partners()
+        # Started last, so that no other start-up disturbs its timing.
+        record = "--ros-args", "-p", f"record:={scratch / RECORDING}"
+        processes.start("sim", "sim", *node, "--report", str(report), *record)
+        observer.wait_for_motion()
         shown = f"; the view is at {_open_view(processes, scene)}" if view else ""
-        say(f"following the trajectory{shown}")
+        tell(description=f"following the trajectory{shown}")
         _follow(motion, processes, observer)
-        say("stopping the nodes")
+        tell(description="stopping the nodes")
         processes.stop("sim")
         processes.stop("view", "controller", "dynamics")
         if not report.exists():
@@ -103,17 +121,6 @@ def _run(
                 "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
             )
         return observer.seen(), json.loads(report.read_text(encoding="utf-8"))
-
-
-def _start_nodes(processes: Processes, observer: Observer, scene: Path, report: Path) -> None:
-    """Start the nodes, and wait until the arm moves."""
-    processes.start("dynamics", "dynamics", str(scene), "--with-parent")
-    processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
-    observer.wait_for_partners()
-    # Started last, so that no other start-up disturbs its timing.
-    record = "--ros-args", "-p", f"record:={report.with_name(RECORDING)}"
-    processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report), *record)
-    observer.wait_for_motion()
 
 
 def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> None:
@@ -144,52 +151,17 @@ def _open_view(processes: Processes, scene: Path) -> str:
     return address
 
 
-@contextmanager
-def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
-    """Progress on a terminal; lines of text without a terminal."""
-    if not out.is_terminal:
-        yield _in_lines(out)
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    # Refreshed explicitly: a separate thread would disturb the measurement.
-    with Progress(*columns, console=out, transient=True, auto_refresh=False) as progress:
-        task = progress.add_task("", total=1.0)
-
-        def say(text: str) -> None:
-            progress.update(task, description=text, refresh=True)
-
-        yield say, lambda share: progress.update(task, completed=share, refresh=True)
-
-
-def _in_lines(out: Any) -> tuple[Say, Callable[[float], None]]:
-    """What goes on, and every two seconds for how long it has."""
-    began = told = time.monotonic()
-
-    def say(text: str) -> None:
-        nonlocal began, told
-        began = told = time.monotonic()
-        out.print(f"{text} …")
-
-    def go_on(share: float) -> None:
-        nonlocal told
-        if (now := time.monotonic()) > told + _TELL:
-            told = now
-            out.print(f"  {now - began:.0f} s")
-
-    return say, go_on
-
-
 def _report(
     output: Path, motion: DemoMotion, seen: Seen, n: Numbers, verdict: str, out: Any
 ) -> None:
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
-        f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
-        f"{n.unit} RMS"
+        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
+        f"{n['error_rms']:.1e} {n['unit']} RMS"
     )
-    draw(figure, seen, model.joint_names, model.joint_types, n.duration, title)
-    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
+    draw(figure, seen, model.joint_names, model.joint_types, n["duration"], title)
+    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, result_table(n))
     out.print(f"motion:  {verdict}", soft_wrap=True, markup=False)

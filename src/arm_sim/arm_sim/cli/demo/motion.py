@@ -75,36 +75,36 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> DemoMotion | N
     model, limits = dynamics.model, Limits.of(dynamics.model)
     count = max(2, round(duration / SECONDS_A_POINT))
     times = duration / count * np.arange(1, count + 1)
-    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
+    # Each joint at its own frequency, relative to its largest excursion.
+    point, joint = np.arange(1, count + 1)[:, None], np.arange(model.n)
+    swings = np.sin(2.0 * np.pi * (point * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
+    swings[-1] = 0.0
     span = model.position_upper - model.position_lower
-    pattern, excursion = _pattern(count, model.n), np.minimum(most, SHARE_OF_RANGE * span)
+    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
+    excursion = np.minimum(most, SHARE_OF_RANGE * span)
+    # At a distance from the limits, unless the start is closer.
+    margin = MARGIN * np.where(np.isfinite(span), span, 0.0)
+    lower = np.minimum(model.position_lower + margin, start)
+    upper = np.maximum(model.position_upper - margin, start)
     for k in range(TRIES):
-        points = np.clip(start + SHRINK**k * excursion * pattern, *_room(model, start))
+        points = np.clip(start + SHRINK**k * excursion * swings, lower, upper)
         waypoints = tuple(Waypoint(t, q) for t, q in zip(times, points, strict=True))
         try:
             trajectory = quintic([Waypoint(0.0, start), *waypoints], limits)
         except InvalidInput:
             continue  # it exceeds a joint limit between its waypoints
-        speed, effort = _shares(dynamics, trajectory)
+        samples = max(20, round(SAMPLES_A_SECOND * trajectory.duration))
+        motion = [trajectory.sample(t) for t in np.linspace(0.0, trajectory.duration, samples)]
+        q, v, a = (np.array([getattr(point, name) for point in motion]) for name in "qva")
+        speed = float((abs(v) / model.velocity_limit).max())
+        effort = float((abs(dynamics.inverse(q, v, a)) / model.effort_limit).max())
         if speed <= SPEED_SHARE and effort <= EFFORT_SHARE:
-            return DemoMotion(_starting(model, start), waypoints, trajectory, effort, speed)
+            # Locked joints keep their initial positions.
+            position: dict[str, Any] = dict(model.scene.initial.position)
+            position |= dict(zip(model.joint_names, start.tolist(), strict=True))
+            scene = model.scene.model_copy(update={"initial": Initial(position=position)})
+            return DemoMotion(ArmModel(scene), waypoints, trajectory, effort, speed)
     return None
-
-
-def _pattern(count: int, n: int) -> Array:
-    """Relative excursions at each waypoint, -1 to 1, each joint at its own frequency."""
-    k, joint = np.arange(1, count + 1)[:, None], np.arange(n)
-    swings = np.sin(2.0 * np.pi * (k * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
-    swings[-1] = 0.0
-    return swings
-
-
-def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
-    """Range of positions: at a distance from the limits, unless the start is closer."""
-    span = model.position_upper - model.position_lower
-    free = MARGIN * np.where(np.isfinite(span), span, 0.0)
-    lower, upper = model.position_lower + free, model.position_upper - free
-    return np.minimum(lower, start), np.maximum(upper, start)
 
 
 def _better_start(dynamics: Dynamics) -> Array:
@@ -134,19 +134,3 @@ def _better_start(dynamics: Dynamics) -> Array:
 def _weight_shares(dynamics: Dynamics, q: Array) -> Array:
     """Holding torques, springs included, relative to the effort limits."""
     return np.abs(dynamics.gravity(q) + dynamics.spring(q)) / dynamics.model.effort_limit
-
-
-def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:
-    count = max(20, round(SAMPLES_A_SECOND * trajectory.duration))
-    motion = [trajectory.sample(t) for t in np.linspace(0.0, trajectory.duration, count)]
-    q, v, a = (np.array([getattr(point, name) for point in motion]) for name in "qva")
-    speed = np.abs(v) / dynamics.model.velocity_limit
-    effort = np.abs(dynamics.inverse(q, v, a)) / dynamics.model.effort_limit
-    return float(speed.max()), float(effort.max())
-
-
-def _starting(model: ArmModel, start: Array) -> ArmModel:
-    """The arm with another initial position; locked joints keep theirs."""
-    position: dict[str, Any] = dict(model.scene.initial.position)
-    position |= dict(zip(model.joint_names, start.tolist(), strict=True))
-    return ArmModel(model.scene.model_copy(update={"initial": Initial(position=position)}))

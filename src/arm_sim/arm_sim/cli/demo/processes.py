@@ -69,10 +69,11 @@ class Processes:
         """
         for name, process in self._running.items():
             if (status := process.poll()) is not None:
+                how = f"with status {status}"
+                if status < 0:
+                    how = f"(killed by {signal.Signals(-status).name})"
                 said = self.tail(name) or "its log is empty"
-                raise DemoFailed(
-                    f"the {name} process ended unexpectedly {_ending(status)}:\n{said}"
-                )
+                raise DemoFailed(f"the {name} process ended unexpectedly {how}:\n{said}")
 
     def stop(self, *names: str) -> None:
         """Ask all processes to end, and kill those that do not."""
@@ -98,12 +99,6 @@ class Processes:
         """The last lines of a process's log, indented."""
         lines = self.log(name).read_text(errors="replace").splitlines()[-_TAIL:]
         return "\n".join(f"    {line}" for line in lines)
-
-
-def _ending(status: int) -> str:
-    if status < 0:
-        return f"(killed by {signal.Signals(-status).name})"
-    return f"with status {status}"
 
 
 def free_domain() -> int:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm go``, ``set``, ``get`` and ``watch``: a running arm from the shell, without ROS tools.
 
-``listener`` joins the ROS graph, ``parameters`` reads and sets parameters of nodes. ROS is
+``listener`` joins the ROS graph, ``node_parameters`` reads and sets parameters. ROS is
 imported when a command runs.
 """
 

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Self
+from typing import Any
 
 import click
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -20,8 +19,8 @@ from arm_dynamics.ros.interfaces import (
     Topic,
 )
 from arm_dynamics.trajectory import files
-from arm_sim.cli.robot.listener import Listener, full
-from arm_sim.cli.robot.parameters import Parameters
+from arm_sim.cli.robot.listener import Listener, after, full
+from arm_sim.cli.robot.node_parameters import Parameters
 from arm_sim.cli.robot.reports import Reports
 
 _JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
@@ -30,36 +29,24 @@ _SILENT = ": no joint state for"  # what is to be explained
 _SAME = 1e-9  # [rad] or [m] tolerance between equal references
 
 
-def _after(seconds: float) -> Duration:
-    whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
-    return Duration(sec=whole, nanosec=part)
+class Controller(Listener):
+    """Receives a controller's state and sends it goals; use it in a ``with`` statement.
 
-
-def _numbers(values: Any) -> list[float]:
-    return [] if values is None else [float(x) for x in values]
-
-
-class Controller:
-    """Receives a controller's state and sends it goals; use it in a ``with`` statement."""
+    Args:
+        node: The controller's name.
+        timeout: How long to wait for it in [s].
+    """
 
     def __init__(self, node: str, timeout: float) -> None:
-        """Take the controller's name, and how long to wait for it in [s]."""
+        super().__init__()
         self._name, self._timeout = full(node), timeout
-        self._listener = Listener()
+        self._space = self._name.rpartition("/")[0]
         self._state: Any = None
         self._count = 0
         self._target: Mapping[str, float] = {}
-        self._listener.hear(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
         self._reports = Reports()
-        self._reports.join(self._listener)
-
-    def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
-        self._listener.__exit__()
+        self._reports.join(self)
+        self.hear(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
 
     def _topic(self, topic: Topic) -> str:
         return topic.name.replace("~", self._name)
@@ -90,7 +77,7 @@ class Controller:
         return self._here(self._reports.errors)
 
     def _here(self, said: list[str]) -> list[str]:
-        prefix = self._name.rpartition("/")[0].lstrip("/")
+        prefix = self._space.lstrip("/")
         return [line for line in said if line.startswith(prefix) and _SILENT not in line]
 
     @property
@@ -101,18 +88,16 @@ class Controller:
 
     def meet(self) -> None:
         """Wait for the controller's state, or fail with what is missing."""
-        if self._listener.until(lambda: self._state is not None, self._timeout):
+        if self.until(lambda: self._state is not None, self._timeout):
             return
-        listener, name = self._listener, self._name
-        there = name in listener.nodes() or listener.publishers(self._topic(CONTROLLER_STATE))
-        if there:
+        if self._name in self.nodes() or self.publishers(self._topic(CONTROLLER_STATE)):
             raise click.ClickException(
-                f"the controller {name} is there, but moves nothing: it has answered no joint "
-                f"state for {self._timeout:g} s\n  {self._cause()}\n  {listener.where()}"
+                f"the controller {self._name} is there, but moves nothing: it has answered no "
+                f"joint state for {self._timeout:g} s\n  {self._cause()}\n  {self.where()}"
             )
         raise click.ClickException(
-            f"no controller {name} (waited {self._timeout:g} s)\n  start one: ./arm controller "
-            f"SCENE, and a robot: ./arm sim SCENE\n  {listener.where()}"
+            f"no controller {self._name} (waited {self._timeout:g} s)\n  start one: ./arm "
+            f"controller SCENE, and a robot: ./arm sim SCENE\n  {self.where()}"
         )
 
     # --- goals ---------------------------------------------------------------------------------
@@ -129,22 +114,27 @@ class Controller:
 
     def send_joints(self, there: Mapping[str, float], duration: float) -> None:
         """Send joints to positions in [rad] or [m] within a duration in [s]."""
-        point = JointTrajectoryPoint(positions=list(there.values()))
-        point.time_from_start = _after(duration)
-        self._target = there
-        self._send(JOINT_TRAJECTORY, JointTrajectory(joint_names=list(there), points=[point]))
+        point = JointTrajectoryPoint(time_from_start=after(duration))
+        point.positions = list(there.values())
+        self._send_points(list(there), [point])
 
     def send_points(self, trajectory: files.JointTrajectory) -> None:
         """Send joints along a trajectory from its first point."""
-        message = JointTrajectory(joint_names=list(trajectory.joint_names))
+        points = []
         for given in trajectory.points[1:]:
-            point = JointTrajectoryPoint(time_from_start=_after(given.time))
-            point.positions = _numbers(given.q)
-            point.velocities, point.accelerations = _numbers(given.v), _numbers(given.a)
-            point.effort = _numbers(given.tau)
-            message.points.append(point)
-        self._target = dict(zip(trajectory.joint_names, message.points[-1].positions, strict=True))
-        self._send(JOINT_TRAJECTORY, message)
+            point = JointTrajectoryPoint(time_from_start=after(given.time))
+            for field, values in (
+                ("positions", given.q), ("velocities", given.v), ("accelerations", given.a),
+                ("effort", given.tau),
+            ):  # fmt: skip
+                if values is not None:
+                    setattr(point, field, [float(x) for x in values])
+            points.append(point)
+        self._send_points(list(trajectory.joint_names), points)
+
+    def _send_points(self, names: list[str], points: list[JointTrajectoryPoint]) -> None:
+        self._target = dict(zip(names, points[-1].positions, strict=True))
+        self._send(JOINT_TRAJECTORY, JointTrajectory(joint_names=names, points=points))
 
     def send_pose(self, numbers: Sequence[float]) -> None:
         """Send the task frame to x y z in [m] and a quaternion x y z w, in the world."""
@@ -155,8 +145,8 @@ class Controller:
 
     def _send(self, topic: Topic, message: Any) -> None:
         name = self._topic(topic)
-        publisher = self._listener.publisher(topic, name)
-        if not self._listener.until(lambda: publisher.get_subscription_count() > 0, self._timeout):
+        publisher = self.publisher(topic, name)
+        if not self.until(lambda: publisher.get_subscription_count() > 0, self._timeout):
             raise click.ClickException(f"{name} has no subscriber (waited {self._timeout:g} s)")
         publisher.publish(message)
 
@@ -167,14 +157,18 @@ class Controller:
             ClickException: If it refuses the goal, or does not answer.
         """
         before, words = self._state, self.words
+        asked = to_nanoseconds(before.header.stamp)
         send()
 
         def planned() -> bool:
-            return not self.words.startswith("planning ") and (
-                self.words != words or self._jumped(before)
-            )
+            if self.words.startswith("planning "):
+                return False
+            # The same words may tell of another motion, which has more time left.
+            passed = 1e-9 * (to_nanoseconds(self._state.header.stamp) - asked)
+            left = max(before.remaining - passed, 0.0)
+            return self.words != words or abs(self.remaining - left) > _JUMP
 
-        if not self._listener.until(planned, _PLANNING):
+        if not self.until(planned, _PLANNING):
             raise click.ClickException(
                 f"no answer to the goal within {_PLANNING:g} s; {self.words}"
             )
@@ -182,18 +176,15 @@ class Controller:
             raise click.ClickException(self.words)
         return self.words
 
-    def _jumped(self, before: Any) -> bool:
-        """Whether more time remains than of the previous motion."""
-        passed = 1e-9 * (
-            to_nanoseconds(self._state.header.stamp) - to_nanoseconds(before.header.stamp)
-        )
-        return abs(self.remaining - max(before.remaining - passed, 0.0)) > _JUMP
-
     def motion(self) -> Iterator[float]:
         """Yield the remaining time of the motion in [s] until it is finished."""
         while self.remaining > 0.0:
             yield self.remaining
-            self._next()
+            if not self.until(lambda seen=self._count: self._count > seen, self._timeout):
+                raise click.ClickException(
+                    f"no state of {self._name} for {self._timeout:g} s while the motion was under "
+                    f"way\n  {self._cause()}"
+                )
 
     def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
         """Wait for the arm to come to rest at its reference.
@@ -206,37 +197,26 @@ class Controller:
             The joint with the largest error, and that error in [rad] or [m].
         """
 
+        def largest() -> tuple[float, str]:
+            state = self._state
+            return max(zip(map(abs, state.position_error), state.joint_names, strict=True))
+
         def at_rest() -> bool:
-            fastest = max(map(abs, self._state.velocity_error))
-            return max(self._error()[1], fastest) <= tolerance
+            return max(largest()[0], *map(abs, self._state.velocity_error)) <= tolerance
 
-        self._listener.until(at_rest, patience)
-        return self._error()
-
-    def _error(self) -> tuple[str, float]:
-        errors = zip(map(abs, self._state.position_error), self._state.joint_names, strict=True)
-        error, joint = max(errors)
+        self.until(at_rest, patience)
+        error, joint = largest()
         return str(joint), float(error)
-
-    def _next(self) -> None:
-        """Wait for the next state."""
-        count = self._count
-        if not self._listener.until(lambda: self._count > count, self._timeout):
-            raise click.ClickException(
-                f"no state of {self._name} for {self._timeout:g} s while the motion was under way"
-                f"\n  {self._cause()}"
-            )
 
     def _cause(self) -> str:
         """Why there are no states, as far as the nodes of this namespace report it."""
-        space = self._name.rpartition("/")[0]
-        topic, prefix = f"{space}/{JOINT_STATES.name}", space.lstrip("/")
+        topic, prefix = f"{self._space}/{JOINT_STATES.name}", self._space.lstrip("/")
         paused = self._reports.values("paused").items()
         if any(name.startswith(prefix) and x == "true" for name, x in paused):
             return "the simulation is paused; ./arm call resume ends that"
-        if self._name not in self._listener.nodes():
+        if self._name not in self.nodes():
             return "the controller has ended; start it again: ./arm controller SCENE"
-        if not self._listener.publishers(topic):
+        if not self.publishers(topic):
             return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
         said = self._here(self._reports.complaints)
         return "\n  ".join(said) or f"{topic} has a publisher, but no state comes"

@@ -3,49 +3,35 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any
 
-import rclpy
-from rclpy.context import Context
+from builtin_interfaces.msg import Duration
+from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 
+from arm_dynamics.ros.common.caller import TemporaryNode
 from arm_dynamics.ros.common.diagnostics import publishers
-from arm_dynamics.ros.common.privileges import arrange_middleware_threads
-from arm_dynamics.ros.interfaces import Topic
+from arm_dynamics.ros.interfaces import Service, Topic
 from arm_sim.cli.interrupts import postponed
 
 _GLANCE = 0.02  # [s] between checks of a condition
 
 
-class Listener:
-    """A node with a context of its own; use it in a ``with`` statement."""
+class Listener(TemporaryNode):
+    """Subscribes to topics and publishes on them; use it in a ``with`` statement."""
 
     def __init__(self) -> None:
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(
-            f"arm_shell_{os.getpid()}", context=self._context, enable_rosout=False,
-            start_parameter_services=False,
-        )  # fmt: skip
-        arrange_middleware_threads()
+        super().__init__("arm_shell")
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
 
-    def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Leave the graph."""
         self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        super().close()
 
     def hear(
         self, topic: Topic, name: str, heard: Callable[[Any], None], raw: bool = False
@@ -56,6 +42,10 @@ class Listener:
     def publisher(self, topic: Topic, name: str) -> Publisher:
         """A publisher on a topic, by its full name."""
         return self._node.create_publisher(topic.type, name, topic.publish)
+
+    def client(self, service: Service, node: str) -> Client:
+        """A client of a node's service."""
+        return self._node.create_client(service.type, service.name.replace("~", node))
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Process messages until a condition holds, for ``timeout`` in [s]; whether it does."""
@@ -69,18 +59,11 @@ class Listener:
         """Full names of the nodes that publish a topic."""
         return sorted(publishers(self._node, topic).values())
 
-    def nodes(self) -> list[str]:
-        """Full names of the other nodes."""
-        found = self._node.get_node_names_and_namespaces()
-        mine = self._node.get_name()
-        return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != mine)
 
-    def where(self) -> str:
-        """The visible nodes, for messages."""
-        domain = self._context.get_domain_id()
-        seen = ", ".join(n for n in self.nodes() if "/arm_shell_" not in n) or "none"
-        rule = f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
-        return f"nodes seen: {seen}\n  {rule}"
+def after(seconds: float) -> Duration:
+    """A duration as a message."""
+    whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
+    return Duration(sec=whole, nanosec=part)
 
 
 def full(name: str) -> str:

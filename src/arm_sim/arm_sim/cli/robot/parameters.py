@@ -3,164 +3,89 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from contextlib import suppress
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 import yaml
 
-from arm_dynamics.exceptions import choices
-from arm_sim.cli.output import console, examples, table
+from arm_sim.cli.arguments import Json, Timeout
+from arm_sim.cli.command import command
+from arm_sim.cli.output import console, table, to_json
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
 
-_KINDS = {
-    1: "bool", 2: "int", 3: "double", 4: "string", 5: "list", 6: "bool[]", 7: "int[]",
-    8: "double[]", 9: "string[]",
-}  # fmt: skip  # numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes
-_TEXT, _DOUBLE = 4, 3
+KINDS = (
+    "unset", "bool", "int", "double", "string", "list", "bool[]", "int[]", "double[]", "string[]"
+)  # fmt: skip
+"""By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes."""
 _MEETING = 3.0  # [s] for the discovery of two processes
 
 
-class Parameters:
-    """The parameters of a node; use it in a ``with`` statement."""
-
-    def __init__(self, node: str, timeout: float) -> None:
-        """Take the node's name, and how long to wait for it in [s]."""
-        from arm_dynamics.ros.common.caller import Caller
-
-        self._node, self._caller = node, Caller(timeout)
-
-    def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
-        self._caller.close()
-
-    def names(self) -> list[str]:
-        """Names of all parameters."""
-        from rcl_interfaces.srv import ListParameters
-
-        answer = self._ask("~/list_parameters", ListParameters)
-        return sorted(answer.result.names)
-
-    def get(self, names: Sequence[str]) -> dict[str, Any]:
-        """Their values by name."""
-        from rcl_interfaces.srv import GetParameters
-        from rclpy.parameter import parameter_value_to_python
-
-        answer = self._ask("~/get_parameters", GetParameters, names=list(names))
-        values = map(parameter_value_to_python, answer.values)
-        return dict(zip(names, map(_plain, values), strict=True))
-
-    def describe(self, names: Sequence[str]) -> dict[str, ParameterDescriptor]:
-        """Their descriptions by name."""
-        from rcl_interfaces.srv import DescribeParameters
-
-        answer = self._ask("~/describe_parameters", DescribeParameters, names=list(names))
-        return dict(zip(names, answer.descriptors, strict=True))
-
-    def set(self, values: Mapping[str, Any]) -> None:
-        """Set all of them, or none.
-
-        Raises:
-            click.ClickException: If the node refuses, with its reason.
-        """
-        from rcl_interfaces.srv import SetParametersAtomically
-        from rclpy.parameter import Parameter
-
-        messages = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-        answer = self._ask(
-            "~/set_parameters_atomically", SetParametersAtomically, parameters=messages
-        )
-        if not answer.result.successful:
-            raise click.ClickException(f"refused: {answer.result.reason}")
-
-    def require(self, names: Sequence[str]) -> None:
-        """Fail with what is allowed if one does not exist."""
-        known = self.names()
-        for name in names:
-            if name not in known:
-                raise click.ClickException(
-                    f"{self._node} has no parameter '{name}'; allowed: {choices(name, known, 100)}"
-                )
-
-    def _ask(self, service: str, kind: Any, **fields: Any) -> Any:
-        from arm_dynamics.exceptions import NoAnswer
-        from arm_dynamics.ros.interfaces import Service
-
-        try:
-            return self._caller.ask(self._node, Service(service, kind), kind.Request(**fields))
-        except NoAnswer as error:
-            raise click.ClickException(f"{error}\n  --timeout waits longer") from None
-
-
-def _plain(value: Any) -> Any:
-    """A value for JSON; an empty list has no type and arrives as bytes."""
-    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
-
-
-_timeout = click.option(
-    "--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
-    help="How long to wait for the node, in s.",
-)  # fmt: skip
-
-
-@click.command(
-    epilog=examples(
-        "./arm get", "./arm get controller", "./arm get controller bandwidth",
-        "./arm get left/sim --json",
-    )
-)  # fmt: skip
-@click.argument("node", required=False)
-@click.argument("names", metavar="[NAME]…", nargs=-1)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@_timeout
-def get(node: str | None, names: tuple[str, ...], as_json: bool, timeout: float) -> None:
+@command(
+    "./arm get",
+    "./arm get controller",
+    "./arm get controller bandwidth",
+    "./arm get left/sim --json",
+)
+def get(
+    node: str | None = None,
+    names: Annotated[tuple[str, ...], "[NAME]…"] = (),
+    *,
+    as_json: Json = False,
+    timeout: Timeout = 5.0,
+) -> None:
     """Show parameters of NODE: values, allowed ranges, and descriptions.
 
     Without NAME it shows all of them, without NODE a list of the nodes.
     """
     if node is None:
-        _list_nodes(timeout, as_json)
+        from arm_sim.cli.robot.listener import Listener
+
+        with Listener() as listener:
+            listener.until(lambda: bool(listener.nodes()), timeout)
+            listener.until(lambda: False, _MEETING)
+            seen = [name for name in listener.nodes() if "/_" not in name]
+            where = listener.where()
+        if not (seen or as_json):
+            raise click.ClickException(f"no nodes (waited {timeout:g} s)\n  {where}")
+        click.echo(to_json(seen) if as_json else "\n".join(seen))
         return
-    with Parameters("/" + node.strip("/"), timeout) as parameters:
+    from arm_sim.cli.robot.node_parameters import Parameters
+
+    with Parameters(node, timeout) as parameters:
         if names:
             parameters.require(names)
         chosen = list(names or parameters.names())
         values = parameters.get(chosen)
         if as_json:
-            click.echo(json.dumps(values))
+            click.echo(to_json(values))
             return
-        about = parameters.describe(chosen)
-    rows = [
-        (name, _written(values[name]), _kind(about[name]), _allowed(about[name]),
-         about[name].description)
-        for name in chosen
-    ]  # fmt: skip
+        descriptions = parameters.describe(chosen)
+    rows = []
+    for name, about in descriptions.items():
+        ranges = (*about.floating_point_range, *about.integer_range)
+        allowed = [f"{r.from_value:g} to {r.to_value:g}" for r in ranges]
+        allowed += [about.additional_constraints, "fixed" if about.read_only else ""]
+        rows.append((name, _written(values[name]), KINDS[about.type],
+                     ", ".join(filter(None, allowed)), about.description))  # fmt: skip
     made = table(("parameter", "value", "type", "allowed", ""), rows, text=range(5))
     made.columns[-1].no_wrap = False
     console().print(made)
 
 
-@click.command(
-    "set",
-    context_settings={"ignore_unknown_options": True},
-    epilog=examples(
-        "./arm set controller bandwidth 30",
-        "./arm set controller controller joint_impedance damping_ratio 0.7",
-        './arm set controller force_direction "[0, 0, -1]"',
-        "./arm set left/sim stale_policy gravity",
-    ),
+@command(
+    "./arm set controller bandwidth 30",
+    "./arm set controller controller joint_impedance damping_ratio 0.7",
+    './arm set controller force_direction "[0, 0, -1]"',
+    "./arm set left/sim stale_policy gravity",
+    name="set",
+    ignore_unknown_options=True,
 )
-@click.argument("node")
-@click.argument("words", metavar="NAME VALUE…", nargs=-1, required=True)
-@_timeout
-def set_(node: str, words: tuple[str, ...], timeout: float) -> None:
+def set_(
+    node: str, words: Annotated[tuple[str, ...], "NAME VALUE…"], *, timeout: Timeout = 5.0
+) -> None:
     """Set parameters of NODE: all of them together, or none.
 
     Values are written as in YAML: 30, 0.5, true, hold, [1, 2].
@@ -168,79 +93,41 @@ def set_(node: str, words: tuple[str, ...], timeout: float) -> None:
     if len(words) % 2:
         raise click.UsageError(f"'{words[-1]}' has no value; pairs of NAME VALUE are expected")
     wanted = dict(zip(words[::2], words[1::2], strict=True))
-    if 2 * len(wanted) < len(words):
+    names = list(wanted)
+    if 2 * len(names) < len(words):
         raise click.UsageError("a parameter is named twice")
-    with Parameters("/" + node.strip("/"), timeout) as parameters:
-        parameters.require(list(wanted))
-        about = parameters.describe(list(wanted))
-        before = parameters.get(list(wanted))
+    from arm_sim.cli.robot.node_parameters import Parameters
+
+    with Parameters(node, timeout) as parameters:
+        parameters.require(names)
+        about, before = parameters.describe(names), parameters.get(names)
         parameters.set({n: _read(n, text, about[n], before[n]) for n, text in wanted.items()})
-        after = parameters.get(list(wanted))
-    for name in wanted:
+        after = parameters.get(names)
+    for name in names:
         click.echo(f"{name}: {_written(before[name])} → {_written(after[name])}")
 
 
 def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
     """Parse a value, with the parameter's type where that is known."""
-    if about.type == _TEXT and isinstance(before, str):  # rclpy notes refused types, too
+    kind = KINDS[about.type]
+    if kind == "string" and isinstance(before, str):  # rclpy notes refused types, too
         return text
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         raise click.ClickException(f"{name}: {text!r} is not a value in YAML") from None
     if isinstance(value, str):
-        value = _number(value)
-    if about.type == _DOUBLE and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        with suppress(ValueError):  # a number that YAML reads as text, such as 1e-3
+            value = float(value)
     if not isinstance(value, bool | int | float | str | list):
-        raise click.ClickException(
-            f"{name}: {text!r} is not a parameter value; expected {_kind(about)}"
-        )
+        raise click.ClickException(f"{name}: {text!r} is not a parameter value; expected {kind}")
+    if kind == "double" and type(value) is int:
+        return float(value)
     if isinstance(value, list) and {type(x) for x in value} == {int, float}:
         return [float(x) for x in value]
     return value
 
 
-def _number(text: str) -> Any:
-    """A number that YAML reads as text, such as 1e-3."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _kind(about: ParameterDescriptor) -> str:
-    return _KINDS.get(about.type, "unset")
-
-
-def _allowed(about: ParameterDescriptor) -> str:
-    """Range, choices, or that the parameter is read-only."""
-    parts = [
-        f"{r.from_value:g} to {r.to_value:g}"
-        for r in (*about.floating_point_range, *about.integer_range)
-    ]
-    parts += [about.additional_constraints] if about.additional_constraints else []
-    parts += ["fixed"] if about.read_only else []
-    return ", ".join(parts)
-
-
 def _written(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False) if not isinstance(value, str) else value
+    text = value if isinstance(value, str) else to_json(value)
     return text if len(text) <= 60 else text[:59] + "…"
-
-
-def _list_nodes(timeout: float, as_json: bool) -> None:
-    """List the nodes, after enough time for discovery."""
-    from arm_sim.cli.robot.listener import Listener
-
-    with Listener() as listener:
-        listener.until(lambda: bool(listener.nodes()), timeout)
-        listener.until(lambda: False, _MEETING)
-        seen = [name for name in listener.nodes() if "/_" not in name]
-        where = listener.where()
-    if as_json:
-        click.echo(json.dumps(seen))
-    elif seen:
-        click.echo("\n".join(seen))
-    else:
-        raise click.ClickException(f"no nodes (waited {timeout:g} s)\n  {where}")

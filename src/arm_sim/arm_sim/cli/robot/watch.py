@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from arm_sim.cli.output import console, examples, table
+from arm_sim.cli.arguments import Json, Timeout
+from arm_sim.cli.command import command
+from arm_sim.cli.output import console, table, to_json
 from arm_sim.cli.robot.reports import Reports
 
 if TYPE_CHECKING:
@@ -31,55 +33,53 @@ _NONE = ("", "none", "no")
 _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
 
 
-@click.command(
-    epilog=examples(
-        "./arm watch", "./arm watch --once", "./arm watch --topic left/joint_states",
-        "./arm watch --rate 1 > log.txt",
-    )
-)  # fmt: skip
-@click.option(
-    "--topic", default="joint_states", show_default=True, help="Topic of the joint states."
+@command(
+    "./arm watch",
+    "./arm watch --once",
+    "./arm watch --topic left/joint_states",
+    "./arm watch --rate 1 > log.txt",
 )
-@click.option("--once", is_flag=True, help="Show them once and exit.")
-@click.option("--rate", default=5.0, show_default=True, type=click.FloatRange(0.1, 60.0),
-              help="Updates per second.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per update.")
-@click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
-              help="How long to wait for the first joint state, in s.")  # fmt: skip
-def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) -> None:
+def watch(
+    *,
+    topic: str = "joint_states",
+    once: bool = False,
+    rate: Annotated[float, click.FloatRange(0.1, 60.0)] = 5.0,
+    as_json: Json = False,
+    timeout: Timeout = 5.0,
+) -> None:
     """Show position, velocity and effort of the joints of a running robot until Ctrl-C.
 
     Below them it shows the rate of the joint states, and warnings of the nodes, such as stopped
     commands or joints at their stops. In a pipe it prints one line per update.
+
+    Args:
+        topic: Topic of the joint states.
+        once: Show them once and exit.
+        rate: Updates per second.
+        as_json: Print JSON, one line per update.
+        timeout: How long to wait for the first joint state, in s.
     """
     from arm_sim.cli.robot.listener import Listener, full
 
-    with Listener() as listener:
+    with Listener() as listener, suppress(KeyboardInterrupt):
         seen = Seen(full(topic))
         seen.join(listener)
+        left = timeout
+        while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
+            left -= _TELL
+            if not as_json:
+                click.echo(f"no joint states on {seen.topic} yet …", err=True)
+        if not listener.until(lambda: seen.state is not None, left):
+            raise click.ClickException(
+                f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
+                f"sim SCENE; --topic selects another topic\n  {listener.where()}"
+            )
+        listener.until(lambda: seen.measured, 0.3)
+        listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
         try:
-            _meet(listener, seen, timeout, quiet=as_json)
-            listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
             _show(listener, seen, once, 1.0 / rate, as_json)
-        except KeyboardInterrupt:
-            pass
         except BrokenPipeError:  # the pipe was closed
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _meet(listener: Listener, seen: Seen, timeout: float, quiet: bool) -> None:
-    """Wait for joint states, and long enough to measure their rate."""
-    left = timeout
-    while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
-        left -= _TELL
-        if not quiet:
-            click.echo(f"no joint states on {seen.topic} yet …", err=True)
-    if not listener.until(lambda: seen.state is not None, left):
-        raise click.ClickException(
-            f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
-            f"sim SCENE; --topic selects another topic\n  {listener.where()}"
-        )
-    listener.until(lambda: seen.measured, 0.3)
 
 
 @dataclass
@@ -159,19 +159,15 @@ class Seen:
 def _show(listener: Listener, seen: Seen, once: bool, period: float, as_json: bool) -> None:
     if as_json or not (once or sys.stdout.isatty()):
         line = _json if as_json else _line
-        while True:
-            click.echo(line(seen))
-            sys.stdout.flush()
-            if once:
-                return
+        click.echo(line(seen))
+        while not once:
             listener.until(lambda: False, period)
-    if once:
-        console().print(_picture(seen))
+            click.echo(line(seen))
         return
     from rich.live import Live
 
     with Live(_picture(seen), console=console(), auto_refresh=False) as live:
-        while True:
+        while not once:
             listener.until(lambda: False, period)
             live.update(_picture(seen), refresh=True)
 
@@ -200,10 +196,5 @@ def _line(seen: Seen) -> str:
 
 def _json(seen: Seen) -> str:
     names, *columns = zip(*seen.rows(), strict=True)
-    keys = ("position", "velocity", "effort")
-    values = {
-        key: [None if math.isnan(x) else x for x in column]
-        for key, column in zip(keys, columns, strict=True)
-    }
-    about = {"time": seen.stamp, "rate": seen.rate, "remarks": seen.remarks()}
-    return json.dumps({**about, "names": names, **values})
+    about = {"time": seen.stamp, "rate": seen.rate, "remarks": seen.remarks(), "names": names}
+    return to_json(about | dict(zip(("position", "velocity", "effort"), columns, strict=True)))

@@ -4,16 +4,15 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, suppress
-from pathlib import Path
+from typing import Annotated, Literal
 
 import click
 
-from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import examples, waiting
+from arm_sim.cli.arguments import BagTopic, File, Positive, RobotScene, Scene
+from arm_sim.cli.command import command
+from arm_sim.cli.output import waiting
 
 __all__ = ["view"]
-
-FILE = click.Path(dir_okay=False, path_type=Path)
 
 
 class Size(click.ParamType):
@@ -35,59 +34,60 @@ class Size(click.ParamType):
         return int(width), int(height)
 
 
-@click.command(
-    epilog=examples(
-        "./arm view panda",
-        "./arm view panda ur10 --port 9000",
-        "./arm view --live",
-        "./arm view --live=left --live=right",
-        "./arm view run.mcap",
-        "./arm view bags/my_robot --scene ur10",
-        "./arm view four_bar --gif four_bar.gif --duration 4",
-        "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
-    )
+@command(
+    "./arm view panda",
+    "./arm view panda ur10 --port 9000",
+    "./arm view --live",
+    "./arm view --live=left --live=right",
+    "./arm view run.mcap",
+    "./arm view bags/my_robot --scene ur10",
+    "./arm view four_bar --gif four_bar.gif --duration 4",
+    "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
 )
-@click.argument("what", type=SCENE, nargs=-1)
-@click.option("--live", is_flag=False, flag_value="", multiple=True, metavar="[NAMESPACE]",
-              help="Follow a running robot over its topics, in a namespace by --live=NAMESPACE. "
-              "WHAT is then its scene, and may be omitted where robot_description is published.",
-)  # fmt: skip
-@click.option("--host", default="127.0.0.1", show_default=True,
-              help="Address to listen on; 0.0.0.0 for the whole network.")  # fmt: skip
-@click.option("--port", type=click.IntRange(0, 65535),
-              help="Port; 8080 or the next free one when omitted.")  # fmt: skip
-@click.option("--html", type=FILE, help="Write a standalone page that plays without a server.")
-@click.option("--png", type=FILE, help="Write a picture, drawn by a headless browser.")
-@click.option("--gif", type=FILE, help="Write an animated GIF.")
-@click.option("--mp4", type=FILE, help="Write a video; needs ffmpeg.")
-@click.option(
-    "--size", type=Size(), default=(960, 600), help="Size of pictures; 960x600 by default."
-)
-@click.option("--time", type=float, help="Time of the picture of --png, in s.")
-@click.option("--duration", type=click.FloatRange(0.0, min_open=True), default=5.0,
-              show_default=True, help="Length of films and pages of a scene, in s.")  # fmt: skip
-@click.option("--control", type=click.Choice(["nothing", "weight"]), default="nothing",
-              show_default=True,
-              help="For scenes: what holds the arm in pictures and pages; weight: its weight is "
-              "carried.")  # fmt: skip
-@click.option("--scene", type=SCENE, help="Scene, for a recording of a robot, which has none.")
-@click.option("--topic", help="Topic of the joint states, if a bag has several.")
-@click.option("--speed", type=click.FloatRange(0.01, 100.0), default=1.0, show_default=True,
-              help="Speed of films and pages.")  # fmt: skip
-@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True,
-              help="Frames per second of films and pages.")  # fmt: skip
 def view(
-    what: tuple[str, ...], live: tuple[str, ...], host: str, port: int | None, html: Path | None,
-    png: Path | None, gif: Path | None, mp4: Path | None, size: tuple[int, int],
-    time: float | None, duration: float, control: str, scene: str | None, topic: str | None,
-    speed: float, rate: float,
-) -> None:  # fmt: skip
+    what: tuple[Scene, ...] = (),
+    *,
+    live: Annotated[
+        tuple[str, ...], "--live [NAMESPACE]", {"is_flag": False, "flag_value": ""}
+    ] = (),
+    host: str = "127.0.0.1",
+    port: Annotated[int | None, click.IntRange(0, 65535)] = None,
+    html: File | None = None,
+    png: File | None = None,
+    gif: File | None = None,
+    mp4: File | None = None,
+    size: Annotated[tuple[int, int] | None, Size()] = None,
+    time: float | None = None,
+    duration: Positive = 5.0,
+    control: Literal["nothing", "weight"] = "nothing",
+    scene: RobotScene | None = None,
+    topic: BagTopic | None = None,
+    speed: Annotated[float, click.FloatRange(0.01, 100.0)] = 1.0,
+    rate: Annotated[float, click.FloatRange(1.0, 60.0)] = 25.0,
+) -> None:
     """Show WHAT in the browser until Ctrl-C, or write its pictures.
 
     WHAT is a scene (a scene file, a URDF, or the name of a ready scene) that can be run, stepped,
     placed, pushed and pulled with the mouse; or a recording to play: a file written by the sim
     node's parameter record or by Recording.save, a bag of a robot, or a .csv table. Several are
     shown side by side.
+
+    Args:
+        live: Follow a running robot over its topics, in a namespace by --live=NAMESPACE. WHAT is
+            then its scene, and may be omitted where robot_description is published.
+        host: Address to listen on; 0.0.0.0 for the whole network.
+        port: Port; 8080 or the next free one when omitted.
+        html: Write a standalone page that plays without a server.
+        png: Write a picture, drawn by a headless browser.
+        gif: Write an animated GIF.
+        mp4: Write a video; needs ffmpeg.
+        size: Size of pictures; 960x600 by default.
+        time: Time of the picture of --png, in s.
+        duration: Length of films and pages of a scene, in s.
+        control: For scenes: what holds the arm in pictures and pages; weight: its weight is
+            carried.
+        speed: Speed of films and pages.
+        rate: Frames per second of films and pages.
     """
     from arm_sim.cli.interrupts import interruptible
     from arm_sim.view.pictures import browser
@@ -98,15 +98,17 @@ def view(
     if pictures.keys() - {"html"}:
         browser()
     port = 0 if pictures else port
+    size = size or (960, 600)
     doing = [f"opening {' '.join(what) or 'the page'}"]
     with ExitStack() as stack:
         if pictures:
             stack.enter_context(waiting(lambda: doing[-1], in_lines=True))
         if live:
-            from arm_sim.cli.view.live import RunningArms
+            from arm_sim.cli.robot.listener import Listener
+            from arm_sim.cli.view.live import followed
 
             library()
-            page = stack.enter_context(RunningArms(live)).show(what, host, port)
+            page = followed(stack.enter_context(Listener()), live, what, host, port)
         elif what:
             from arm_sim.cli.view.sources import shown
 

@@ -1,26 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Running arms, received over ROS topics by a separate process."""
+"""Running arms, received over ROS topics by a separate process, and their page."""
 
 from __future__ import annotations
 
-import threading
+import time
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rclpy.serialization import deserialize_message
 
 from arm_dynamics import ArmModel, Scene, load_scene
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE, JOINT_STATES, ROBOT_DESCRIPTION
 from arm_dynamics.scene.load import scene_from_urdf
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.exceptions import ViewError
 from arm_sim.ros.interfaces import ENERGY
-from arm_sim.view import News, View, show_followed
+from arm_sim.view import View
+from arm_sim.view.charts import RollingCharts
+from arm_sim.view.marks import Instant
+from arm_sim.view.stage import DrawnArm
+from arm_sim.view.view import opened
 
+if TYPE_CHECKING:
+    import viser
+
+ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
+MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
+CHARTED = 0.5  # [s] between drawings of curves
+HEARD = 0.01  # [s] of listening before each picture
+OLD = 0.5  # [s] without data after which an arm is reported as silent
+_ERROR, _ENERGY = "controller/state", "sim/energy"
 _WAIT = 5.0  # [s] for joint states and for a description
 
 
@@ -29,26 +43,19 @@ class RunningArm:
 
     Only the bytes of the newest joint state are kept, which arrive a thousand times a second;
     they are deserialized when a picture is drawn.
-
-    Args:
-        listener: Takes part in the ROS graph.
-        namespace: Namespace of the nodes; empty for none.
     """
 
     def __init__(self, listener: Listener, namespace: str) -> None:
         self._listener, self.namespace = listener, namespace.strip("/")
         self.topic = self._name(JOINT_STATES.name)
-        self._bytes: Any = None  # here and below: the newest message
-        self._description: Any = None
-        self._error: Any = None
-        self._energy: Any = None
+        self._newest = dict[str, Any]()  # message by topic
         self._model: ArmModel | None = None
-        keep = partial(partial, setattr, self)
-        listener.hear(JOINT_STATES, self.topic, keep("_bytes"), raw=True)
-        described = self._name(ROBOT_DESCRIPTION.name)
-        listener.hear(ROBOT_DESCRIPTION, described, keep("_description"))
-        listener.hear(CONTROLLER_STATE, self._name("controller/state"), keep("_error"))
-        listener.hear(ENERGY, self._name("sim/energy"), keep("_energy"))
+        for topic, name in (
+            (JOINT_STATES, JOINT_STATES.name), (ROBOT_DESCRIPTION, ROBOT_DESCRIPTION.name),
+            (CONTROLLER_STATE, _ERROR), (ENERGY, _ENERGY),
+        ):  # fmt: skip
+            keep = partial(self._newest.__setitem__, name)
+            listener.hear(topic, self._name(name), keep, raw=topic is JOINT_STATES)
 
     @property
     def name(self) -> str:
@@ -57,126 +64,144 @@ class RunningArm:
         return self.namespace.replace("/", " ") or robot
 
     def meet(self, scene: str | None) -> ArmModel:
-        """Wait for the arm and determine its scene.
-
-        Args:
-            scene: Its scene; None for that of its robot description.
+        """Wait for the arm; its scene is that of its robot description unless given.
 
         Raises:
             ViewError: If no joint states arrive in time, or it is another robot.
         """
-        if not self._listener.until(lambda: self._bytes is not None, _WAIT):
+        if not self._arrives(JOINT_STATES.name):
             raise ViewError(
                 f"no joint states on {self.topic} (waited {_WAIT:g} s)\n  start a robot: "
                 "./arm sim SCENE; --live=NAMESPACE follows one in a namespace\n  "
                 f"{self._listener.where()}"
             )
-        told = self._state().name
-        self._model = model = ArmModel(self._scene(scene, told))
-        if missing := [name for name in model.joint_names if name not in told]:
+        names = deserialize_message(self._newest[JOINT_STATES.name], JOINT_STATES.type).name
+        self._model = model = ArmModel(self._scene(scene, names))
+        if missing := [name for name in model.joint_names if name not in names]:
             raise ViewError(
                 f"{self.topic} is of another robot than the scene: it has no joint "
-                f"{known_names(missing)}, but {known_names(told)}"
+                f"{known_names(missing)}, but {known_names(names)}"
             )
         return model
 
-    def newest(self) -> News | None:
-        """The newest state; None if there is nothing new since the last call."""
+    def newest(self) -> tuple[float, Array, Array, Array, Array] | None:
+        """What is new since the last call, if anything.
+
+        Returns:
+            Time in [s]; positions, torques, errors from the reference, each of shape (n,); and the
+            ``ENERGIES`` in [J], shape (5,). What is unknown is NaN, except positions.
+        """
         assert self._model is not None
-        if self._bytes is None:
+        if (data := self._newest.pop(JOINT_STATES.name, None)) is None:
             return None
-        state, names = self._state(), self._model.joint_names
-        self._bytes = None
-        places = {name: i for i, name in enumerate(state.name)}
-        if not all(name in places and places[name] < len(state.position) for name in names):
-            return None
-        order = [places[name] for name in names]
-        now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
-        effort = np.asarray(state.effort)
-        torque = effort[order] if len(effort) == len(state.name) else np.zeros(len(names))
-        q = np.asarray(state.position)[order]
+        state = deserialize_message(data, JOINT_STATES.type)
+
+        def of_joints(names: Sequence[str], values: Sequence[float]) -> Array:
+            known = dict(zip(names, values, strict=False))
+            return np.array([known.get(name, np.nan) for name in self._model.joint_names])
+
+        q = of_joints(state.name, state.position)
         if not np.isfinite(q).all():
             return None
-        energy = self._energy
-        energies = [0.0] * 5 if energy is None else [
-            energy.kinetic, energy.potential, energy.total, energy.input, energy.dissipated
-        ]  # fmt: skip
-        return News(now, q, torque, self._errors(names), np.array(energies))
-
-    def _errors(self, names: Sequence[str]) -> Array:
-        if self._error is None:
-            return np.zeros(len(names))
-        told = dict(zip(self._error.joint_names, self._error.position_error, strict=False))
-        return np.array([told.get(name, 0.0) for name in names])
+        complete = len(state.effort) == len(state.name)
+        torque = of_joints(state.name, state.effort if complete else ())
+        told, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
+        error = of_joints(told.joint_names, told.position_error) if told else np.nan * q
+        energies = np.full(len(ENERGIES), np.nan)
+        if energy:
+            flows = energy.input, energy.dissipated
+            energies = np.array([energy.kinetic, energy.potential, energy.total, *flows])
+        now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
+        return now, q, torque, error, energies
 
     def _scene(self, scene: str | None, told: Sequence[str]) -> Scene:
         """Its scene; joints of the description without joint states are locked."""
         if scene is not None:
             return load_scene(scene)
-        if not self._listener.until(lambda: self._description is not None, _WAIT):
-            topic = self._name(ROBOT_DESCRIPTION.name)
+        topic = self._name(ROBOT_DESCRIPTION.name)
+        if not self._arrives(ROBOT_DESCRIPTION.name):
             raise ViewError(
                 f"no robot description on {topic} for the joint states on {self.topic}; name the "
                 "scene: ./arm view SCENE --live"
             )
-        urdf = self._description.data
+        urdf = self._newest[ROBOT_DESCRIPTION.name].data
         names = ArmModel(scene_from_urdf(urdf)).joint_names
         silent = [name for name in names if name not in told]
         if len(silent) == len(names):
             raise ViewError(
-                f"{self.topic} is of another robot than {self._name(ROBOT_DESCRIPTION.name)}: it "
-                f"has none of its joints {known_names(names)}, but {known_names(told)}"
+                f"{self.topic} is of another robot than {topic}: it has none of its joints "
+                f"{known_names(names)}, but {known_names(told)}"
             )
         return load_scene({"robot": {"urdf": urdf, "lock": silent}})
 
-    def _state(self) -> Any:
-        return deserialize_message(self._bytes, JOINT_STATES.type)
+    def _arrives(self, topic: str) -> bool:
+        return self._listener.until(lambda: topic in self._newest, _WAIT)
 
     def _name(self, topic: str) -> str:
         return f"/{self.namespace}/{topic}" if self.namespace else f"/{topic}"
 
 
-class RunningArms:
-    """Receives running arms in a thread of its own; use it in a ``with`` statement."""
+@sealed
+class Follower(View):
+    """A page that follows running arms; times count from the first data."""
 
-    def __init__(self, namespaces: Sequence[str]) -> None:
-        """Take part in the ROS graph."""
-        self._listener = Listener()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(
-            target=lambda: self._listener.until(self._ended.is_set, float("inf")),
-            name="arm view: topics", daemon=True,
-        )  # fmt: skip
-        self.arms = [RunningArm(self._listener, namespace) for namespace in namespaces]
+    def __init__(
+        self, server: viser.ViserServer, actors: Sequence[DrawnArm], arms: Sequence[RunningArm],
+        listener: Listener,
+    ) -> None:  # fmt: skip
+        super().__init__(server, actors)
+        self._listener = listener
+        self._status = server.gui.add_markdown("waiting")
+        forget = server.gui.add_button("Clear path")
+        forget.on_click(lambda _: self._order(lambda: [x.forget_way() for x in self.actors]))
+        for actor in actors:
+            actor.draw(Instant(actor.marker.model.q0))
+        joints = {actor.name: actor.marker.model.joint_names for actor in actors}
+        self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLED)
+        self._followed = tuple(zip(arms, actors, strict=True))
+        self._began, self._times, self._heard = (dict[str, float]() for _ in range(3))
 
-    def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
-        return self
+    def _beat(self, passed: float) -> None:
+        self._listener.until(self._ended.is_set, HEARD)
+        for arm, actor in self._followed:
+            if (newest := arm.newest()) is None:
+                continue
+            (stamp, q, *values), name = newest, actor.name
+            at = stamp - self._began.setdefault(name, stamp)
+            if at < self._times.get(name, at):  # it was restarted
+                self._charts.clear(name)
+                actor.forget_way()
+            self._heard[name], self._times[name] = time.monotonic(), at
+            with self._server.atomic():
+                actor.draw(Instant(q), leave_path=True)
+            self._charts.add(name, at, lambda values=values: values)  # type: ignore[misc]
+        if self._charts.draw(CHARTED):
+            self._complain("")
 
-    def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=5.0)
-        self._listener.__exit__()
+    def _complain(self, trouble: str) -> None:
+        lines = []
+        for name in (actor.name for actor in self.actors):
+            silence, state = time.monotonic() - self._heard.get(name, np.nan), ""
+            if np.isnan(silence):
+                state = ", no data yet"
+            elif silence > OLD:
+                state = f", silent for {silence:.0f} s"
+            lines.append(f"{name}: t = {self._times.get(name, 0.0):.2f} s{state}")
+        self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
 
-    def show(self, scenes: Sequence[str], host: str, port: int | None) -> View:
-        """A page that follows the arms.
 
-        Args:
-            scenes: Their scenes: one for each, one for all, or none.
-            host: Address to listen on.
-            port: Port.
-
-        Raises:
-            ViewError: If an arm sends no joint states, or is another robot.
-        """
-        if len(scenes) not in (0, 1, len(self.arms)):
-            raise ViewError(
-                f"{len(scenes)} scenes for {len(self.arms)} running arms; none, one or "
-                f"{len(self.arms)} are expected"
-            )
-        chosen = [None] * len(self.arms) if not scenes else [*scenes] * len(self.arms)
-        models = [arm.meet(scene) for arm, scene in zip(self.arms, chosen, strict=False)]
-        self._thread.start()
-        return show_followed(self.arms, [arm.name for arm in self.arms], models, host, port)
+def followed(
+    listener: Listener, namespaces: Sequence[str], scenes: Sequence[str], host: str,
+    port: int | None,
+) -> View:  # fmt: skip
+    """A page that follows the arms in namespaces, with scenes for each, one for all, or none."""
+    if len(scenes) not in (0, 1, len(namespaces)):
+        raise ViewError(
+            f"{len(scenes)} scenes for {len(namespaces)} running arms; none, one or "
+            f"{len(namespaces)} are expected"
+        )
+    arms = [RunningArm(listener, namespace) for namespace in namespaces]
+    chosen = [*scenes] * len(arms) if scenes else [None] * len(arms)
+    models = [arm.meet(scene) for arm, scene in zip(arms, chosen, strict=False)]
+    page = partial(Follower, arms=arms, listener=listener)
+    return opened(page, [arm.name for arm in arms], models, host, port)

@@ -136,7 +136,7 @@ class SimNode(Node):
         self.get_logger().info(greeting(self.simulator, self.params))
         if unused := self.params.unused:
             self.get_logger().warning(
-                f"parameters without effect, since ticks are triggered by "
+                f"parameters without effect, since time steps are triggered by "
                 f"{self.params.tick_source}: {', '.join(unused)}"
             )
         self._outputs.publish()
@@ -210,7 +210,7 @@ class SimNode(Node):
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(
-                f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} deadlines "
+                f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "
                 f"missed, {loop.dropped} dropped; lateness {loop.lateness}; "
                 f"{round_trip.count} answers, round trip {round_trip}"
             )

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page that shows arms: its address, its thread, pictures and films."""
+
+from __future__ import annotations
+
+import html
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from arm_dynamics.attributes import sealed
+from arm_dynamics.exceptions import ArmError
+from arm_dynamics.writing import warn_if_replaced
+from arm_sim.exceptions import ViewError
+from arm_sim.view import pictures
+from arm_sim.view.framing import fitted
+from arm_sim.view.server import address, close_server
+from arm_sim.view.stage import DrawnArm, Row, around, legend
+
+if TYPE_CHECKING:
+    import viser
+
+SIZE = 960, 600
+RATE = 25.0  # [Hz] frame rate of a film
+MOST = 3000  # pictures of a page or film
+BEATS = 60.0  # [Hz] at which pictures change at most
+ENDLESS = "a simulation has no end; films and times require a recording"
+
+_log = logging.getLogger(__name__)
+
+
+@sealed
+class View:
+    """A page that shows arms until it is closed.
+
+    Only its own thread changes what it shows: it draws, and runs the requests of visitors.
+
+    Args:
+        server: The page.
+        actors: The arms.
+    """
+
+    _begin = _end = np.nan  # [s] of a motion
+
+    def __init__(self, server: viser.ViserServer, actors: Sequence[DrawnArm]) -> None:
+        self._server, self.actors = server, tuple(actors)
+        self._orders = queue.SimpleQueue[Callable[[], object]]()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="arm view", daemon=True)
+
+    @property
+    def name(self) -> str:
+        """Names of the arms."""
+        return ", ".join(actor.name for actor in self.actors)
+
+    @property
+    def url(self) -> str:
+        """URL of the page."""
+        return address(self._server)
+
+    def draw(self) -> None:
+        """Draw the current state of simulations, in a loop of your own."""
+
+    def wait(self) -> None:
+        """Show until it is closed from elsewhere, or Ctrl-C."""
+        self._ended.wait()
+
+    def close(self) -> None:
+        """End the page."""
+        self._ended.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout=5.0)
+        close_server(self._server)
+
+    def __enter__(self) -> Self:
+        """Show within a ``with`` block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the page."""
+        self.close()
+
+    def __repr__(self) -> str:
+        """Where it is."""
+        return f"<View of {self.name} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        """The page inside a notebook."""
+        return (
+            f'<iframe src="{html.escape(self.url)}" width="100%" height="{SIZE[1]}" '
+            'style="border:1px solid #ddd"></iframe>'
+        )
+
+    # --- pictures ------------------------------------------------------------------------------
+
+    def picture(
+        self, path: str | Path, size: tuple[int, int] = SIZE, time: float | None = None
+    ) -> Path:
+        """Write the view as a picture (.png, .jpg), drawn by a headless browser.
+
+        Args:
+            path: Path of the file.
+            size: Width and height in pixels.
+            time: For motions: the time in [s]; None for the one that is shown.
+
+        Raises:
+            ViewError: If the format is unknown, or there is no browser, or it fails.
+        """
+        from PIL import Image
+
+        path = self._writable(path)
+        pictures.refuse(path, (".png", ".jpg"))
+        if time is not None:
+            self._seek(time)
+        with self._camera(size) as shoot:
+            Image.fromarray(shoot()).save(path)
+        return path
+
+    def film(
+        self, path: str | Path, size: tuple[int, int] = SIZE, rate: float = RATE,
+        speed: float = 1.0, progress: Callable[[str], None] = lambda text: None,
+    ) -> Path:  # fmt: skip
+        """Write a motion as a film (.gif, or .mp4 where ffmpeg is installed).
+
+        Args:
+            path: Path of the file.
+            size: Width and height in pixels.
+            rate: Frames per second.
+            speed: Playback speed: 2 for twice as fast.
+            progress: Called with what is done next.
+
+        Raises:
+            ViewError: If it is not a motion, there is no browser, or writing fails.
+        """
+        path, times = self._writable(path), self._times(rate / speed)
+        pictures.refuse(path, (".gif", ".mp4"))
+        with self._camera(size) as shoot:
+
+            def taken() -> Iterator[np.ndarray]:
+                for i, now in enumerate(times, 1):
+                    progress(f"picture {i} of {len(times)}")
+                    self._seek(now)
+                    yield shoot()
+                progress("writing the file")
+
+            pictures.write_film(path, taken(), rate)
+        return path
+
+    def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
+        """Write a standalone page that plays without a server; arguments as those of ``film``.
+
+        It has a figure of a motion.
+
+        Raises:
+            ViewError: If the file cannot be written.
+        """
+        path = self._writable(path)
+        times = self._times(rate / speed) if np.isfinite(self._end) else []
+        for now in times[:1]:
+            self._seek(now)
+        recorder = self._server.get_scene_serializer()
+        for now in times:
+            self._seek(now)
+            recorder.insert_sleep(1.0 / rate)
+        path.write_text(self._with_figures(recorder.as_html()), encoding="utf-8")
+        return path
+
+    def _camera(self, size: tuple[int, int]) -> AbstractContextManager[Callable[[], np.ndarray]]:
+        pose = fitted(*around(self.actors), size[0] / size[1])
+        return pictures.camera(self._server, size, *pose)
+
+    def _with_figures(self, page: str) -> str:
+        return page
+
+    def _writable(self, path: str | Path) -> Path:
+        if self._ended.is_set():
+            raise ViewError("the page is closed; write pictures and films before close()")
+        path = Path(path)
+        if not path.parent.is_dir():
+            raise ViewError(f"'{path}': there is no folder '{path.parent}'")
+        warn_if_replaced(path)
+        return path
+
+    def _times(self, rate: float) -> list[float]:
+        if not np.isfinite(self._end):
+            raise ViewError(ENDLESS)
+        if not rate > 0.0:
+            raise ViewError(f"{rate:g} pictures per second of the motion; more than 0 is expected")
+        count = min(MOST, max(2, round((self._end - self._begin) * rate) + 1))
+        return [float(t) for t in np.linspace(self._begin, self._end, count)]
+
+    def _seek(self, time: float) -> None:
+        """Draw a time of the motion immediately: the thread draws only when it plays."""
+        raise ViewError(ENDLESS)
+
+    # --- for what shows simulations, recordings or robots -------------------------------------
+
+    def _start(self, marks: Sequence[Row] = ()) -> None:
+        """Add what all pages have to the controls of this one, and begin.
+
+        Args:
+            marks: Rows of the legend besides those of the arms.
+        """
+        gui, rows = self._server.gui, [row for actor in self.actors for row in actor.legend()]
+        with gui.add_folder("Legend"):
+            gui.add_html(legend(dict.fromkeys([*rows, *marks])))
+        with gui.add_folder("Show", expand_by_default=False):
+            for kind in ("links", "axes", "path", "springs", "contact forces", "friction cones",
+                         "constraint forces"):  # fmt: skip
+                box = gui.add_checkbox(kind, kind != "axes")
+                for actor in self.actors:
+                    self._on_change(box, partial(actor.show, kind))
+        self._thread.start()
+
+    def _order(self, action: Callable[[], object]) -> None:
+        """Run a function in the page's thread; for any thread."""
+        self._orders.put(action)
+
+    def _on_change(self, control: Any, action: Callable[[Any], object]) -> None:
+        """Order an action when a visitor changes the value of a control, which is its argument."""
+
+        def changed(event: Any) -> None:
+            if event.client is not None:  # and not when the program does
+                self._order(lambda: action(event.target.value))
+
+        control.on_update(changed)
+
+    def _beat(self, passed: float) -> None:
+        """Draw, in the page's thread; ``passed`` is the time in [s] since the last call."""
+
+    def _complain(self, trouble: str) -> None:
+        """Show why a request was refused."""
+
+    def _run(self) -> None:
+        last = time.monotonic()
+        while not self._ended.is_set():
+            now = time.monotonic()
+            passed, last = now - last, now
+            self._order(partial(self._beat, passed))
+            while not self._orders.empty():
+                self._try(self._orders.get())
+            self._ended.wait(max(0.0, now + 1.0 / BEATS - time.monotonic()))
+
+    def _try(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except ArmError as error:
+            self._complain(str(error))
+        except Exception as error:  # otherwise the page would stop without a message
+            _log.exception("the view met a failure")
+            self._complain(f"{type(error).__name__}: {error}")
