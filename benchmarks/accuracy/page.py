@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: text from page.md, tables from the results."""
+"""The report: tables, a figure, and all numbers as JSON."""
 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,8 @@ from benchmarks.accuracy import friction, motors
 from benchmarks.accuracy.figure import draw
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
-from benchmarks.reporting.markdown import number, table, wrapped
+from benchmarks.reporting.markdown import number, table
 
-TEMPLATE = Path(__file__).with_name("page.md")
 ROUNDING = 0.99e-10  # below this tolerance rounding has a say in the error
 Results = dict[str, Any]
 
@@ -33,35 +31,20 @@ def write(results: Results, out: Path, docs: Path | None) -> Path:
 
 
 def page(results: Results) -> str:
-    """The page in Markdown."""
-    text = TEMPLATE.read_text()
-    for name, part in {
-        "problems": _problems(results),
-        "at_1_ms": at_1_ms(results),
-        "orders": _orders(results),
-        "delivered": _delivered(results),
-        "estimated": _estimated(results),
-        "asked": _asked(results),
-        "motors": motors.page(results["motors"]),
-        "dry": friction.page(results["friction"], "dry"),
-        "lugre": friction.page(results["friction"], "LuGre"),
-    }.items():
-        text = text.replace("{{" + name + "}}", part)
-    return wrapped(
-        re.sub(
-            r"{{(.+?)\|(.+?)\|(.+?)(?:\|(.+?))?}}", lambda m: _single(results, *m.groups()), text
-        )
-    )
-
-
-def _single(results: Results, problem: str, method: str, step: str, tolerance: str | None) -> str:
-    """One error: of a fixed step [s], or with a tolerance of a tick [s]."""
-    kind, key = ("fixed", "step_s") if tolerance is None else ("controlled", "tick_s")
-    for row in _of(results[kind], problem):
-        asked = tolerance is None or row["tolerance"] == float(tolerance)
-        if row["method"] == method and row[key] == float(step) and asked:
-            return _error(row["error"])
-    return "—"
+    """All tables, in Markdown."""
+    parts = {
+        "Problems": _problems(results),
+        "Errors at 1 ms": at_1_ms(results),
+        "Orders": _orders(results),
+        "Error delivered ÷ tolerance: least, middle, largest": _delivered(results),
+        "Error estimated ÷ delivered: least, middle, largest": _estimated(results),
+        "Errors of DOP853 by tolerance": _asked(results),
+        "Motors": motors.page(results["motors"]),
+        "Dry friction": friction.page(results["friction"], "dry"),
+        "LuGre friction": friction.page(results["friction"], "LuGre"),
+    }
+    tables = (f"## {title}\n\n{part}\n" for title, part in parts.items())
+    return "\n".join(["# Accuracy\n", *tables])
 
 
 def _names(results: Results) -> list[str]:

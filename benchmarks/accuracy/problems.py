@@ -22,31 +22,20 @@ Vector = np.ndarray
 
 @dataclass(frozen=True)
 class Problem:
-    """A motion whose course is known.
+    """A motion whose course is known."""
 
-    Attributes:
-        name: As shown in tables.
-        truth: Where the reference comes from.
-        scene: Scene file.
-        expected: What ``observe`` should give, by time [s].
-        observe: From joint positions to what the reference states, [rad] or [m].
-        gate: Largest error that the tests allow ``gated`` at 1 ms.
-        start: Positions and velocities; None for the scene's own.
-        gated: Method that the gate speaks of.
-        steps: Fixed steps to try [s].
-        ticks: Ticks for error control [s].
-    """
-
-    name: str
-    truth: str
-    scene: Path
-    expected: dict[float, Vector]
+    name: str  # as shown in tables
+    truth: str  # where the reference comes from
+    scene: Path  # scene file
+    expected: dict[float, Vector]  # what ``observe`` should give, by time [s]
+    # From joint positions to what the reference states, [rad] or [m]
     observe: Callable[[Vector], Vector]
-    gate: float
+    gate: float  # largest error that the tests allow ``gated`` at 1 ms
+    # Positions and velocities; None for the scene's own
     start: tuple[list[float], list[float]] | None = None
-    gated: str = "rk4"
-    steps: tuple[float, ...] = STEPS
-    ticks: tuple[float, ...] = TICKS
+    gated: str = "rk4"  # method that the gate speaks of
+    steps: tuple[float, ...] = STEPS  # fixed steps to try [s]
+    ticks: tuple[float, ...] = TICKS  # ticks for error control [s]
 
     @property
     def duration(self) -> float:

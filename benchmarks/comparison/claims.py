@@ -20,19 +20,13 @@ ADAPTIVE = "dop853, adaptive"
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim.
-
-    Attributes:
-        text: what is claimed. limit: the largest value that meets it.
-        value: what was measured, None where a peer or a study is missing.
-        unit: of both.
-        between: confidence interval of the value; None for values that are the same in every run.
-    """
+    """One claim."""
 
     text: str
-    value: float | None
-    limit: float
-    unit: str
+    value: float | None  # what was measured, None where a peer or a study is missing
+    limit: float  # the largest value that meets it
+    unit: str  # of both
+    # confidence interval of the value; None for values that are the same in every run
     between: tuple[float, float] | None = None
 
     @property

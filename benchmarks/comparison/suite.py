@@ -19,10 +19,8 @@ from benchmarks.reporting.progress import Bar
 from benchmarks.studies import (
     closed_chain,
     cost,
-    derivatives,
     energy,
     features,
-    mechanisms,
     model_agreement,
     rollouts,
     startup,
@@ -46,11 +44,9 @@ RUNNERS: dict[str, Callable[[Bench], Record]] = {
     "cost": lambda bench: cost.run(bench, {GENERATED: ours.evaluation}),
     "features": features.run,
     "closed_chain": closed_chain.run,
-    "mechanisms": mechanisms.run,
     "rollouts": lambda bench: rollouts.run(bench, FLEETS),
     "energy": energy.run,
     "startup": startup.run,
-    "derivatives": derivatives.run,
 }
 STUDIES = tuple(RUNNERS)
 PACKAGES = (

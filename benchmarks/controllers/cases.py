@@ -39,27 +39,16 @@ JUMP = 3.0  # [s] simulated after a step of the set-point
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm of the comparison.
+    """An arm of the comparison."""
 
-    Attributes:
-        title: Its name in tables and figures.
-        scene: Its scene, by name or path.
-        frame: Frame that carries the payload and follows the line.
-        axes: Axes of the task.
-        payload: Mass in the hand in [kg].
-        step: The line from the start in [m], shape (3,).
-        speeds: Peak speeds of the slow and the fast line in [m/s].
-        coulomb: Dry friction of the joints in the plant with friction in [N m].
-    """
-
-    title: str
-    scene: str
-    frame: str
-    axes: tuple[str, ...] | str
-    payload: float
-    step: tuple[float, float, float]
-    speeds: tuple[float, float]
-    coulomb: tuple[float, ...]
+    title: str  # its name in tables and figures
+    scene: str  # its scene, by name or path
+    frame: str  # frame that carries the payload and follows the line
+    axes: tuple[str, ...] | str  # axes of the task
+    payload: float  # mass in the hand in [kg]
+    step: tuple[float, float, float]  # the line from the start in [m], shape (3,)
+    speeds: tuple[float, float]  # peak speeds of the slow and the fast line in [m/s]
+    coulomb: tuple[float, ...]  # dry friction of the joints in the plant with friction in [N m]
 
     @property
     def key(self) -> str:

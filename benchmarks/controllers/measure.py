@@ -24,44 +24,26 @@ _SETTLED = 0.02  # of the way
 
 @dataclass(frozen=True)
 class Result:
-    """One run, in numbers.
+    """One run, in numbers."""
 
-    Attributes:
-        arm: Key of the arm.
-        title: Its title.
-        plant: Key of the plant.
-        task: ``regulation`` or ``line``.
-        pace: ``slow`` or ``fast``.
-        controller: Name of the controller.
-        error: Largest distance of the hand from its reference in [mm].
-        aside: Largest distance from the straight line in [mm]; None for regulation.
-        final: Mean distance from the goal over the last 0.1 s in [mm].
-        overshoot: How far the hand runs past the goal, along the way to it, in [%] of the way.
-        settling: Time after the end of the reference until the hand stays within 2 % of the way
-            from the goal in [s]; inf if it does not.
-        effort: Root mean square of the torque over time, all joints together, in [N m].
-        energy: Work that the drives put in, each alone; what one brakes is lost; in [J].
-        saturated: Share of the time with a torque at its limit in [%].
-        time: Times of the course in [s].
-        course: Distance of the hand from its reference over time in [mm].
-    """
-
-    arm: str
-    title: str
-    plant: str
-    task: str
-    pace: str
-    controller: str
-    error: float
-    aside: float | None
-    final: float
-    overshoot: float
+    arm: str  # key of the arm
+    title: str  # its title
+    plant: str  # key of the plant
+    task: str  # ``regulation`` or ``line``
+    pace: str  # ``slow`` or ``fast``
+    controller: str  # name of the controller
+    error: float  # largest distance of the hand from its reference in [mm]
+    aside: float | None  # largest distance from the straight line in [mm]; None for regulation
+    final: float  # mean distance from the goal over the last 0.1 s in [mm]
+    overshoot: float  # how far the hand runs past the goal, along the way to it, in [%] of the way
+    # Time after the end of the reference until the hand stays within 2 % of the way from the goal
+    # in [s]; inf if it does not
     settling: float
-    effort: float
-    energy: float
-    saturated: float
-    time: Array
-    course: Array
+    effort: float  # root mean square of the torque over time, all joints together, in [N m]
+    energy: float  # work that the drives put in, each alone; what one brakes is lost; in [J]
+    saturated: float  # share of the time with a torque at its limit in [%]
+    time: Array  # times of the course in [s]
+    course: Array  # distance of the hand from its reference over time in [mm]
 
 
 def compare(

@@ -147,15 +147,10 @@ def disturbed(arm: LagrangeArm, seed: int, more: float) -> JointRecord:
 
 @dataclass(frozen=True)
 class Fourier:
-    """A Fourier series of each joint, up to a radian or 0.3 m.
+    """A Fourier series of each joint, up to a radian or 0.3 m."""
 
-    Attributes:
-        sines: Shape (TONES, n).
-        cosines: Shape (TONES, n).
-    """
-
-    sines: Array
-    cosines: Array
+    sines: Array  # shape (TONES, n)
+    cosines: Array  # shape (TONES, n)
     duration: float = ROUND * TURNS
 
     @classmethod
@@ -276,17 +271,11 @@ def along_one_motion(name: str, seed: int) -> JointRecord:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one identification.
+    """Of one identification."""
 
-    Attributes:
-        errors: Errors of the parameters over half their interval, by name.
-        scatter: Parameters whose interval is called scatter.
-        torque_error: Relative, on the part held out.
-    """
-
-    errors: dict[str, float]
-    scatter: frozenset[str]
-    torque_error: float
+    errors: dict[str, float]  # errors of the parameters over half their interval, by name
+    scatter: frozenset[str]  # parameters whose interval is called scatter
+    torque_error: float  # relative, on the part held out
 
 
 def outcome(name: str, kind: str, seed: int) -> Outcome | None:

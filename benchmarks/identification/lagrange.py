@@ -22,44 +22,27 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Link:
-    """A link and the joint that moves it; vectors in the frame of the joint.
+    """A link and the joint that moves it; vectors in the frame of the joint."""
 
-    Attributes:
-        name: Of the joint.
-        origin: Of the joint's frame in that of the link before, in [m].
-        turned: Angle in [rad] about x of that frame.
-        axis: 0, 1 or 2: the joint turns about x, y or z, or slides along it.
-        slides: Whether it is prismatic.
-        mass: In [kg].
-        com: Centre of mass in [m].
-        inertia: About the centre of mass: xx, xy, xz, yy, yz, zz in [kg m²].
-    """
-
-    name: str
-    origin: Vector
-    turned: float
-    axis: int
-    slides: bool
-    mass: float
-    com: Vector
+    name: str  # of the joint
+    origin: Vector  # of the joint's frame in that of the link before, in [m]
+    turned: float  # angle in [rad] about x of that frame
+    axis: int  # 0, 1 or 2: the joint turns about x, y or z, or slides along it
+    slides: bool  # whether it is prismatic
+    mass: float  # in [kg]
+    com: Vector  # centre of mass in [m]
+    # About the centre of mass: xx, xy, xz, yy, yz, zz in [kg m²]
     inertia: tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
 class LagrangeArm:
-    """A chain of links with friction and rotors.
+    """A chain of links with friction and rotors."""
 
-    Attributes:
-        links: From the base to the tip.
-        armature: In [kg m²] or [kg], shape (n,).
-        viscous: Friction in [N m s/rad] or [N s/m], shape (n,).
-        coulomb: In [N m] or [N], shape (n,).
-    """
-
-    links: tuple[Link, ...]
-    armature: Array
-    viscous: Array
-    coulomb: Array
+    links: tuple[Link, ...]  # from the base to the tip
+    armature: Array  # in [kg m²] or [kg], shape (n,)
+    viscous: Array  # friction in [N m s/rad] or [N s/m], shape (n,)
+    coulomb: Array  # in [N m] or [N], shape (n,)
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
         """Torques of the drives along a motion, in [N m] or [N], shapes (k, n)."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of the loop: promises, tables, a figure."""
+"""The report of the loop: promises, tables, a figure, and all numbers as JSON."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.loop.figure import draw
-from benchmarks.reporting.markdown import table, wrapped
+from benchmarks.reporting.markdown import table
 
 KINDS = ("inverse", "forward", "terms")
 Record = dict[str, Any]
@@ -55,71 +55,31 @@ def promises(r: Record) -> list[tuple[str, str, str, bool]]:
     ]  # fmt: skip
 
 
-def page(r: Record, figure: str) -> str:
+def page(r: Record) -> str:
     """The report in Markdown, without a heading of its own."""
-    loop, thread, timer = r["loop"], r["loop"]["thread"], r["timer"]
-    late = loop["loop"]["lateness"]
+    loop, services = r["loop"], r["services"]
     rows = [(text, bound, got, "yes" if holds else "**no**")
             for text, bound, got, holds in promises(r)]  # fmt: skip
-    clocks = [
-        ("sim node in the closed loop", _rate(loop["loop"]["ticks"] / loop["loop"]["elapsed"]),
-         loop["loop"]["missed"], _us(late["p50"]), _us(late["p99"]), _us(late["max"]),
-         _share(loop["share"]["sim"])),
-        ("empty thread in the same run", _rate(thread["rate"]), thread["missed"],
-         _us(thread["p50"]), _us(thread["p99"]), _us(thread["max"]), _share(thread["share"])),
-        ("timer of rclpy, default executor, run alone", _rate(timer["rate"]), timer["missed"], "—",
-         "—", "—", _share(timer["share"])),
-    ]  # fmt: skip
-    trips = [
-        (
-            "torque round trip: state from `sim`, torque from `controller`",
-            *_spread(loop["round_trip"]),
-        ),
-        ("bare ping-pong", *_spread(r["ping"])),
-        ("inverse dynamics of one point", *_spread(r["services"])),
-        (
-            "empty rclpy service, default settings, in alternation with it",
-            *_spread(r["services"]["bare"]),
-        ),
-    ]
-    core = r["core"]
-    difference = max(found["difference"] for found in core.values())
-    shares = ", ".join(f"{name} {_share(value)}" for name, value in loop["share"].items())
-    lock = r["lockstep"]
-    steps = [
-        (f"{name}, {ticks:,} ticks", f"{run['rate']:,.0f}", f"`{run['digest']}`")
-        for name, ticks, runs in (
-            ("across two processes", lock["ticks"], lock["across"]),
-            ("in one process", lock["ticks"], lock["alone"]),
-            ("in one process, compiled controller", lock["compiled ticks"], lock["compiled"]),
-        )
-        for run in runs
-    ]
-    return wrapped("\n\n".join([
-        "Rate, timing and latency of the ROS nodes in closed loop with a Panda at 1 kHz, compared "
-        "with rclpy and an empty thread on the same machine. Measured by `./arm bench loop` in "
-        f"{loop['seconds']:.0f} s of closed loop, {_priority(loop['priority'])}, on two shared "
-        f"cores with a load average of {r['load'][0]:.1f} at the start and {r['load'][1]:.1f} at "
-        "the end.",
+    times = [(text, *(f"{1e3 * found[name]:.3f}" for name in ("p50", "p99", "max")))
+             for text, found in (
+        ("lateness of the sim node", loop["loop"]["lateness"]),
+        ("lateness of an empty thread in the same run", loop["thread"]),
+        ("torque round trip: state from `sim`, torque from `controller`", loop["round_trip"]),
+        ("bare ping-pong", r["ping"]),
+        ("inverse dynamics of one point", services),
+        ("empty rclpy service, default settings, in alternation with it", services["bare"]),
+    )]  # fmt: skip
+    used = loop["share"] | {"empty thread": loop["thread"]["share"], "timer": r["timer"]["share"]}
+    shares = ", ".join(f"{name} {100 * value:.1f} %" for name, value in used.items())
+    return "\n\n".join([
+        f"{loop['seconds']:.0f} s of closed loop, priority {loop['priority']}, load average "
+        f"{r['load'][0]:.1f} at the start and {r['load'][1]:.1f} at the end.",
         table(("requirement", "limit", "measured", "met"), rows),
-        "**Timing.** Deadlines are 1 ms apart; a tick counts as missed if it starts after the "
-        "next deadline.",
-        table(("", "rate [Hz]", "missed", "p50 [µs]", "p99 [µs]", "max [µs]", "processor share"),
-              clocks),
-        f"Processor shares in the closed loop: {shares}.",
-        f"![Lateness of the ticks]({figure})",
-        "**Latency.** The bare ping-pong is a joint state sent there and back once a millisecond "
-        "by rclpy with its default settings, measured half before the closed loop and half after "
-        "it.",
-        table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), trips),
-        "**Batches**, in points per second. The largest difference from Pinocchio is "
-        f"{difference:.0e} of the largest value. Terms are M, C, G, F and the energies. "
-        "Messages of more than 3000 points are partly sent twice; "
-        "[many points](../how-to/many-points.md) explains how to avoid it.",
+        table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), times),
+        f"Processor shares: {shares}.",
+        "Batches, in points per second:",
         table(("", "inverse dynamics", "forward dynamics", "terms"), _batches(r)),
-        "**Lockstep.** The digest is computed from all states and torques.",
-        table(("", "ticks/s", "digest"), steps),
-    ]) + "\n")  # fmt: skip
+    ]) + "\n"  # fmt: skip
 
 
 def _batches(r: Record) -> list[tuple[str, ...]]:
@@ -140,31 +100,9 @@ def write(r: Record, out: Path, docs: Path | None) -> Path:
     for folder in [out] if docs is None else [out, docs]:
         draw(r, folder / "figures/loop.png")
     path = out / "loop.md"
-    path.write_text("# The loop over ROS\n\n" + page(r, "figures/loop.png"))
+    path.write_text("# The loop over ROS\n\n" + page(r))
     return path
-
-
-def _priority(priority: int) -> str:
-    if not priority:
-        return "without real-time priority"
-    return f"sim and controller with real-time priority {priority}, the empty thread with none"
 
 
 def _count(value: float | None) -> str:
     return "—" if value is None else f"{value:,.0f}"
-
-
-def _rate(value: float) -> str:
-    return f"{value:.2f}"
-
-
-def _us(seconds: float) -> str:
-    return f"{1e6 * seconds:,.0f}"
-
-
-def _share(value: float) -> str:
-    return f"{100 * value:.1f} %"
-
-
-def _spread(found: Record) -> tuple[str, ...]:
-    return tuple(f"{1e3 * found[name]:.3f}" for name in ("p50", "p99", "max"))

@@ -37,25 +37,15 @@ class Trial(Protocol):
 
 @dataclass(frozen=True)
 class Contestant:
-    """One method of one simulator.
+    """One method of one simulator."""
 
-    Attributes:
-        family: the simulator, for colours and for "the best of".
-        method: the integrator.
-        knob: what a setting means: ``"step"`` [s] or ``"tolerance"``.
-        settings: for free motion, from coarse to fine; steps divide a second.
-        tick_settings: for a held torque at 1 kHz; steps divide the tick.
-        build: makes a trial of a robot at a setting.
-        note: what a reader has to know about its timing.
-    """
-
-    family: str
-    method: str
-    knob: str
-    settings: tuple[float, ...]
-    tick_settings: tuple[float, ...]
-    build: Callable[[Robot, float], Trial]
-    note: str = ""
+    family: str  # the simulator, for colours and for "the best of"
+    method: str  # the integrator
+    knob: str  # what a setting means: ``"step"`` [s] or ``"tolerance"``
+    settings: tuple[float, ...]  # for free motion, from coarse to fine; steps divide a second
+    tick_settings: tuple[float, ...]  # for a held torque at 1 kHz; steps divide the tick
+    build: Callable[[Robot, float], Trial]  # makes a trial of a robot at a setting
+    note: str = ""  # what a reader has to know about its timing
 
     def __post_init__(self) -> None:
         """Refuse steps that would end a motion elsewhere than where the truth ends."""

@@ -18,13 +18,9 @@ Vector = np.ndarray
 
 @dataclass
 class Loop:
-    """τ = ID(q, v, a_d + 2ω(v_d − v) + ω²(q_d − q)), held for a tick.
+    """τ = ID(q, v, a_d + 2ω(v_d − v) + ω²(q_d − q)), held for a tick."""
 
-    Attributes:
-        robot: plant and model are the same arm. ticks: how many.
-    """
-
-    robot: Robot
+    robot: Robot  # plant and model are the same arm
     ticks: int = 2000
     _data: pin.Data = field(init=False)
 

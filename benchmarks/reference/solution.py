@@ -22,17 +22,12 @@ Vector = np.ndarray
 
 @dataclass(frozen=True)
 class Truth:
-    """A reference motion and its two checks.
+    """A reference motion and its two checks."""
 
-    Attributes:
-        q: positions; (n,) at the end of a free motion, (ticks + 1, n) of a closed loop [rad].
-        halving: largest change of q when the step is halved [rad].
-        other: largest difference to another method on Pinocchio in double precision [rad]; None
-            for a free motion without SciPy.
-    """
-
-    q: Vector
-    halving: float
+    q: Vector  # positions; (n,) at the end of a free motion, (ticks + 1, n) of a closed loop [rad]
+    halving: float  # largest change of q when the step is halved [rad]
+    # largest difference to another method on Pinocchio in double precision [rad]; None for a free
+    # motion without SciPy
     other: float | None
 
 

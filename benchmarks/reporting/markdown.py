@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 
 
@@ -44,61 +43,3 @@ def duration(seconds: float | None) -> str:
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds / 1e-9:.3g} ns"
-
-
-_MARKER = re.compile(r"(?:[-*+]|\d+[.)])\s+")
-_ATOM = re.compile(r"(?:\{\{.*?\}\}|\S)+")  # a word; a place in a template is never cut
-_BLOCK = re.compile(r"[-*+]$|\d+[.)]$|#+$|[>|=~]|```|---|\$\$")  # begins something in a new line
-
-
-def wrapped(text: str, width: int = 100) -> str:
-    """Markdown with its paragraphs and list items broken into lines of ``width`` characters.
-
-    Tables, headings, code and displayed mathematics stay as they are, and the rendered page is the
-    same as before.
-    """
-    done: list[str] = []
-    words: list[str] = []  # of the paragraph that is being read
-    first = rest = ""  # what its first and its other lines begin with
-    inside, in_list = "", False  # the fence of a block that stays as it is, if in one
-    for line in text.split("\n"):
-        content = line.strip()
-        indent = line[: len(line) - len(line.lstrip())]
-        fence = next((mark for mark in ("```", "$$") if content.startswith(mark)), "")
-        indented_code = not words and not in_list and len(indent) >= 4
-        if inside or fence or not content or content[0] in "|#<" or indented_code:
-            done += [*_broken(words, first, rest, width), line]
-            words = []
-            if inside:
-                inside = "" if content.endswith(inside) else inside
-            elif fence and not (len(content) > len(fence) and content.endswith(fence)):
-                inside = fence
-            continue
-        marker = _MARKER.match(content)
-        if marker:
-            done += _broken(words, first, rest, width)
-            words, in_list = [], True
-            first, rest = indent + marker[0], indent + " " * len(marker[0])
-            content = content[marker.end() :]
-        elif not words:
-            in_list = in_list and bool(indent)
-            first = rest = indent
-        words += _ATOM.findall(content)
-    return "\n".join(done + _broken(words, first, rest, width))
-
-
-def _broken(words: Sequence[str], first: str, rest: str, width: int) -> list[str]:
-    """The lines of a paragraph."""
-    lines: list[str] = []
-    for word in words:
-        if lines and _BLOCK.match(word):  # must not come to stand at the start of a line
-            before, _, last = lines.pop().rpartition(" ")
-            if before.strip() and len(before) + len(last) + len(word) + 2 > width:
-                lines += [before, f"{rest}{last} {word}"]
-            else:
-                lines.append(f"{before} {last} {word}" if before else f"{last} {word}")
-        elif lines and len(lines[-1]) + 1 + len(word) <= width:
-            lines[-1] += " " + word
-        else:
-            lines.append((rest if lines else first) + word)
-    return lines

@@ -15,19 +15,12 @@ from benchmarks.robots.urdf import chain_urdf, plain_urdf, single_coordinate
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot, its start, and the duration for which its free motion is compared.
+    """A robot, its start, and the duration for which its free motion is compared."""
 
-    Attributes:
-        name: as shown in tables.
-        urdf: plain URDF text, the same for every simulator.
-        q0: start position, shape (n,) [rad]; it starts at rest.
-        duration: of the free motion [s].
-    """
-
-    name: str
-    urdf: str
-    q0: np.ndarray = field(repr=False)
-    duration: float = 1.0
+    name: str  # as shown in tables
+    urdf: str  # plain URDF text, the same for every simulator
+    q0: np.ndarray = field(repr=False)  # start position, shape (n,) [rad]; it starts at rest
+    duration: float = 1.0  # of the free motion [s]
 
     @property
     def n(self) -> int:

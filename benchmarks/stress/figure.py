@@ -40,19 +40,18 @@ def draw(found: Sequence[Result], path: Path) -> None:
 
 
 def _share(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    groups = _grouped([(x, r) for x, r, _ in points])
+    groups = _grouped(points)
     return list(groups), [100 * _survival(some) for some in groups.values()]
 
 
 def _error(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    good = [(x, r) for x, r, steady in points if steady and r.outcome == SURVIVED]
-    groups = _grouped(good)
+    groups = _grouped([(x, r) for x, r in points if r.outcome == SURVIVED])
     middle = [np.median([r.error for r in some if r.error is not None])
               for some in groups.values()]  # fmt: skip
     return list(groups), [max(float(error), ROUNDING) for error in middle]
 
 
-def _grouped(points: Sequence[tuple[float, Result]]) -> dict[float, list[Result]]:
+def _grouped(points: Sequence[Point]) -> dict[float, list[Result]]:
     groups = {}
     for low, high in zip(HALF_DECADES[:-1], HALF_DECADES[1:], strict=True):
         some = [r for x, r in points if low <= x < high]

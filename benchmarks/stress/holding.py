@@ -32,23 +32,15 @@ NOTHING = 1e-12  # a column of a direction in which a body cannot move
 
 @dataclass(frozen=True)
 class Held:
-    """One set.
+    """One set."""
 
-    Attributes:
-        family: Of its scene.
-        seed: Of its scene.
-        limit: Factor of its load at which it gives way, by a linear program.
-        error: Of the simulator's factor, relative; infinite if a tick could not be computed.
-        of_dynamics: Of that of ``constrained_forward``, likewise; None with contacts.
-        lacking: How far motions beyond it are from obeying the laws, relative. Where sliding
-            contacts are redundant themselves, several motions obey, and a tick may mix them.
-    """
-
-    family: str
-    seed: int
-    limit: float
-    error: float
-    of_dynamics: float | None
+    family: str  # of its scene
+    seed: int  # of its scene
+    limit: float  # factor of its load at which it gives way, by a linear program
+    error: float  # of the simulator's factor, relative; infinite if a tick could not be computed
+    of_dynamics: float | None  # of that of ``constrained_forward``, likewise; None with contacts
+    # How far motions beyond it are from obeying the laws, relative. Where sliding contacts are
+    # redundant themselves, several motions obey, and a tick may mix them.
     lacking: float
 
     @property

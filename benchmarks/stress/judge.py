@@ -42,62 +42,37 @@ Vector = np.ndarray
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one run.
+    """What became of one run."""
 
-    Attributes:
-        kind: Of the case.
-        seed: Of the case.
-        name: Method, and whether under error control.
-        dt: Length of a tick [s].
-        outcome: ``survived``: off by at most 5 % of the way. ``shown``: further, and the recording
-            tells. ``undetected``: off by more than needs no word, and nothing tells.
-            ``magnified``: likewise, but an error that needs no word grows to it by itself. ``not
-            steady``: nobody knows the motion. ``stopped``: with an error that keeps the last good
-            state. ``refused``: at once.
-        traits: Of the case.
-        tolerance: Of error control; None without.
-        rate: Fastest change in the true motion [1/s].
-        error: Largest of q, relative to 1 + |q|.
-        stated: Largest that the recording states.
-        told: What tells of an error.
-        false_alarm: Whether it is told of one although there is none.
-        apart: Difference of the two truths; None without the second.
-        message: What was said when it stopped or was refused.
-    """
-
-    kind: str
-    seed: int
-    name: str
-    dt: float
+    kind: str  # of the case
+    seed: int  # of the case
+    name: str  # method, and whether under error control
+    dt: float  # length of a tick [s]
+    # ``survived``: off by at most 5 % of the way. ``shown``: further, and the recording tells.
+    # ``undetected``: off by more than needs no word, and nothing tells. ``magnified``: likewise,
+    # but an error that needs no word grows to it by itself. ``not steady``: nobody knows the
+    # motion. ``stopped``: with an error that keeps the last good state. ``refused``: at once.
     outcome: str
-    traits: tuple[str, ...] = ()
-    tolerance: float | None = None
-    rate: float = 0.0
-    error: float | None = None
-    stated: float | None = None
-    told: str = ""
-    false_alarm: bool = False
-    apart: float | None = None
-    message: str = ""
+    traits: tuple[str, ...] = ()  # of the case
+    tolerance: float | None = None  # of error control; None without
+    rate: float = 0.0  # fastest change in the true motion [1/s]
+    error: float | None = None  # largest of q, relative to 1 + |q|
+    stated: float | None = None  # largest that the recording states
+    told: str = ""  # what tells of an error
+    false_alarm: bool = False  # whether it is told of one although there is none
+    apart: float | None = None  # difference of the two truths; None without the second
+    message: str = ""  # what was said when it stopped or was refused
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a case really does.
+    """What a case really does."""
 
-    Attributes:
-        q: Positions between the pieces of the command, shape (PIECES + 1, n).
-        v: Velocities, likewise.
-        growth: Of a nudge of the start, at least 1.
-        rate: Fastest change [1/s].
-        second: The same positions by the independent simulator; None without.
-    """
-
-    q: Vector
-    v: Vector
-    growth: float = 1.0
-    rate: float = 0.0
-    second: Vector | None = None
+    q: Vector  # positions between the pieces of the command, shape (PIECES + 1, n)
+    v: Vector  # velocities, likewise
+    growth: float = 1.0  # of a nudge of the start, at least 1
+    rate: float = 0.0  # fastest change [1/s]
+    second: Vector | None = None  # the same positions by the independent simulator; None without
 
 
 def examine(kind: str, seed: int, most_joints: int, share: float = 0.0) -> list[Result]:

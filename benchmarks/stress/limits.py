@@ -26,17 +26,12 @@ STILL = 1e-6
 
 @dataclass(frozen=True)
 class Cone:
-    """A contact that touches.
+    """A contact that touches."""
 
-    Attributes:
-        columns: Generalized forces per normal force and per tangential force, shape (n, 2 or 3).
-        friction: Coefficient of sliding friction.
-        static: Coefficient of static friction.
-    """
-
+    # Generalized forces per normal force and per tangential force, shape (n, 2 or 3)
     columns: Array
-    friction: float
-    static: float
+    friction: float  # coefficient of sliding friction
+    static: float  # coefficient of static friction
 
 
 @dataclass(frozen=True)
@@ -44,24 +39,15 @@ class Set:
     """Parts that hold together under a load, which grows in a direction.
 
     At rest, weight + base + factor along + reactions of joints, constraints and contacts = 0.
-
-    Attributes:
-        weight: Generalized forces of gravity, shape (n,).
-        base: Load at the factor 0, shape (n,).
-        along: Load per unit of the factor, shape (n,).
-        dry: Friction of the joints, sliding and static, zero without, shape (2, n).
-        supports: Directions in which rigid stops bear joints: -1, 0 or 1, shape (n,).
-        rows: Rows of the constraints, shape (m, n).
-        cones: The contacts.
     """
 
-    weight: Array
-    base: Array
-    along: Array
-    dry: Array
-    supports: Array
-    rows: Array
-    cones: tuple[Cone, ...]
+    weight: Array  # generalized forces of gravity, shape (n,)
+    base: Array  # load at the factor 0, shape (n,)
+    along: Array  # load per unit of the factor, shape (n,)
+    dry: Array  # friction of the joints, sliding and static, zero without, shape (2, n)
+    supports: Array  # directions in which rigid stops bear joints: -1, 0 or 1, shape (n,)
+    rows: Array  # rows of the constraints, shape (m, n)
+    cones: tuple[Cone, ...]  # the contacts
 
     @property
     def indeterminate(self) -> bool:

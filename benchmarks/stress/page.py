@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: text from page.md, tables from what was found."""
+"""The report: tables, a figure, and all runs as JSON."""
 
 from __future__ import annotations
 
@@ -8,21 +8,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.reporting.markdown import wrapped
 from benchmarks.stress import tables
 from benchmarks.stress.figure import draw
 from benchmarks.stress.holding import Held, summary
 from benchmarks.stress.judge import Result
-
-TEMPLATE = Path(__file__).with_name("page.md")
-PARTS = {
-    "outcomes": tables.outcomes,
-    "survival": tables.survival,
-    "errors": tables.errors,
-    "by_rate": tables.by_rate,
-    "delivered": tables.delivered,
-    "wrong": tables.wrong,
-}
 
 
 def write(found: Sequence[Result], held: Sequence[Held], out: Path, docs: Path | None) -> Path:
@@ -37,9 +26,14 @@ def write(found: Sequence[Result], held: Sequence[Held], out: Path, docs: Path |
 
 
 def page(found: Sequence[Result], held: Sequence[Held]) -> str:
-    """The page in Markdown."""
-    text = TEMPLATE.read_text()
-    parts = {name: make(found) for name, make in PARTS.items()} | tables.counts(found)
-    for name, part in (parts | {"held": summary(held) if held else "Not run."}).items():
-        text = text.replace("{{" + name + "}}", part)
-    return wrapped(text)
+    """All tables, in Markdown."""
+    parts = {
+        "Outcomes": f"{tables.outcomes(found)}\n\n{tables.wrong(found)}",
+        "Survival by length of the tick": tables.survival(found),
+        "Errors of the runs that survive, relative to 1 + |q|: median, worst":
+            tables.errors(found),
+        "Errors under error control: median, worst": tables.delivered(found),
+        "Sets that hold together": summary(held) if held else "Not run.",
+    }  # fmt: skip
+    sections = (f"## {title}\n\n{part}\n" for title, part in parts.items())
+    return "\n".join([f"# Stability\n\n{tables.counts(found)}\n", *sections])

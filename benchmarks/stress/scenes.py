@@ -56,27 +56,16 @@ class Way:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, its start, what drives it, and ways to integrate it.
+    """A scene, its start, what drives it, and ways to integrate it."""
 
-    Attributes:
-        kind: ``arms`` or ``features``.
-        seed: It was drawn from.
-        scene: For ``load_scene``.
-        traits: What is unpleasant about it, and its features.
-        q: Positions at the start, the first that the scene allows, shape (TRIES, n).
-        v: Velocities, shape (n,).
-        command: Of each piece, shape (PIECES, n).
-        ways: How it is integrated.
-    """
-
-    kind: str
-    seed: int
-    scene: Settings = field(repr=False)
-    traits: tuple[str, ...]
-    q: Vector
-    v: Vector
-    command: Vector
-    ways: tuple[Way, ...]
+    kind: str  # ``arms`` or ``features``
+    seed: int  # it was drawn from
+    scene: Settings = field(repr=False)  # for ``load_scene``
+    traits: tuple[str, ...]  # what is unpleasant about it, and its features
+    q: Vector  # positions at the start, the first that the scene allows, shape (TRIES, n)
+    v: Vector  # velocities, shape (n,)
+    command: Vector  # of each piece, shape (PIECES, n)
+    ways: tuple[Way, ...]  # how it is integrated
 
     def commands(self, dt: float) -> Vector:
         """The command of every tick of a length, shape (ticks, n)."""

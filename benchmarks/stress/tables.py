@@ -14,14 +14,12 @@ from benchmarks.stress.judge import (
     HUNG,
     OUTCOMES,
     REFUSED,
-    SHOWN,
     SURVIVED,
     UNSTEADY,
     Result,
 )
 
-DECADES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # ends of the intervals of step times rate
-Point = tuple[float, Result, bool]
+Point = tuple[float, Result]
 
 
 def runs(found: Sequence[Result]) -> list[Result]:
@@ -56,23 +54,9 @@ def errors(found: Sequence[Result]) -> str:
     return _by_step(survived, lambda some: _spread(r.error for r in some))
 
 
-def by_rate(found: Sequence[Result]) -> str:
-    """Survival and error against step times rate, fixed steps."""
-    points, rows = fixed(found), []
-    for name in names_of([r for _, r, _ in points]):
-        mine = [(x, r) for x, r, _ in points if r.name == name]
-        ends = zip((0.0, *DECADES), (*DECADES, np.inf), strict=True)
-        some = [[r for x, r in mine if low <= x < high] for low, high in ends]
-        good = [[r.error for r in part if r.outcome == SURVIVED] for part in some]
-        cells = zip(some, good, strict=True)
-        rows.append([name, *(f"{_percent(part)}; {_spread(right)}" for part, right in cells)])
-    head = [f"< {DECADES[0]:g}", *(f"to {end:g}" for end in DECADES[1:]), f"> {DECADES[-1]:g}"]
-    return table(["method", *head], rows)
-
-
 def fixed(found: Sequence[Result]) -> list[Point]:
     """Runs with fixed steps of arms without dry friction."""
-    return [(r.dt * r.rate, r, True) for r in runs(found)
+    return [(r.dt * r.rate, r) for r in runs(found)
             if r.kind == "arms" and r.tolerance is None and r.rate > 0
             and "dry friction" not in r.traits]  # fmt: skip
 
@@ -104,17 +88,16 @@ def line(r: Result) -> str:
     )
 
 
-def counts(found: Sequence[Result]) -> dict[str, str]:
-    """Numbers for the text."""
+def counts(found: Sequence[Result]) -> str:
+    """How much was run, and how far the two truths are apart."""
     apart = [r.apart for r in found if r.apart is not None]
-    return {
-        "runs": str(len(found)),
-        "cases": str(len({(r.kind, r.seed) for r in found})),
-        "seed": str(min(r.seed for r in found)),
-        "shown": str(sum(r.outcome == SHOWN for r in found)),
-        "twice": str(len({(r.kind, r.seed) for r in found if r.apart is not None})),
-        "apart": number(max(apart, default=None), 1),
-    }
+    scenes, twice = ({(r.kind, r.seed) for r in some}
+                     for some in (found, [r for r in found if r.apart is not None]))  # fmt: skip
+    return (
+        f"{len(scenes)} scenes (seeds from {min(r.seed for r in found)} on) in {len(found)} runs; "
+        f"{len(twice)} also by the independent simulator, which differs by "
+        f"{number(max(apart, default=None), 1)} at most."
+    )
 
 
 def names_of(results: Sequence[Result]) -> list[str]:

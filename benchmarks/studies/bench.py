@@ -26,18 +26,12 @@ class Silent:
 
 @dataclass
 class Bench:
-    """One run of the benchmark.
+    """One run of the benchmark."""
 
-    Attributes:
-        contestants: ours first, then every installed peer.
-        quick: Panda only and few repeats.
-        noise: probe of the machine, shared by all studies.
-        progress: anything with ``stage(text, total)`` and ``advance()``.
-    """
-
-    contestants: list[Contestant]
-    quick: bool = False
-    noise: Noise = field(default_factory=Noise)
+    contestants: list[Contestant]  # ours first, then every installed peer
+    quick: bool = False  # panda only and few repeats
+    noise: Noise = field(default_factory=Noise)  # probe of the machine, shared by all studies
+    # anything with ``stage(text, total)`` and ``advance()``
     progress: Any = field(default_factory=Silent)
 
     @property

@@ -51,16 +51,12 @@ def peers() -> Fleets:
 
 @dataclass
 class Sample:
-    """Calls of one fleet: processor time of all its threads, and wall time beside it.
+    """Calls of one fleet: processor time of all its threads, and wall time beside it."""
 
-    Attributes:
-        fleet: to be timed. starts: its arguments. calls: per sample.
-        walls: wall time of one arm-step [s], one entry a sample.
-    """
-
-    fleet: Fleet
-    starts: tuple[np.ndarray, np.ndarray, np.ndarray]
-    calls: int
+    fleet: Fleet  # to be timed
+    starts: tuple[np.ndarray, np.ndarray, np.ndarray]  # its arguments
+    calls: int  # per sample
+    # wall time of one arm-step [s], one entry a sample
     walls: list[float] = field(default_factory=list)
 
     def __call__(self) -> float:

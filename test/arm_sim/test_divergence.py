@@ -55,17 +55,6 @@ def test_run_keeps_the_motion_so_far(backend: str, scene: dict[str, Any]) -> Non
     assert finite(sim) and np.isfinite(run.v).all()
 
 
-def test_run_and_step_agree_on_where_it_ends() -> None:
-    stepped, rolled = diverging(), diverging()
-    with pytest.raises(SimulationDiverged):
-        while True:
-            stepped.step(np.zeros(3))
-    with pytest.raises(SimulationDiverged):
-        rolled.run(10.0)
-    assert stepped.state.step == rolled.state.step
-    np.testing.assert_array_equal(stepped.state.v, rolled.state.v)
-
-
 def test_adaptive_steps_that_cannot_meet_the_tolerance() -> None:
     """A torque without bound on a light joint: error control gives up with the state kept."""
     sim = Simulator(models.scene("double_pendulum"), tolerance=1e-12)

@@ -32,26 +32,6 @@ def moved(sim: Simulator, ticks: int = 50) -> np.ndarray:
     return np.concatenate([sim.state.q, sim.state.v])
 
 
-def test_a_changed_payload_is_that_of_a_scene_that_has_it() -> None:
-    sim = Simulator(tunable("payload", payloads=[LOAD]), integrator="rk4")
-    payload_change(sim, 0, 2.0, (0.01, 0.0, 0.1), (2e-3, 0.0, 0.0, 2e-3, 0.0, 1e-3))()
-    heavy = {**LOAD, "mass": 2.0, "com": [0.01, 0.0, 0.1],
-             "inertia": [2e-3, 0.0, 0.0, 2e-3, 0.0, 1e-3]}  # fmt: skip
-    other = Simulator(tunable(payloads=[heavy]), integrator="rk4")
-    np.testing.assert_allclose(moved(sim), moved(other), rtol=0.0, atol=1e-9)
-    q = sim.state.q
-    np.testing.assert_allclose(sim.dynamics.gravity(q), other.dynamics.gravity(q), atol=ALGEBRA)
-
-
-def test_changed_friction_is_that_of_a_scene_that_has_it() -> None:
-    sim = Simulator(tunable("friction"), integrator="rk4")
-    friction_change(sim, np.full(sim.n, 3.0))()
-    other = Simulator(tunable(joints={"*": {"friction": {"viscous": 3.0}}}), integrator="rk4")
-    np.testing.assert_allclose(moved(sim), moved(other), rtol=0.0, atol=1e-9)
-    v = sim.state.v
-    np.testing.assert_allclose(sim.dynamics.friction(v), other.dynamics.friction(v))
-
-
 def settled(mass: float, viscous: float) -> Any:
     """A scene that has a payload and friction from the start."""
     return load_scene({
@@ -204,16 +184,3 @@ def test_a_weight_in_the_hand_is_a_downward_force(rng: np.random.Generator) -> N
     wrenches.push("panda_hand", [0.0, 0.0, -2.0 * 9.81, 0.0, 0.0, 0.0], until=1)
     weight = loaded.gravity(q) - bare.gravity(q)
     np.testing.assert_allclose(-wrenches.torque(q, 0), weight, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("frame", "wrench", "said"),
-    [
-        ("paw", [0.0] * 6, "paw"),
-        ("panda_hand", [0.0] * 5, "shape"),
-        ("panda_hand", [np.nan] * 6, "finite"),
-    ],
-)
-def test_a_push_that_makes_no_sense_is_refused(frame: str, wrench: Any, said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        ExternalWrenches(models.dynamics("panda")).push(frame, wrench, 1)

@@ -33,13 +33,6 @@ def test_starts_where_the_scene_says() -> None:
     np.testing.assert_array_equal(sim.effort, [0.0, 0.0])
 
 
-def test_names_and_sizes(robot: str) -> None:
-    dyn = models.dynamics(robot)
-    sim = models.simulator(robot)
-    assert (sim.n, tuple(sim.joint_names)) == (dyn.n, tuple(dyn.joint_names))
-    assert sim.state.q.shape == sim.state.v.shape == sim.effort.shape == (sim.n,)
-
-
 def test_time_is_counted_and_never_added_up(sim: Simulator) -> None:
     added = 0.0
     for _ in range(1000):

@@ -19,7 +19,6 @@ from models.sprung import slope
 from tolerances import (
     BACKENDS,
     ENERGY_DRIFT,
-    FINITE_DIFF,
     MULTIPLIER,
     PINOCCHIO,
     SPRING,
@@ -49,18 +48,6 @@ def test_a_pendulum_on_a_spring_swings_as_the_closed_form_says() -> None:
     wave = np.cos(omega * run.time) + c / (2 * omega) * np.sin(omega * run.time)
     assert_close(run.q[:, 0], rest - rest * fall * wave, SPRING)
     assert abs(run.balance).max() < SPRING
-
-
-def test_a_heavy_pendulum_on_a_spring() -> None:
-    k, c, rest, start = 6.0, 0.3, -0.4, 2.0
-    joints = {"swing": {"spring": {"stiffness": k, "rest": rest, "damping": c}}}
-    scene = {"robot": PENDULUM, "joints": joints, "initial": {"position": {"swing": start}}}
-    run = Simulator(scene, tolerance=1e-12).run(3.0)
-    exact = solve_ivp(
-        lambda _, x: [x[1], -9.81 * np.sin(x[0]) - k * (x[0] - rest) - c * x[1]],
-        (0.0, 3.0), [start, 0.0], method="DOP853", t_eval=run.time, rtol=1e-13, atol=1e-13,
-    )  # fmt: skip
-    assert_close(run.q[:, 0], exact.y[0], SPRING)
 
 
 def point(spring: dict[str, Any], end: int, q: np.ndarray) -> np.ndarray:
@@ -242,20 +229,6 @@ def test_arms_side_by_side_move_as_alone(changes: Any, rng: np.random.Generator)
     assert_close(lanes, sim.rollout(q, v, np.zeros(2), 100, lanes=1), BACKENDS)
     sim.reset(q[0], v[0])
     assert_close(lanes[0, :, :2], sim.run(0.1).q, BACKENDS)
-
-
-def test_derivatives_of_a_tick(rng: np.random.Generator) -> None:
-    sim = Simulator({"robot": TWO_LINK, "springs": [BETWEEN, TO_WORLD]}, integrator="rk4")
-    x, h = 0.5 * rng.normal(size=4), 1e-5
-    A, _ = sim.linearize(sim.reset(x[:2], x[2:]), np.zeros(2))
-
-    def after(y: np.ndarray) -> np.ndarray:
-        sim.reset(y[:2], y[2:])
-        state = sim.step(np.zeros(2))
-        return np.r_[state.q, state.v]
-
-    columns = [(after(x + h * e) - after(x - h * e)) / (2 * h) for e in np.eye(4)]
-    assert_close(A, np.column_stack(columns), FINITE_DIFF)
 
 
 def test_rate_of_springs_is_that_of_their_oscillation() -> None:

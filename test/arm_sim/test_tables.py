@@ -16,7 +16,7 @@ from arm_dynamics.control import Settings, make_controller
 from arm_dynamics.trajectory import Reference
 from arm_sim import Recording, Simulator
 from models.rotor import rotor
-from tolerances import BACKENDS, FINITE_DIFF, SPRING, assert_close
+from tolerances import SPRING, assert_close
 
 J = 0.1
 SPEED, TORQUE = [0.0, 1.0, 2.0, 3.0], [0.5, 0.3, 0.4, 0.6]
@@ -112,31 +112,6 @@ def arm(**more: Any) -> dict[str, Any]:
     shoulder = {"friction": {"table": rows}, "spring": {"table": HARDENING, "rest": 0.2}}
     joints = {"shoulder": shoulder, "elbow": {"friction": {"table": DRAG}}}
     return {"robot": TWO_LINK, "joints": joints, **more}
-
-
-def test_compiled_and_not_it_is_the_same_motion() -> None:
-    ends = []
-    for backend in ("native", "vm"):
-        sim = Simulator(arm(), backend=backend)
-        sim.reset(q=[0.3, -0.5], v=[2.0, -4.0])
-        ends.append(sim.run(0.05).q[-1])
-    assert_close(ends[0], ends[1], BACKENDS)
-
-
-def test_the_derivative_of_a_tick_is_that_of_its_result() -> None:
-    sim = Simulator(arm())
-    x, tau = np.array([0.3, -0.5, 0.7, -2.5]), np.array([1.0, 0.5])
-    sim.reset(q=x[:2], v=x[2:])
-    A = sim.linearize(sim.state, tau)[0]
-
-    def after(x: np.ndarray) -> np.ndarray:
-        sim.reset(q=x[:2], v=x[2:])
-        state = sim.step(tau)
-        return np.concatenate([state.q, state.v])
-
-    h = 1e-5
-    columns = [(after(x + h * e) - after(x - h * e)) / (2.0 * h) for e in np.eye(4)]
-    assert_close(A, np.transpose(columns), FINITE_DIFF)
 
 
 @pytest.mark.parametrize("name", ["computed_torque", "feed_forward"])

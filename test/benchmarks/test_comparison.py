@@ -223,8 +223,6 @@ def full_results(bench: Bench) -> dict[str, Any]:
         "features": {"rows": [{"scene": "bare", "operations": 10, "ns": 2.0}]},
         "closed_chain": {"rows": [{"who": f"{OURS} rk4, 1 ms", "ns": 1.0, "step": 1e-3,
                                    "error": 1e-9}], "pinocchio_ns": 2.0},
-        "mechanisms": {"rows": [{"task": "A01", "who": f"{OURS} rk4", "seconds": 1e-3,
-                                 "error": 1e-9}]},
         "rollouts": {"rows": [{"robot": "Panda", "who": "MuJoCo RK4", "threads": 1, "arms": 8,
                                "arm_steps_per_s": 1e5, "arm_steps_per_s_per_core": 1e5}]},
         "energy": energy.run(bench),

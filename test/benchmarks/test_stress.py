@@ -164,7 +164,7 @@ def test_report(tmp_path: Path) -> None:
     bad = replace(BLANK, outcome=UNDETECTED, error=0.3, tolerance=1e-6)
     held = [Held("body", 3, 1.0, 1e-3, None, 0.0)]
     text = write([survived] * 9 + [bad], held, tmp_path, None).read_text()
-    assert "{{" not in text and "**undetected**: features, seed 0, rk4 to 1e-06" in text
+    assert "**undetected**: features, seed 0, rk4 to 1e-06" in text
     assert "Held(family='body', seed=3" in summary(held) and summary(held) in text
     assert len(json.loads((tmp_path / "stability.json").read_text())["runs"]) == 10
     assert (tmp_path / "figures/stability.png").stat().st_size > 10_000

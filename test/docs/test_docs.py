@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*/*.md"), *(ROOT / "docs").glob("*.md")]
 )
-TEMPLATES = sorted((ROOT / "benchmarks").glob("*/*.md"))
 WIDTH = 100
 REFERENCE = (ROOT / "docs/reference/scene.md").read_text()
 
@@ -43,7 +42,7 @@ def anchors(page: Path) -> set[str]:
 
 
 def test_text_is_broken_into_lines() -> None:
-    for page in [*PAGES, *TEMPLATES]:
+    for page in PAGES:
         text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
         lines = [x for x in text.splitlines() if not x.startswith(("|", "  |", "    ", "{{"))]
         long = [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()]

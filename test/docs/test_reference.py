@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from arm_dynamics.ros.common.params import listed
-from arm_studies.sweeps import Study
-from docs._extensions import commands, interfaces, node_parameters, public_names, scene_keys
+from docs._extensions import commands, interfaces, node_parameters, public_names
 from docs._extensions.attributes import section
 
 REFERENCE = Path(__file__).parents[2] / "docs/reference"
@@ -80,31 +79,6 @@ def test_arguments_that_are_described_exist_and_none_is_forgotten() -> None:
         if said and set(said) != set(taken):
             wrong[name] = set(said) ^ set(taken)
     assert wrong == {}
-
-
-def test_every_key_of_a_scene_is_described() -> None:
-    text = scene_keys.markdown()
-    for part in scene_keys.parts().values():
-        for name, field in part.model_fields.items():
-            if name != "type":
-                assert f"| `{field.alias or name}` |" in text
-
-
-def test_tables_say_types_and_defaults() -> None:
-    text = scene_keys.markdown()
-    assert "| `gravity` | 3 numbers | `[0, 0, -9.81]` |" in text
-    assert "| `mass` | ≥ 0 | required |" in text
-    assert "| `efficiency` | > 0, ≤ 1 | `1` |" in text
-    assert "## `constraints[] with type: contact`" in text
-
-
-def test_keys_of_studies_have_their_tables() -> None:
-    text = scene_keys.of_study()
-    for part in scene_keys.parts(Study).values():
-        for name in part.model_fields:
-            assert f"| `{name}` |" in text
-    assert "| `sampling` | `random`, `latin_hypercube` | `random` |" in text
-    assert "## `vary.NAME`" in text and "## `motion.points[]`" in text
 
 
 @pytest.mark.parametrize("node", ["dynamics", "sim", "controller"])

@@ -14,19 +14,12 @@ from arm_dynamics.arrays import Array
 
 @dataclass(frozen=True)
 class Motor:
-    """A coil on each chosen joint, driven by a voltage: L i' = V - R i - K v, torque K i.
+    """A coil on each chosen joint, driven by a voltage: L i' = V - R i - K v, torque K i."""
 
-    Attributes:
-        joints: Which joints have one, shape (n,).
-        R: Resistance in [ohm].
-        L: Inductance in [H]; 0 for a motor without a state.
-        K: Torque constant in [N m/A].
-    """
-
-    joints: tuple[bool, ...]
-    R: float = 2.0
-    L: float = 0.01
-    K: float = 0.5
+    joints: tuple[bool, ...]  # which joints have one, shape (n,)
+    R: float = 2.0  # resistance in [ohm]
+    L: float = 0.01  # inductance in [H]; 0 for a motor without a state
+    K: float = 0.5  # torque constant in [N m/A]
     title: str = "toy motor"
 
     @property

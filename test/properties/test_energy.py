@@ -56,17 +56,6 @@ def test_conserved_without_losses(robot: str, rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("robot", EACH)
-def test_viscous_friction_only_ever_takes(robot: str, rng: np.random.Generator) -> None:
-    scene = models.scene(robot).model_dump(exclude_unset=True)
-    scene["joints"] = {"*": {"friction": {"viscous": 0.1, "coulomb": 0.0}}}
-    sim = Simulator(scene, integrator="rk4")
-    start(sim, rng)
-    run = sim.run(SECONDS)
-    assert np.diff(run.energy).max() < ENERGY_DRIFT * max(1e-3, float(np.ptp(run.kinetic)))
-    assert run.energy[-1] < run.energy[0]
-
-
-@pytest.mark.parametrize("robot", EACH)
 def test_power_balance(robot: str, rng: np.random.Generator) -> None:
     """What the drives give is in the energies or in the bearings; the integral by Simpson's rule
     over short ticks.
@@ -83,20 +72,15 @@ def test_power_balance(robot: str, rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("robot", EACH)
-def test_friction_never_gives(robot: str, rng: np.random.Generator) -> None:
+def test_friction_never_gives_and_the_recorded_balance_is_zero(
+    robot: str, rng: np.random.Generator
+) -> None:
     """In no tick does energy grow by more than the drives put in; no quadrature is involved."""
     sim = models.simulator(robot, integrator="rk4")
     run = sim.run(SECONDS, start(sim, rng))
     given = np.sum((run.q[1:] - run.q[:-1]) * run.tau[:-1], axis=1)
     scale = max(1e-3, float(np.ptp(run.kinetic)), float(np.abs(given).sum()))
     assert (np.diff(run.energy) - given).max() / scale < ENERGY_DRIFT
-
-
-@pytest.mark.parametrize("robot", EACH)
-def test_recorded_balance_is_zero(robot: str, rng: np.random.Generator) -> None:
-    """The recording's own account of what came, went and stayed."""
-    sim = models.simulator(robot, integrator="rk4")
-    run = sim.run(SECONDS, start(sim, rng))
     scale = max(1e-3, float(np.ptp(run.kinetic)), float(np.ptp(run.potential)))
     allowed = DRY_BALANCE if sim.model.has_dry_friction else ENERGY_DRIFT
     assert np.abs(run.balance).max() / scale < allowed

@@ -38,27 +38,16 @@ TAGS: dict[str, tuple[set[str], set[str], set[str]]] = {
 
 @dataclass(frozen=True)
 class Start:
-    """A node that a launch file would start.
+    """A node that a launch file would start."""
 
-    Attributes:
-        package: Its package.
-        executable: Its executable there.
-        namespace: The namespace it is in, such as ``/left``.
-        name: Its name, perhaps empty.
-        words: Words of its own on the command line.
-        files: Parameter files, in order.
-        parameters: Parameters by name, typed.
-        remaps: New names of topics.
-    """
-
-    package: str
-    executable: str
-    namespace: str
-    name: str
-    words: tuple[str, ...]
-    files: tuple[Path, ...]
-    parameters: dict[str, object]
-    remaps: dict[str, str]
+    package: str  # its package
+    executable: str  # its executable there
+    namespace: str  # the namespace it is in, such as ``/left``
+    name: str  # its name, perhaps empty
+    words: tuple[str, ...]  # words of its own on the command line
+    files: tuple[Path, ...]  # parameter files, in order
+    parameters: dict[str, object]  # parameters by name, typed
+    remaps: dict[str, str]  # new names of topics
 
     def ros_arguments(self) -> list[str]:
         """What the executable would be given after ``--ros-args``."""
@@ -75,14 +64,10 @@ class Start:
 
 @dataclass
 class Launch:
-    """A launch file that is being read.
+    """A launch file that is being read."""
 
-    Attributes:
-        share: Folders of packages by name.
-        run: Carries out a command of ``$(command …)`` and gives what it prints.
-    """
-
-    share: dict[str, Path]
+    share: dict[str, Path]  # folders of packages by name
+    # Carries out a command of ``$(command …)`` and gives what it prints
     run: Callable[[str], str] = lambda line: subprocess.check_output(line, shell=True, text=True)
     started: list[Start] = field(default_factory=list)
 

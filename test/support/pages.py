@@ -32,19 +32,13 @@ _OPEN_WORDS = re.compile(r"…|(?<![\w.])\[|\b[A-Z]{3,}\b")  # a form, no comman
 
 
 class Step(NamedTuple):
-    """One thing that a page does.
+    """One thing that a page does."""
 
-    Attributes:
-        kind: ``file``, ``python`` or ``line``.
-        text: Text of the file, Python, or what is typed.
-        name: Of the file.
-        shown: What the page shows as the answer to a line, or in a block ``text`` after Python as
-            what that prints; None if it shows nothing.
-    """
-
-    kind: str
-    text: str
-    name: str = ""
+    kind: str  # ``file``, ``python`` or ``line``
+    text: str  # text of the file, Python, or what is typed
+    name: str = ""  # of the file
+    # What the page shows as the answer to a line, or in a block ``text`` after Python as what that
+    # prints; None if it shows nothing
     shown: str | None = None
 
 

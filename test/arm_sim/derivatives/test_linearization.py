@@ -8,53 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import covering
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim import SimulationDiverged, Simulator
-from tolerances import FINITE_DIFF, assert_close
-
-
-def difference(
-    sim: Simulator, q: np.ndarray, v: np.ndarray, tau: np.ndarray, ticks: int
-) -> np.ndarray:
-    """(A, B) side by side, by central differences of simulated ticks."""
-    n, h = sim.n, 1e-5
-    point = np.r_[q, v, tau]
-
-    def after(x: np.ndarray) -> np.ndarray:
-        sim.reset(x[:n], x[n : 2 * n])
-        for _ in range(ticks):
-            state = sim.step(x[2 * n :])
-        return np.r_[state.q, state.v]
-
-    return np.column_stack(
-        [(after(point + h * e) - after(point - h * e)) / (2 * h) for e in np.eye(3 * n)]
-    )
-
-
-OPTIONS: list[dict[str, Any]] = [
-    {"integrator": "euler"},
-    {"integrator": "semi_implicit_euler"},
-    {"integrator": "rk4"},
-    {"tolerance": 1e-12, "dt": 0.05},
-]
-
-
-@pytest.mark.parametrize(
-    ("ticks", "name", "options"),
-    covering([1, 5], ["two_link", "gripper", "skew_axes"], OPTIONS),
-    ids=str,
-)
-def test_against_finite_differences(
-    name: str, options: dict[str, Any], ticks: int, rng: np.random.Generator
-) -> None:
-    sim = models.simulator(name, stops=False, **options)
-    q, v, tau = 0.5 * rng.normal(size=(3, sim.n))
-    state = sim.reset(q, v)
-    A, B = sim.linearize(state, tau, ticks)
-    assert_close(np.column_stack([A, B]), difference(sim, q, v, tau, ticks), FINITE_DIFF)
+from arm_sim import SimulationDiverged
+from tolerances import assert_close
 
 
 def test_gantry_by_hand() -> None:

@@ -29,7 +29,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "euler": {"integrator": "euler"},
     "error control": {"tolerance": 1e-12},
 }
-ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
 PLANAR = (models.FOLDER / "planar_3r.urdf").read_text()
 G = 9.81
 
@@ -319,17 +318,6 @@ def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatc
         sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 
 
-def test_sub_steps_of_all_segments_fill_the_tick() -> None:
-    """Those that the engine took, under error control, to its two events and beyond."""
-    build, dt, (q, v, tau) = CASES["arm comes to rest and strikes"]
-    sim = simulator(build, dt, "error control")
-    sim.linearize(sim.reset(q, v), tau)
-    made = sim.arm.compiled.derivatives.linearizer()._events
-    steps = made._steps[: made._trace.taken]
-    assert len(steps) > made._trace.count > 2
-    assert_close(steps.sum(), dt, ALGEBRA)
-
-
 def test_several_ticks() -> None:
     compare(simulator(CASES["rebounds"][0], 0.1, "rk4"), [0.3], [-1.0], [1.0], ticks=4)
 
@@ -420,14 +408,6 @@ def test_teeth_at_rest_within_their_backlash_touch_nothing() -> None:
         assert_close(B, [[0.0], [0.0], [h**2 / (2 * 0.02)], [h / 0.02]], CLOSED_FORM)
     with pytest.raises(NotDifferentiable, match="backlash or load of the drive of joint 'axle'"):
         sim.linearize(sim.reset([0.0], [0.0], [0.005, 0.0]), [0.0])
-
-
-def test_does_not_move_the_simulation() -> None:
-    sim = simulator(CASES["rebounds"][0], 0.1, "rk4")
-    state = sim.reset([0.05], [-1.0])
-    sim.linearize(state, [1.0])
-    assert sim.state is state
-    assert sim.impacts == 0
 
 
 H = 0.1

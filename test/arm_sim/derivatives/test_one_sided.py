@@ -12,7 +12,6 @@ from samples import covering
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.state import State
 from models.rotor import rotor
 from models.touching import contact, rails
@@ -325,14 +324,3 @@ def test_other_sides_are_refused(side: Any) -> None:
     sim = Simulator(wheel(), dt=H)
     with pytest.raises(InvalidInput, match="side = .*allowed: 1, -1 or None"):
         sim.linearize(sim.state, [0.0], side=side)
-
-
-def test_a_place_is_moved_in_one_entry_as_far_as_its_size() -> None:
-    place = TickPoint(np.array([0.5, -4.0]), np.array([-30.0]), np.array([7.0, -9.0, 0.1]))
-    tuned, whole = (2, 1), np.array([0.5, -4.0, -30.0, 7.0, -9.0, 0.1])
-    for entry, (at, size) in enumerate([(0, 1.0), (1, 4.0), (2, 30.0), (5, 1.0), (4, 9.0)]):
-        moved = place.moved(entry, -1e-3, tuned)
-        way = np.concatenate([moved.x, moved.r, moved.p]) - whole
-        np.testing.assert_allclose(way, -1e-3 * size * np.eye(6)[at], atol=1e-14)
-    with pytest.raises(IndexError):
-        place.moved(5, 1e-3, tuned)

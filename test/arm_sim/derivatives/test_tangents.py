@@ -3,18 +3,14 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from samples import sampled
 
 import models
 from arm_dynamics import InvalidInput
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.integrators.methods import METHODS
-from models import features
 from tolerances import BACKENDS, assert_close
 
 SLOPE = 1e-10
@@ -47,60 +43,16 @@ def check(sim: Simulator, tau: Any, h: float = 2e-3) -> None:
     assert_close(found, slopes(sim, x, tau, h), SLOPE)
 
 
-SETS: dict[str, tuple[tuple[str, ...], float]] = {
-    "springs and loads": (
-        ("viscous", "armature", "spring", "point spring", "payload", "mimic"), 1e-3
-    ),
-    "sliding friction": (("coulomb", "table", "lossy gear"), 1e-3),
-    "flexible drive": (("flexible", "harmonic"), 1e-4),
-}  # fmt: skip
 """Features, and steps of differences in which they are smooth.
 
 Bristles bend by tenths of a milliradian, which leaves no such step: ``test_exact_derivatives``.
 """
 
 
-@cache
-def featured(name: str) -> Simulator:
-    return Simulator(features.scene("planar", SETS[name][0]), integrator="rk4", dt=1e-3)
-
-
-@pytest.mark.parametrize("name", SETS)
-def test_features(name: str) -> None:
-    sim, (chosen, h) = featured(name), SETS[name]
-    command = features.command("planar", features.scene("planar", chosen))
-    tau = np.array([1.2 * command.get(joint, 0.0) for joint in sim.joint_names])
-    sim.reset(sim.model.q0, [0.8, -0.5, 0.6])
-    sim.run(0.01, tau)
-    check(sim, tau, h)
-
-
-@pytest.mark.parametrize("method", sampled([name for name in METHODS if name != "implicit"], 3))
-def test_methods(method: str) -> None:
-    """At a long tick, where every power of h counts."""
-    sim = models.simulator("skew_axes", stops=False, integrator=method, dt=0.05)
-    rng = np.random.default_rng(7)
-    sim.reset(*0.8 * rng.normal(size=(2, sim.n)))
-    check(sim, 0.5 * rng.normal(size=sim.n))
-
-
 def test_a_panda() -> None:
     sim = Simulator("panda", dt=0.02)
     sim.reset(v=np.linspace(-0.5, 0.5, sim.n))
     check(sim, sim.dynamics.gravity(sim.state.q))
-
-
-def test_a_joint_that_sticks() -> None:
-    """It passes nothing on, and the others move as if it were welded."""
-    sim = featured("sliding friction")
-    state = sim.reset(sim.model.q0, [0.0, -0.05, 0.06])
-    A, B = sim.linearize(state, sim.dynamics.gravity(state.q))
-    assert not A[3].any() and not B[[0, 3]].any()
-    others = [1, 2, 4, 5]
-    free = np.r_[others, 6 + np.array([1, 2])]
-    want = slopes(sim, np.r_[state.q, state.v], sim.dynamics.gravity(state.q), 1e-4)
-    found = np.hstack([A, B])
-    assert_close(found[np.ix_(others, free)], want[np.ix_(others, free)], SLOPE)
 
 
 def many(sim: Simulator, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,11 +5,8 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from exported import (
@@ -105,42 +102,6 @@ def test_forward_dynamics_of_a_linkage_know_no_contact(rng: np.random.Generator)
     tau = rng.uniform(-1.0, 1.0, 3)
     made = np.array(term.function(q, v, tau)).ravel()
     assert_close(made, dyn.forward(q, v, tau), EXPORT_FORWARD)
-
-
-EXTENDED: dict[int, Callable[..., np.longdouble]] = {
-    ca.OP_ADD: np.add, ca.OP_SUB: np.subtract, ca.OP_MUL: np.multiply, ca.OP_DIV: np.divide,
-    ca.OP_NEG: np.negative, ca.OP_SQ: np.square, ca.OP_TWICE: lambda x: 2 * x,
-    ca.OP_INV: lambda x: 1 / x, ca.OP_SIN: np.sin, ca.OP_COS: np.cos, ca.OP_SQRT: np.sqrt,
-}  # fmt: skip
-
-
-def _extended(function: ca.Function, *given: np.ndarray) -> np.ndarray:
-    """The result of a function in extended precision, operation by operation."""
-    known: dict[int, Any] = {}
-    found = np.zeros(function.size1_out(0), np.longdouble)
-    for k in range(function.n_instructions()):
-        kind, into = function.instruction_id(k), function.instruction_output(k)
-        of = function.instruction_input(k)
-        if kind == ca.OP_CONST:
-            known[into[0]] = np.longdouble(function.instruction_constant(k))
-        elif kind == ca.OP_INPUT:
-            known[into[0]] = np.longdouble(given[of[0]][of[1]])
-        elif kind == ca.OP_OUTPUT:
-            found[into[1]] = known[of[0]]
-        else:
-            known[into[0]] = EXTENDED[kind](*(known[i] for i in of))
-    return found
-
-
-@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no extended precision")
-def test_forward_dynamics_lose_no_digits(tmp_path: Path) -> None:
-    """Where Pinocchio's differ by more than rounding, as with springs, these do not."""
-    case = Case("spring_balanced_arm", tmp_path)
-    (term,) = terms_of(case.dynamics.model, ("forward_dynamics",), ())
-    made = case.results("forward_dynamics", "q", "v", "a", shape=(case.n,))
-    points = zip(case.q, case.v, case.a, strict=True)
-    right = np.array([_extended(term.function, *point) for point in points])
-    assert_close(made, right.astype(float), EXPORT)
 
 
 def test_frames_are_those_of_pinocchio(case: Case) -> None:

@@ -43,11 +43,6 @@ def test_loss_leaves_the_one_before() -> None:
     assert abs(ages(loss=0.2).mean() - 0.25) < 0.02
 
 
-def test_all_lost_and_none_lost() -> None:
-    assert set(received(loss=1.0)) == {None}
-    assert received(loss=0.0) == list(range(TICKS))
-
-
 def test_jitter_is_even_between_delay_and_delay_and_jitter() -> None:
     """Sent now and then, so that none is overtaken, a third arrives in each of three ticks."""
     line: Line[int] = Line(schema.Line(delay=0.001, jitter=0.003), DT, 3, Channel.STATES)

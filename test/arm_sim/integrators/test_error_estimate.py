@@ -85,8 +85,3 @@ def test_a_step_of_nan_is_not_accepted() -> None:
         x = np.ones(3)
         x[i] = np.nan
         assert np.isnan(float(attempt(x, 1.0, [], 1e-3)[1]))
-
-
-def test_a_method_without_estimate_is_refused() -> None:
-    with pytest.raises(ValueError, match="rk4 has no error estimate"):
-        build_attempt(METHODS["rk4"], rhs(), 1, SCALE)

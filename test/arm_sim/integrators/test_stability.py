@@ -13,8 +13,7 @@ from samples import covering
 from arm_sim import Simulator
 from arm_sim.integrators import METHODS
 from arm_sim.integrators.response import Response
-from arm_sim.integrators.stability import GROWTH, longest_step, polynomial
-from arm_sim.integrators.tableaux import DOP853, DORMAND_PRINCE, RK4
+from arm_sim.integrators.stability import GROWTH, longest_step
 from models.rotor import rotor
 from tolerances import assert_close
 
@@ -71,12 +70,6 @@ def test_intervals_are_those_of_the_books(name: str, real: float, imaginary: flo
     assert_close(interval(name, [[0, 1], [0, -1]]), real, 1e-3)
     if imaginary is not None:
         assert_close(interval(name, [[0, 1], [-1, 0]]), imaginary, 1e-3)
-
-
-@pytest.mark.parametrize("tableau", [RK4, DORMAND_PRINCE, DOP853])
-def test_the_polynomial_is_the_exponential_up_to_the_order(tableau: Any) -> None:
-    wanted = 1.0 / np.cumprod([1, *range(1, tableau.order + 1)])
-    assert_close(polynomial(tableau)[: tableau.order + 1], wanted, 1e-12)
 
 
 def test_a_stiff_joint_is_named_with_its_time_and_what_would_do(

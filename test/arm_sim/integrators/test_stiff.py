@@ -5,14 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, load_scene
+from arm_dynamics import load_scene
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.integrators.selection import Choice, choose, fastest_rate
-from arm_sim.plant.plant import Plant
 from tolerances import assert_close
 
 
@@ -40,23 +37,3 @@ def test_agrees_with_the_explicit_pair_on_a_stiff_arm() -> None:
     explicit = scara(integrator="dop853", tolerance=1e-9, dt=0.1).run(0.1).q[-1]
     implicit = scara(integrator="implicit", tolerance=1e-9, dt=0.1).run(0.1).q[-1]
     assert_close(implicit, explicit, 1e-7)
-
-
-def test_damping_rate_of_a_closed_form(rng: np.random.Generator) -> None:
-    """One pendulum of inertia m l² = 1: the rate is the coefficient itself."""
-    viscous = float(rng.uniform(1.0, 1e4))
-    scene = models.scene("pendulum").model_dump(exclude_unset=True)
-    scene["joints"] = {"*": {"friction": {"viscous": viscous}}}
-    assert_close(fastest_rate(Simulator(scene).arm.plant), viscous, 1e-9 * viscous)
-
-
-def test_auto_takes_it_only_where_it_is_needed() -> None:
-    """By the fastest of Panda's joints, as its wrist is light."""
-
-    def auto(viscous: float, tolerance: float | None = None) -> Choice:
-        return choose(Plant(ArmModel(load_scene(arm("panda", viscous)))), None, None, tolerance)
-
-    assert auto(0.003).method.name == "rk4"
-    assert auto(0.003, 1e-6).method.name == "dop853"
-    assert auto(50.0).method.name == "implicit" and "stiff" in auto(50.0).reason
-    assert auto(50.0, 1e-6).method.name == "implicit"

@@ -102,24 +102,10 @@ def nystrom_residuals(tableau: Tableau, nodes: int) -> list[float]:
     return found
 
 
-def test_number_of_coloured_trees() -> None:
-    """1, 1, 3 and 7 conditions for velocities of order 1 to 4."""
-    A = np.zeros((1, 1))
-    counts = [sum(len(coloured(t, A, A)) for t in trees(nodes)) for nodes in range(1, 5)]
-    assert counts == [1, 1, 3, 7]
-
-
 def test_nystrom_conditions() -> None:
     for nodes in range(1, NYSTROM4.order + 1):
         assert max(map(abs, nystrom_residuals(NYSTROM4, nodes))) < CLOSED_FORM
     assert max(map(abs, nystrom_residuals(NYSTROM4, NYSTROM4.order + 1))) > 1e-6
-
-
-@pytest.mark.parametrize("name", TABLEAUX)
-def test_no_higher_order_than_stated(name: str) -> None:
-    tableau = TABLEAUX[name]
-    A, b = matrix(tableau.a), np.array(tableau.b)
-    assert max(abs(residual(tree, A, b)) for tree in trees(tableau.order + 1)) > 1e-6
 
 
 @pytest.mark.parametrize(("name", "first_seen"), [("dopri5", [5]), ("dop853", [6, 4])])

@@ -55,10 +55,6 @@ def test_of_several_points_the_deepest_is_named_and_all_gaps_are_reported(
     assert told.value.residuals == {f"foot{k}": -height for k, height in enumerate(heights)}
 
 
-def test_without_contacts_every_position_is_allowed() -> None:
-    np.testing.assert_array_equal(placed(plant("z"), [-5.0], [0.0], None, ()), [-5.0, 0.0])
-
-
 @pytest.mark.parametrize(
     ("q", "v", "z", "said"),
     [

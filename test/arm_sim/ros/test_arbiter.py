@@ -86,15 +86,6 @@ def test_commands_with_long_silences_between_them_make_no_stream() -> None:
     arbiter.admit("other", BOTH)
 
 
-def test_forgotten_sources_keep_nothing() -> None:
-    arbiter = Arbiter(100)
-    streaming("left", BOTH, arbiter)
-    arbiter.forget()
-    assert arbiter.sources == ()
-    arbiter.admit("right", BOTH)
-    assert arbiter.alone
-
-
 def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
     arbiter = Arbiter(5)
     assert not arbiter.alone
@@ -142,12 +133,4 @@ def test_a_new_refusal_prolongs_a_conflict() -> None:
         arbiter.now += 1
     assert arbiter.conflict
     arbiter.now += 1
-    assert not arbiter.conflict
-
-
-def test_single_commands_own_nothing() -> None:
-    arbiter = Arbiter(100)
-    for source in ("a", "b", "c", "a"):
-        arbiter.now += 1
-        arbiter.admit(source, BOTH)
     assert not arbiter.conflict

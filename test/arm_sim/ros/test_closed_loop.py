@@ -84,12 +84,6 @@ def test_a_wrong_model_shows(ros: Ros) -> None:
     assert rms(errors) > 10 * RMS
 
 
-def test_two_runs_are_equal_to_the_bit(ros: Ros) -> None:
-    first = follow(*pair(ros), 500)
-    second = follow(*pair(ros), 500)
-    np.testing.assert_array_equal(first, second)
-
-
 @pytest.mark.parametrize("sent", sampled([[], [math.nan] * 7], 1), ids=["none", "nan"])
 def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) -> None:
     sim, _ = pair(ros)
@@ -104,7 +98,7 @@ def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) ->
         return controller.on_joint_states(serialize_message(message))
 
     errors = []
-    for k in range(3500):
+    for k in range(1500):
         sim.inputs.on_joint_commands(answer())
         if k == 0:
             controller.on_joint_trajectory(trajectory(sim))
@@ -141,14 +135,3 @@ def test_the_efforts_of_a_motion_repeat_it_without_feedback(ros: Ros) -> None:
         assert_close(given, tau[k], ALGEBRA)
         sim.inputs.on_joint_commands(command)
         sim.tick()
-
-
-def test_over_topics(ros: Ros) -> None:
-    sim, _ = pair(ros, stale_policy="gravity")
-    answers = ros.listen(JointState, "/joint_commands")
-    q0 = sim.simulator.state.q
-    for count in range(1, 101):
-        sim.tick()
-        ros.spin_until(lambda count=count: len(answers) >= count)
-    assert sim.inputs.round_trip.percentiles().count > 50
-    np.testing.assert_allclose(sim.simulator.state.q, q0, rtol=0.0, atol=1e-6)

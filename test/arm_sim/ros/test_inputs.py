@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
 from polled import offered
 from pushes import pushed
 from rclpy.serialization import serialize_message
@@ -15,7 +12,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 import models
-from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.joint_state import reader
 from arm_dynamics.ros.joint_state.serialization import parsed
@@ -28,7 +24,7 @@ pytestmark = pytest.mark.ros
 NAMES = list(models.dynamics("panda").joint_names)
 LIMIT = models.dynamics("panda").model.command_limit.tolist()
 ZERO = [0.0] * 7
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
 
 
 class Log:
@@ -84,36 +80,6 @@ def lead(inputs: Inputs, source: str = "leader") -> None:
         inputs.on_joint_commands(command(source=source, joint1=1.0))
 
 
-def test_a_command_by_name_acts_and_its_stamp_is_returned(
-    inputs: Inputs, engine: TickEngine, log: Log
-) -> None:
-    assert inputs.on_joint_commands(command(7, joint2=2.0)) == 7
-    assert acting(engine) == [0.0, 2.0, *ZERO[2:]]
-    assert (inputs.refused, log.warnings) == (0, [])
-
-
-def test_a_refused_command_changes_nothing_and_is_counted(
-    inputs: Inputs, engine: TickEngine, log: Log
-) -> None:
-    inputs.on_joint_commands(command(joint2=2.0))
-    for count in (1, 2):
-        assert inputs.on_joint_commands(command(8, joint2=NAN)) is None
-        assert inputs.refused == count
-        assert len(log.warnings) == 1
-    assert acting(engine)[1] == 2.0
-    assert inputs.refused_wrenches == 0
-
-
-def test_who_is_refused_by_the_arbiter_commands_nothing(
-    inputs: Inputs, engine: TickEngine
-) -> None:
-    lead(inputs)
-    assert inputs.on_joint_commands(command(1, "other", joint1=9.0)) is None
-    inputs.on_commands(Float64MultiArray(data=[9.0] * 7))
-    assert acting(engine)[0] == 1.0
-    assert (inputs.refused, engine.arbiter.refused) == (2, 2)
-
-
 def test_bare_commands_claim_all_joints_under_a_name_of_their_own(
     inputs: Inputs, engine: TickEngine
 ) -> None:
@@ -123,50 +89,6 @@ def test_bare_commands_claim_all_joints_under_a_name_of_their_own(
         assert inputs.on_joint_commands(command(1, "other", **{joint: 9.0})) is None
     assert "refused while '~/commands' commands" in engine.arbiter.last_refusal
     assert acting(engine) == [1.0] * 7
-
-
-@pytest.mark.parametrize(
-    "data",
-    [[], [1.0] * 6, [1.0] * 8, [NAN, *ZERO[1:]], [*ZERO[1:], INF], [-INF] * 7, [0.0] * 1000],
-)
-def test_bare_commands_must_be_a_finite_number_for_each_joint(
-    inputs: Inputs, engine: TickEngine, log: Log, data: list[float]
-) -> None:
-    inputs.on_commands(Float64MultiArray(data=[3.0] * 7))
-    inputs.on_commands(Float64MultiArray(data=data))
-    assert acting(engine) == [3.0] * 7
-    assert inputs.refused == 1
-    (said,) = log.warnings
-    assert f"{len(data)} numbers" in said
-    assert "allowed: 7 finite numbers" in said
-    assert len(said) < 200
-
-
-def test_the_first_ten_of_many_numbers_are_shown(inputs: Inputs, log: Log) -> None:
-    inputs.on_commands(Float64MultiArray(data=[*range(100, 120)]))
-    assert "100. 101. 102. 103. 104. 105. 106. 107. 108. 109.]" in log.warnings[0]
-
-
-@pytest.mark.parametrize("by_name", [True, False])
-@pytest.mark.parametrize("joint", [0, 1, 6])
-@pytest.mark.parametrize(("factor", "acts"), [(1.0, 1.0), (-1.0, -1.0), (1.5, 1.0), (-1.5, -1.0)])
-def test_efforts_act_up_to_their_limit_and_are_cut_beyond_it(
-    inputs: Inputs, engine: TickEngine, log: Log, by_name: bool, joint: int, factor: float,
-    acts: float,
-) -> None:  # fmt: skip
-    effort, expected = [1.0] * 7, [1.0] * 7
-    effort[joint], expected[joint] = factor * LIMIT[joint], acts * LIMIT[joint]
-    if by_name:
-        inputs.on_joint_commands(command(**{f"joint{i + 1}": x for i, x in enumerate(effort)}))
-    else:
-        inputs.on_commands(Float64MultiArray(data=effort))
-    assert acting(engine) == expected
-    assert inputs.refused == 0
-    told = (
-        f"command {effort[joint]:g} N m of joint '{NAMES[joint]}' exceeds its limit of "
-        f"{LIMIT[joint]:g} N m and is clipped to it"
-    )
-    assert log.warnings == ([told] if abs(factor) > 1.0 else [])
 
 
 def test_positions_from_before_bare_efforts_do_not_come_back(
@@ -196,30 +118,6 @@ def test_all_efforts_beyond_are_cut_and_the_first_is_told(
     assert acting(engine) == [LIMIT[0], 2.0, LIMIT[2], -LIMIT[3], 3.0, LIMIT[5], -LIMIT[6]]
     (said,) = log.warnings
     assert "'panda_joint3'" in said
-
-
-def test_a_wrench_goes_to_the_frame_that_it_names(
-    inputs: Inputs, engine: TickEngine, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    received = list[Any]()
-    monkeypatch.setattr(engine, "push", lambda frame, six: received.append((frame, list(six))))
-    inputs.on_wrench(pushed("panda_link7", 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-    assert received == [("panda_link7", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])]
-    assert inputs.refused_wrenches == 0
-
-
-@pytest.mark.parametrize(
-    "message", [pushed("nowhere", *ZERO[1:]), pushed("panda_link7", NAN, *ZERO[2:])]
-)
-def test_a_bad_wrench_is_passed_over_and_counted_apart_from_commands(
-    inputs: Inputs, engine: TickEngine, log: Log, message: WrenchStamped
-) -> None:
-    for count in (1, 2):
-        inputs.on_wrench(message)
-        assert (inputs.refused_wrenches, inputs.refused) == (count, 0)
-        assert len(log.warnings) == 1
-    engine.queue.serve()
-    assert engine.pushed_frames == ()
 
 
 def test_messages_of_a_rival_are_analysed_once(
@@ -268,14 +166,6 @@ def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: Tic
     assert len(waiting) == 8
 
 
-def test_where_nothing_waits_the_command_stays(inputs: Inputs, engine: TickEngine) -> None:
-    inputs.on_joint_commands(command(joint1=1.0))
-    read(engine)
-    offered(inputs, engine)
-    read(engine)
-    assert acting(engine)[0] == 1.0
-
-
 @pytest.mark.parametrize(
     ("stamp", "sent", "alone", "acts"),
     [
@@ -322,28 +212,6 @@ def test_after_it_is_closed_nothing_is_read(inputs: Inputs, engine: TickEngine) 
     inputs.close()
     read(engine)
     assert waiting and acting(engine) == ZERO
-
-
-def test_counters_are_reset(inputs: Inputs) -> None:
-    inputs.round_trip.sent(5)
-    inputs.on_joint_commands(command(5, joint1=1.0), 10**18)
-    inputs.on_joint_commands(command(joint1=NAN))
-    inputs.on_wrench(pushed("nowhere", *ZERO[1:]))
-    assert (inputs.refused, inputs.refused_wrenches) == (1, 1)
-    assert inputs.round_trip.percentiles().count == 1
-    inputs.reset_counters()
-    assert (inputs.refused, inputs.refused_wrenches) == (0, 0)
-    assert inputs.round_trip.percentiles().count == 0
-
-
-@pytest.mark.parametrize(
-    "names", [["nobody"], ["panda_joint1", "nobody"], ["panda_joint1", "panda_joint1"]]
-)
-def test_joints_of_others_are_refused(inputs: Inputs, names: list[str]) -> None:
-    message = JointState(name=names, effort=[1.0] * len(names))
-    assert inputs.on_joint_commands(serialize_message(message)) is None
-    with pytest.raises(InvalidInput):
-        inputs.reader.read(serialize_message(message))
 
 
 def test_what_numbers_in_model_order_are_is_said_once(inputs: Inputs, log: Log) -> None:

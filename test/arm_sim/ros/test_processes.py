@@ -101,7 +101,7 @@ exec sleep 600
 """
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("end", sampled([signal.SIGINT, signal.SIGTERM], 1))
 def test_a_node_is_ended_at_once_while_it_is_being_built(
     processes: Processes, end: signal.Signals, tmp_path: Path
 ) -> None:

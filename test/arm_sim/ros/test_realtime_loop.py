@@ -88,20 +88,6 @@ def test_makes_up_for_a_long_tick_without_hurry() -> None:
     assert report.rate == pytest.approx(100 / 198e-3)
 
 
-def test_time_passes_in_part_while_it_catches_up() -> None:
-    """A late tick counts by the time since the one before it, and as one at most."""
-    shares = list[float]()
-
-    def note(loop: RealtimeLoop) -> None:
-        shares.append(loop._due.share)
-
-    late_once(2, 50, 60, closest=0.25, note=note)
-    caught_up = 11 + 30  # of 48 ms, each makes up for 1.5 ms, until one is late by less than 2 ms
-    assert shares[:11] == [1.0] * 11
-    assert shares[11:caught_up] == pytest.approx([0.25] * 30)
-    assert shares[caught_up:] == [1.0] * (60 - caught_up)
-
-
 def test_a_partner_may_be_as_late_as_always_while_the_loop_catches_up() -> None:
     """It commands every 60 ms, and commands act for 100 ms; a tick takes half a second."""
     clock, engine = Clock(), TickEngine(
@@ -169,15 +155,6 @@ def test_stop_waits_for_the_last_tick() -> None:
     assert all(thread.name != "realtime_loop" for thread in threading.enumerate())
 
 
-def test_the_report_stays_as_it_was_when_the_loop_was_stopped() -> None:
-    loop = RealtimeLoop(each(lambda: None), 1e-3)
-    run(loop, 1)
-    report = loop.report()
-    loop.stop()
-    time.sleep(0.002)
-    assert loop.report() == report
-
-
 def test_stop_without_start_and_from_within() -> None:
     RealtimeLoop(each(lambda: None), 1e-3).stop()
     loop = RealtimeLoop(each(lambda: loop.stop()), 1e-3)
@@ -197,15 +174,6 @@ def test_histogram_is_exact_to_the_microsecond(rng: np.random.Generator) -> None
     assert summary.max == 1e-9 * values.max()
 
 
-def test_histogram_takes_anything() -> None:
-    histogram = Histogram()
-    assert histogram.percentiles().count == 0
-    for value in (-5, 10**12):
-        histogram.add(value)
-    assert histogram.percentiles().max == pytest.approx(1000.0)
-    assert "max 1000000000" in str(histogram.percentiles())
-
-
 def test_as_fast_as_it_goes() -> None:
     count = [0]
 
@@ -216,16 +184,6 @@ def test_as_fast_as_it_goes() -> None:
     run(loop, 1000)
     assert loop.report().ticks == count[0]
     assert loop.report().missed == 0
-
-
-def test_histogram_beyond_twenty_milliseconds() -> None:
-    histogram = Histogram()
-    for milliseconds in range(1, 1001):
-        histogram.add(milliseconds * 1_000_000)
-    summary = histogram.percentiles()
-    assert summary.p50 == pytest.approx(0.5, rel=0.03)
-    assert summary.p99 == pytest.approx(0.99, rel=0.03)
-    assert sum(count for _, count in histogram.bars()) == 1000
 
 
 def test_a_long_duration_lies_between_the_edges_of_its_bar() -> None:

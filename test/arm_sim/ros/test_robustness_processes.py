@@ -204,24 +204,6 @@ def test_a_full_disk_does_not_stop_the_node(unstarted: Loop) -> None:
     assert all(process.poll() is None for process in loop.running.values())
 
 
-def test_a_publisher_that_vanishes_is_distinguished_from_one_that_continues(ros: Ros) -> None:
-    ways = {"command_timeout": 0.01, "stale_policy": "zero"}
-    node = ros.add(SimNode, models.scene("two_link"), realtime=False, **ways)
-    publisher = ros.publisher(JointState, "/joint_commands")
-    publisher.publish(JointState(name=NAMES, effort=[1.0, 1.0]))
-
-    def acts() -> bool:
-        node.tick()
-        return bool(node.simulator.effort.any())
-
-    ros.spin_until(acts)
-    ros.peer.destroy_publisher(publisher)
-    for _ in range(20):
-        node.tick()
-    np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
-    assert node.engine.commands.stale_count == 1
-
-
 def test_another_arm_while_questions_come_in(ros: Ros) -> None:
     """Each answer is about one of the arms as a whole, never about half of each."""
     urdfs = {n: models.scene(n).robot.urdf for n in ("two_link", "pendulum")}

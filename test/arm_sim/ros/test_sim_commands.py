@@ -211,7 +211,7 @@ def test_mimic_joints_may_be_commanded_as_they_follow(
     assert "command ignored: position: right_slide is 0.02, but right_" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("data", [[], [1.0], [1.0] * 3, [np.nan, 0.0], [0.0] * 100_000])
+@pytest.mark.parametrize("data", [[], [1.0], [1.0] * 3, [np.nan, 0.0], [0.0] * 1000])
 def test_bad_arrays_are_passed_over(
     node: SimNode, data: list[float], capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -65,16 +66,26 @@ class Client:
         return self("get_entities", filters=EntityFilters(**filters))
 
 
-@pytest.fixture
-def client(ros: Ros) -> Client:
-    """A client."""
-    return Client(ros)
+@pytest.fixture(scope="module")
+def shared() -> Iterator[tuple[Ros, SimNode]]:
+    """A Panda whose ticks are triggered by hand, for all tests."""
+    ros = Ros()
+    yield ros, by_hand(ros, "panda")
+    ros.close()
 
 
 @pytest.fixture
-def node(ros: Ros) -> SimNode:
-    """A Panda whose ticks are triggered by hand."""
-    return by_hand(ros, "panda")
+def client(shared: tuple[Ros, SimNode]) -> Client:
+    """A client of it."""
+    return Client(shared[0])
+
+
+@pytest.fixture
+def node(shared: tuple[Ros, SimNode], client: Client) -> SimNode:
+    """The node, at its start and running."""
+    client.enter(PLAYING)
+    shared[1].engine.reset()
+    return shared[1]
 
 
 def test_may_be_turned_off(ros: Ros) -> None:
@@ -154,8 +165,8 @@ def test_resets_what_the_scope_names(
     np.testing.assert_array_equal(motion(node), start if state_back else fallen)
 
 
-def test_time_goes_back_without_the_states_of_drives(ros: Ros, client: Client) -> None:
-    node = by_hand(ros, "flexible_arm")
+def test_time_goes_back_without_the_states_of_drives(ros: Ros) -> None:
+    client, node = Client(ros), by_hand(ros, "flexible_arm")
     ticks(node, 20)
     before = node.simulator.state
     assert client("reset_simulation", scope=1).result.result == OK
@@ -192,9 +203,9 @@ def test_steps_out_of_range_are_refused(client: Client, node: SimNode, steps: in
     assert node.simulator.arm.step_count == 0
 
 
-def test_steps_while_it_runs_are_refused(ros: Ros, client: Client) -> None:
+def test_steps_while_it_runs_are_refused(ros: Ros) -> None:
     ros.add(SimNode, models.scene("two_link"))
-    result = client("step_simulation", steps=1).result
+    result = Client(ros)("step_simulation", steps=1).result
     assert result.result == FAILED
     assert "allowed only while it is paused" in result.error_message
 
@@ -305,10 +316,10 @@ def test_states_of_many_are_those_of_each(client: Client, node: SimNode) -> None
     assert (none.result.result, list(none.entities), list(none.states)) == (OK, [], [])
 
 
-def test_the_world_is_the_scene(ros: Ros, client: Client) -> None:
+def test_the_world_is_the_scene(ros: Ros) -> None:
     path = str(models.SCENES / "two_link.yaml")
     ros.add(SimNode, scene=path, realtime=False)
-    answer = client("get_current_world")
+    answer = Client(ros)("get_current_world")
     assert answer.result.result == OK
     assert answer.world.world_resource.uri == path
     assert answer.world.name
@@ -346,11 +357,11 @@ SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # action_msgs/GoalStatus
 
 
 @pytest.fixture
-def stepper(ros: Ros) -> Any:
+def stepper(shared: tuple[Ros, SimNode]) -> Any:
     """A client that requests steps."""
     made = []
 
-    def make() -> Stepper:
+    def make(ros: Ros = shared[0]) -> Stepper:
         made.append(Stepper(ros))
         return made[0]
 
@@ -361,35 +372,35 @@ def stepper(ros: Ros) -> Any:
 
 @pytest.mark.parametrize("steps", [7, 1234])
 def test_the_action_makes_steps_and_reports_how_many(
-    ros: Ros, stepper: Any, node: SimNode, steps: int
+    stepper: Any, node: SimNode, steps: int
 ) -> None:
     mine = stepper()
     assert mine.outcome(mine.send(steps)) == (SUCCEEDED, OK, "")
     assert node.simulator.arm.step_count == steps
-    ros.spin_until(lambda: mine.heard and not mine.heard[-1].remaining_steps)
+    mine.ros.spin_until(lambda: mine.heard and not mine.heard[-1].remaining_steps)
     completed = [told.completed_steps for told in mine.heard]
     assert completed == sorted(completed)
     assert {told.completed_steps + told.remaining_steps for told in mine.heard} == {steps}
 
 
-def test_the_action_ends_when_it_is_cancelled(ros: Ros, stepper: Any, node: SimNode) -> None:
+def test_the_action_ends_when_it_is_cancelled(stepper: Any, node: SimNode) -> None:
     mine = stepper()
     goal = mine.send(2**62)
-    ros.spin_until(lambda: mine.heard)
-    ros.spin_until(goal.cancel_goal_async().done)
+    mine.ros.spin_until(lambda: mine.heard)
+    mine.ros.spin_until(goal.cancel_goal_async().done)
     status, code, said = mine.outcome(goal)
     assert (status, code) == (CANCELED, OK)
     assert said == f"cancelled after {node.simulator.arm.step_count} of {2**62} steps"
     assert mine.outcome(mine.send(3))[0] == SUCCEEDED
 
 
-def test_one_goal_at_a_time(ros: Ros, stepper: Any, node: SimNode) -> None:
+def test_one_goal_at_a_time(stepper: Any, node: SimNode) -> None:
     mine = stepper()
     first = mine.send(2**62)
     status, code, said = mine.outcome(mine.send(5))
     assert (status, code) == (ABORTED, INCORRECT_STATE)
     assert "another goal is under way" in said
-    ros.spin_until(first.cancel_goal_async().done)
+    mine.ros.spin_until(first.cancel_goal_async().done)
     assert mine.outcome(first)[0] == CANCELED
 
 
@@ -399,9 +410,9 @@ def test_the_action_refuses_no_steps(stepper: Any, node: SimNode) -> None:
     assert (status, code, said) == (ABORTED, FAILED, "steps = 0; allowed: 1 or more")
 
 
-def test_the_action_needs_a_pause(ros: Ros, stepper: Any, client: Client) -> None:
-    node = ros.add(SimNode, models.scene("two_link"))
-    mine = stepper()
+def test_the_action_needs_a_pause(ros: Ros, stepper: Any) -> None:
+    node, client = ros.add(SimNode, models.scene("two_link")), Client(ros)
+    mine = stepper(ros)
     status, code, said = mine.outcome(mine.send(5))
     assert (status, code) == (ABORTED, FAILED)
     assert "allowed only while it is paused" in said
@@ -414,7 +425,7 @@ def test_the_action_needs_a_pause(ros: Ros, stepper: Any, client: Client) -> Non
     assert "allowed only while it is paused" in said
 
 
-def test_divergence_ends_the_action(ros: Ros, stepper: Any, node: SimNode) -> None:
+def test_divergence_ends_the_action(stepper: Any, node: SimNode) -> None:
     assert node.set_parameters([Parameter("stale_policy", value="hold")])[0].successful
     node.simulator.set_state(v=np.full(7, 1e160))
     mine = stepper()

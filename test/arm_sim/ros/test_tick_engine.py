@@ -17,10 +17,10 @@ from polled import polled
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.task_space import TaskSpace
-from arm_sim import SimulationDiverged, Simulator
+from arm_sim import Simulator
 from arm_sim.ros import tick_engine
 from arm_sim.ros.node_library import library
-from arm_sim.ros.tick_engine import MAX_STEPS, TickEngine
+from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.tick_queue import TickQueue
 
 TAU = (1.5, -0.5)
@@ -128,14 +128,6 @@ def test_what_arrives_while_the_middleware_is_looked_at_is_read() -> None:
     assert made.commands.stale_count == made.commands.extended == 0
 
 
-def test_without_a_timeout_a_command_acts_for_ever() -> None:
-    made = engine()
-    made.configure(0.0, "zero")
-    made.commands.put(TAU)
-    ticks(made, 5000)
-    assert acting(made) == [*TAU]
-
-
 @pytest.mark.parametrize(("timeout", "patience"), [(0.005, 1000), (0.0, 1000), (3.0, 3000)])
 def test_a_silent_source_keeps_its_joints_for_a_second_or_the_timeout(
     timeout: float, patience: int
@@ -172,17 +164,6 @@ def test_reset_goes_back_and_forgets_commands_sources_and_wrenches() -> None:
     np.testing.assert_array_equal(made.simulator.state.q, free.state.q)
 
 
-def test_time_waits_for_the_first_command_if_configured() -> None:
-    made = engine(wait_for_command=True)
-    idle: list[int] = []
-    made.on_idle.append(lambda: idle.append(1))
-    ticks(made, 3)
-    assert (made.simulator.arm.step_count, len(idle)) == (0, 3)
-    made.commands.put(TAU)
-    ticks(made, 2)
-    assert (made.simulator.arm.step_count, len(idle)) == (2, 3)
-
-
 def test_commands_are_read_before_the_tick_in_which_they_act() -> None:
     made = engine()
     polled(made, lambda: made.commands.put(TAU))
@@ -192,14 +173,6 @@ def test_commands_are_read_before_the_tick_in_which_they_act() -> None:
     made.tick()
     made.step(1)
     assert made.simulator.effort.tolist() == [9.0, 9.0]
-
-
-@pytest.mark.parametrize("steps", [-1, 0, MAX_STEPS + 1])
-def test_steps_are_bounded(steps: int) -> None:
-    made = engine()
-    with pytest.raises(InvalidInput, match="allowed: 1 to 10000"):
-        made.step(steps)
-    assert made.simulator.arm.step_count == 0
 
 
 def test_as_many_steps_as_are_allowed_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,27 +216,6 @@ def test_servos_that_may_have_to_stop_the_arm_are_built_while_it_moves(
     ticks(made, 3)
     assert len(started) == begun
     assert made.simulator.effort.tolist() == [*TAU]
-
-
-def test_divergence_pauses_with_the_last_good_state_until_it_is_released() -> None:
-    made = engine()
-    failed: list[str] = []
-    made.on_failure.append(lambda: failed.append(made.failure))
-    made.simulator.set_state([0.0, 0.0], [1e160, 1e160])
-    before = made.simulator.state
-    ticks(made, 3)
-    assert made.paused
-    assert len(failed) == 1
-    assert "the last good state is kept" in failed[0]
-    np.testing.assert_array_equal(made.simulator.state.v, before.v)
-    with pytest.raises(SimulationDiverged, match="after 0 of 2 steps"):
-        made.step(2)
-    made.reset()
-    assert made.failure == ""
-    assert made.paused  # a reset does not let time go on
-    made.pause(False)
-    ticks(made, 2)
-    assert made.simulator.arm.step_count == 2
 
 
 def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
@@ -347,16 +299,6 @@ def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
     fallen = before - task.pose(made.simulator.state.q).position[2]
     assert abs(fallen) > 1e-3
     assert made.account().input - start.input == pytest.approx(4.0 * fallen, rel=1e-2)
-
-
-def test_a_wrench_that_makes_no_sense_is_refused_and_builds_nothing() -> None:
-    made = engine()
-    plant = made.simulator.arm.plant
-    for frame, wrench in (("paw", UP), ("tip", [np.nan] * 6), ("tip", [1.0] * 5)):
-        with pytest.raises(InvalidInput):
-            made.push(frame, wrench)
-    assert made.simulator.arm.plant is plant
-    assert made.pushed_frames == ()
 
 
 # --- energy ------------------------------------------------------------------------------------

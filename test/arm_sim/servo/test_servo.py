@@ -261,14 +261,6 @@ def test_a_payload_that_is_changed_is_carried() -> None:
     assert abs(led(sim, 0.5, position=place)[-1] - place).max() == 0.0
 
 
-def test_repeats_to_the_bit_after_a_reset(rng: np.random.Generator) -> None:
-    sim = models.simulator("panda")
-    wanted = moves(sim, rng, 1)[:300]
-    first = led(sim, 0.3, position=wanted)
-    sim.reset()
-    np.testing.assert_array_equal(led(sim, 0.3, position=wanted), first)
-
-
 def soft_pair(first: str, second: str) -> dict[str, Any]:
     """Two wheels, each on a soft shaft behind a motor with inductance and friction of bristles."""
     body = """<link name="{name}_link"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0"

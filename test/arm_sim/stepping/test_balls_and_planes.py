@@ -135,27 +135,6 @@ def test_chaplygins_ball_against_euler_equations(options: dict[str, Any]) -> Non
     assert_close(run.energy, np.full(len(run), run.energy[0]), 1e-10)
 
 
-def test_a_ball_held_by_friction_keeps_its_bits() -> None:
-    """The tip of two links is a ball that presses on a slope: nothing moves at all."""
-    r, q = 0.05, np.array([0.6, -1.7])
-    height = L1 * np.sin(q[0]) + L2 * np.sin(q.sum())
-    ball = contact("tip", radius=r, friction=0.6, plane={"point": [0, 0, height - r]})
-    sim = Simulator({"robot": {"urdf": TWO_LINK}, "constraints": [ball]})
-    wrench = np.array([3.0, 20.0])
-    touching = np.array([L1 * np.cos(q[0]) + L2 * np.cos(q.sum()), height - r])
-    elbow = L1 * np.array([np.cos(q[0]), np.sin(q[0])])
-    below = np.array(
-        [[-touching[1], elbow[1] - touching[1]], [touching[0], touching[0] - elbow[0]]]
-    )
-    sim.reset(q=q)
-    run = sim.run(1.0, sim.dynamics.gravity(q) - below.T @ wrench)
-    (force,) = sim.contact_forces()
-    assert force.state == "sticks"
-    assert_close(force.force, [3.0, 0.0, 20.0], 1e-10)
-    np.testing.assert_array_equal(run.q[1:], np.broadcast_to(run.q[1], run.q[1:].shape))
-    np.testing.assert_array_equal(run.v, np.zeros_like(run.v))
-
-
 # --- planes that links carry ---------------------------------------------------------------------
 
 
@@ -305,15 +284,6 @@ def everything() -> Simulator:
         "initial": {"position": {"z": 0.4}, "velocity": {"x": 0.5, "roll": 3.0, "drive": 0.2}}
     }
     return Simulator({**scene, **start, "constraints": [ball, edge]})
-
-
-def test_energy_is_accounted_for_through_bounces_slides_and_rolling(everything: Simulator) -> None:
-    everything.reset()
-    run = everything.run(0.8)
-    assert everything.impacts > 1 and run.lost[-1] > 0.5
-    assert abs(run.balance).max() < 1e-8 * run.kinetic.max()
-    history = contact_history(everything, run)
-    assert history.gap.min() > -1e-12 and history.point.shape == history.force.shape
 
 
 def test_runs_rollouts_and_steps_repeat_to_the_bit(everything: Simulator) -> None:

@@ -11,12 +11,10 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError
 from arm_sim import SimulationDiverged, Simulator, contact_history
-from arm_sim.stepping.contact_forces import trouble
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
 G = 9.81
-PENDULUM = str(models.SCENES / "pendulum.urdf")
 
 
 def block(mu: float, half: float = 0.3, height: float = 0.4, **options: Any) -> Simulator:
@@ -139,18 +137,6 @@ def test_dry_joints_and_contacts_together(axes: str) -> None:
     assert sim.run(0.02, (1.0 + 0.31 * 2.0 * G) * way).v[-1, x] > 0.0
 
 
-def test_same_input_same_bits_by_run_step_and_rollout() -> None:
-    sim = block(0.3)
-    push = [7.0, 0.0, 0.5]
-    run = sim.run(0.2, push)
-    sim.reset()
-    for _ in range(200):
-        sim.step(push)
-    np.testing.assert_array_equal(sim.state.q, run.q[-1])
-    rolled = sim.rollout([run.q[0]] * 2, [run.v[0]] * 2, push, 200)
-    np.testing.assert_array_equal(rolled[1], np.hstack([run.q, run.v]))
-
-
 def test_history_closes_the_balance_of_energy() -> None:
     """What is missing after a run is what impacts and friction took, and the account knows it."""
     feet = [
@@ -196,31 +182,3 @@ def test_states_inside_a_plane_are_refused_and_nothing_is_lost() -> None:
         assert sim.state is before
     with pytest.raises(InvalidInput, match="no contact"):
         Simulator(models.scene("pendulum")).contact_forces()
-
-
-def test_plan_says_so() -> None:
-    assert "computed    contact" in str(block(0.1).plan)
-    assert "skipped     contact" in str(models.simulator("pendulum").plan)
-
-
-@pytest.mark.parametrize(
-    ("height", "speed", "good", "said"),
-    [
-        (0.1, 0.0, 1, ""),
-        (-0.5e-9, 0.0, 1, ""),  # a nanometre is rounding
-        (-2e-9, 0.0, 0, "; a contact point is inside its plane"),
-        (0.1, 1e160, 0, ""),  # beyond all bounds, but by no contact's fault
-    ],
-)
-def test_why_a_tick_failed_is_told_where_contacts_are_to_blame(
-    height: float, speed: float, good: int, said: str
-) -> None:
-    sim = Simulator({**rails("z"), "constraints": [contact("body")]})
-    stepper, x = sim.arm.compiled.stepper, np.array([height, speed])
-    assert trouble(stepper) == ""
-    trace, effort, notes = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros((1, 2))
-    assert stepper.roll(x, np.zeros(1), trace, effort, notes) == good
-    assert trouble(stepper) == said
-    assert good or (x == [height, speed]).all()
-    stepper.restart()
-    assert trouble(stepper) == ""

@@ -57,13 +57,13 @@ def test_in_another_process_built_afresh(tmp_path: Path) -> None:
     paths = [str(here.parents[2]), str(here.parents[2] / "support"), str(here.parent)]
     code = (
         f"import sys; sys.path[:0] = {paths!r}; import models, test_determinism; "
-        "print(test_determinism.fingerprint(models.simulator('skew_axes', integrator='rk4')))"
+        "print(test_determinism.fingerprint(models.simulator('two_link', integrator='rk4')))"
     )
     env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=env, timeout=120
     )
-    assert done.stdout.strip() == fingerprint(models.simulator("skew_axes", integrator="rk4")), (
+    assert done.stdout.strip() == fingerprint(models.simulator("two_link", integrator="rk4")), (
         done.stderr
     )
 

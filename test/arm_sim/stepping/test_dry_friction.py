@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import SceneError, load_scene
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import CLOSED_FORM, assert_close
@@ -122,20 +121,3 @@ def test_static_level_above_the_sliding_one(options: dict[str, Any]) -> None:
     sim.reset(q=[0.0], v=[0.0])
     run = sim.run(0.5, [0.81])
     assert_close(run.v[:, 0], (0.81 - FC) / J * run.time, 1e-9)
-
-
-def test_stribeck_falls_from_static_to_coulomb() -> None:
-    """F(v) = Fc + (Fs - Fc) exp(-(v/vs)²), seen in the numeric answer."""
-    dyn = wheel({}, coulomb=FC, static=0.8, stribeck_velocity=0.1, viscous=0.0).dynamics
-    v = np.array([1e-9, 0.02, 0.05, 0.1, 0.17, 0.25, 10.0])
-    wanted = FC + 0.3 * np.exp(-((v / 0.1) ** 2))
-    assert_close(dyn.friction(v[:, None]), wanted[:, None], CLOSED_FORM)
-    assert_close(dyn.friction(-v[:, None]), -wanted[:, None], CLOSED_FORM)
-
-
-@pytest.mark.parametrize(
-    "friction", [{"static": 0.4, "coulomb": 0.5}, {"stribeck_velocity": 0.0}, {"static": -1.0}]
-)
-def test_impossible_friction(friction: dict[str, float]) -> None:
-    with pytest.raises(SceneError, match=next(iter(friction))):
-        Simulator(load_scene(rotor(J, **friction)))

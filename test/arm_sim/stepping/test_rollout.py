@@ -137,17 +137,6 @@ def test_arms_with_states_of_their_own(options: dict[str, Any], rng: np.random.G
     np.testing.assert_array_equal(last, together[:, -1])
 
 
-def test_one_by_one_an_arm_that_diverges_is_nan_from_there_on() -> None:
-    """Error control gives up at another tick than its neighbours."""
-    sim = models.simulator("double_pendulum", tolerance=1e-8)
-    tau = np.zeros((3, 10, 2))
-    tau[1, 4:] = 1e300
-    motion = sim.rollout(np.zeros((3, 2)), np.ones((3, 2)), tau, 10)
-    assert np.isfinite(motion[[0, 2]]).all() and np.isfinite(motion[1, :5]).all()
-    assert np.isnan(motion[1, 5:]).all()
-    np.testing.assert_array_equal(motion[0], motion[2])
-
-
 CONTROLLED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "rigid": (("viscous", "payload"), {"tolerance": 1e-9}),
     "dopri5": (("spring", "point spring"), {"integrator": "dopri5", "tolerance": 1e-7}),
@@ -233,20 +222,6 @@ def test_in_registers_an_arm_that_cannot_be_advanced_is_nan_from_there_on() -> N
     motion = sim.rollout(*start, tau, 10, lanes=4)
     np.testing.assert_array_equal(motion, sim.rollout(*start, tau, 10, lanes=1))
     assert np.isnan(motion[4, 5:]).all() and np.isfinite(motion[[3, 5]]).all()
-
-
-def test_threads_share_all_arms_in_whole_groups() -> None:
-    for arms in (1, 2, 7, 8, 9, 33):
-        for width in (1, 4, 8):
-            for threads in (1, 2, 3, 16):
-                parts: list[tuple[int, int]] = []
-                share(arms, width, threads, lambda a, b, parts=parts: parts.append((a, b)))
-                parts.sort()
-                assert parts[0][0] == 0 and parts[-1][1] == arms
-                assert all(a[1] == b[0] and a[1] % width == 0 for a, b in zip(parts, parts[1:]))  # noqa: B905
-                assert 1 <= len(parts) <= threads and all(b > a for a, b in parts)
-                sizes = [b - a for a, b in parts]
-                assert max(sizes) - min(sizes) < 2 * width
 
 
 def test_threads_are_kept_and_a_fork_starts_its_own() -> None:

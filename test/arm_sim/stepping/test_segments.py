@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 
 import models
 from arm_sim import Simulator
-from models.rotor import rotor
 from models.touching import beside, contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
@@ -304,15 +303,3 @@ def test_rollouts_from_inside_a_plane_have_no_motion() -> None:
     assert np.isnan(motion[2, 1:]).all() and motion[2, 0, 0] == -1e-6
     assert_close(motion[3, -1], [0.1 - 0.5 * G * 1e-4, -G * 1e-2], CLOSED_FORM)
     np.testing.assert_array_equal(motion[0], np.zeros((11, 2)))
-
-
-def test_a_stop_between_ticks_is_where_it_should_be_for_every_joint() -> None:
-    """A wheel under a torque that brakes and then drives it back: both instants in one tick."""
-    J, level = 0.1, 0.5
-    sim = Simulator(rotor(J, coulomb=level, viscous=0.0), integrator="rk4", dt=0.5)
-    sim.reset(v=[1.0])
-    state = sim.step([-1.0])  # brakes with 1.5 N m, comes back with 0.5 N m
-    stop = J * 1.0 / 1.5
-    back = 0.5 - stop
-    assert_close(state.v[0], -5.0 * back, CLOSED_FORM)
-    assert_close(state.q[0], 0.5 * stop - 0.5 * 5.0 * back**2, CLOSED_FORM)

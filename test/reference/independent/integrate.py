@@ -22,31 +22,19 @@ MOST_EVENTS = 5000
 
 @dataclass
 class Motion:
-    """What a simulation leaves.
+    """What a simulation leaves."""
 
-    Attributes:
-        names: Of the independent joints, in the order of the columns.
-        time: Shape (k,).
-        q: Positions, shape (k, n).
-        v: Velocities, shape (k, n).
-        z: States of the laws, shape (k, nz), in an order of its own.
-        energy: Kinetic, potential and stored, shape (k,).
-        supplied: Shape (k,).
-        lost: Shape (k,).
-        log: What happened: time, kind, and who.
-        rates: How often the rates of the state were computed.
-    """
-
-    names: list[str]
-    time: Array
-    q: Array
-    v: Array
-    z: Array
-    energy: Array
-    supplied: Array
-    lost: Array
+    names: list[str]  # of the independent joints, in the order of the columns
+    time: Array  # shape (k,)
+    q: Array  # positions, shape (k, n)
+    v: Array  # velocities, shape (k, n)
+    z: Array  # states of the laws, shape (k, nz), in an order of its own
+    energy: Array  # kinetic, potential and stored, shape (k,)
+    supplied: Array  # shape (k,)
+    lost: Array  # shape (k,)
+    # What happened: time, kind, and who
     log: list[tuple[float, str, int]] = field(default_factory=list)
-    rates: int = 0
+    rates: int = 0  # how often the rates of the state were computed
 
     @property
     def balance(self) -> Array:

@@ -25,17 +25,12 @@ RANK = 1e-9  # singular values below this part of the largest are rows that othe
 
 
 class Mode(NamedTuple):
-    """Who holds.
+    """Who holds."""
 
-    Attributes:
-        dry: For each joint with dry friction -1, 0 or 1: slides that way, or sticks.
-        touch: For each contact and stop APART, STICKS or SLIDES.
-        ways: Direction in which each begins to slide, or slides if there is only one line; None
-            where the velocity says it.
-    """
-
-    dry: tuple[int, ...]
-    touch: tuple[int, ...]
+    dry: tuple[int, ...]  # for each joint with dry friction -1, 0 or 1: slides that way, or sticks
+    touch: tuple[int, ...]  # for each contact and stop APART, STICKS or SLIDES
+    # Direction in which each begins to slide, or slides if there is only one line; None where the
+    # velocity says it
     ways: tuple[Array | None, ...]
 
     @property
@@ -46,50 +41,30 @@ class Mode(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """The arm at an instant, before it is said who holds.
+    """The arm at an instant, before it is said who holds."""
 
-    Attributes:
-        M: Inertia, shape (n, n).
-        push: Torques that follow from the state alone, shape (n,).
-        loads: Torque of the drive of each joint, shape (n,).
-        slopes: Rates of the laws' states.
-        stored: Energy of laws and springs [J].
-        supplied: Power that comes in [W].
-        lost: Power that laws, springs and viscous friction take [W].
-        loops: φ, A and bend of the bilateral rows.
-        touches: Of each contact and stop.
-    """
-
-    M: Array
-    push: Array
-    loads: Array
-    slopes: Array
-    stored: float
-    supplied: float
-    lost: float
-    loops: tuple[Array, Array, Array]
-    touches: tuple[Touch, ...]
+    M: Array  # inertia, shape (n, n)
+    push: Array  # torques that follow from the state alone, shape (n,)
+    loads: Array  # torque of the drive of each joint, shape (n,)
+    slopes: Array  # rates of the laws' states
+    stored: float  # energy of laws and springs [J]
+    supplied: float  # power that comes in [W]
+    lost: float  # power that laws, springs and viscous friction take [W]
+    loops: tuple[Array, Array, Array]  # φ, A and bend of the bilateral rows
+    touches: tuple[Touch, ...]  # of each contact and stop
 
 
 class Answer(NamedTuple):
-    """What happens in a mode.
+    """What happens in a mode."""
 
-    Attributes:
-        a: Accelerations, shape (n,).
-        friction: Of each joint with dry friction that slides, against its motion.
-        slack: How far each sticking joint, contact and stop is from letting go, by name; negative
-            where it should have. With forces that rigid bodies leave open, of the best ones.
-        opening: Acceleration of the gaps of contacts and stops that are apart.
-        slide: Acceleration along the plane of each contact and stop.
-        rubbing: Power that sliding contacts take [W].
-    """
-
-    a: Array
-    friction: tuple[float, ...]
+    a: Array  # accelerations, shape (n,)
+    friction: tuple[float, ...]  # of each joint with dry friction that slides, against its motion
+    # How far each sticking joint, contact and stop is from letting go, by name; negative where it
+    # should have. With forces that rigid bodies leave open, of the best ones.
     slack: dict[tuple[str, int], float]
-    opening: tuple[float, ...]
-    slide: tuple[Array, ...]
-    rubbing: float
+    opening: tuple[float, ...]  # acceleration of the gaps of contacts and stops that are apart
+    slide: tuple[Array, ...]  # acceleration along the plane of each contact and stop
+    rubbing: float  # power that sliding contacts take [W]
 
 
 class System:
