@@ -140,13 +140,10 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
       if (!scene->eventful) make_step(scene, &group, group.x, group.p, 0);
       if (to->unit && !k && !group.tick.held) differentiate_by_rows(scene, &group, to);
       else propagate_columns(scene, &group, to, k);
-      for (int j = 0; j < LANES; ++j)
-        if (meets_any_stop(scene, group.x, group.next, arms->h, 1, j)) arms->unfinished[group.of_lane[j]] = 1;
+      mark_stops(scene, arms, group.of_lane, group.x, group.next, 1);
       copy(group.x, group.next, NX);
     }
-    for (int j = 0; j < LANES; ++j) {
-      arms->unfinished[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
-      for (int i = 0; i < NX; ++i) to->after[group.of_lane[j] * NX + i] = LANE(group.x[i], j);
-    }
+    for (int j = 0; j < LANES; ++j) arms->unfinished[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
+    write_arms(to->after + arm * NX, NX, group.x, NX, lanes_used(arm, last));
   }
 }
