@@ -255,9 +255,9 @@ class Tangents:
         code, width = next((code, width) for code, width in built if code is not None)
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         done = np.zeros(0 if self.engine is None else len(after), np.int64)
-        table.unfinished, columns.begins = marks.place, begins
+        table.unfinished, columns.initial_state_varied = marks.place, begins
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
-        columns.done, columns.after = done.ctypes.data, address(after)
+        columns.ticks_before_event, columns.after = done.ctypes.data, address(after)
 
         def work(first: int, last: int) -> None:
             propagate_ticks(

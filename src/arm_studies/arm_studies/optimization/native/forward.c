@@ -34,12 +34,10 @@ EXPORTED void follow(const scene_t* scene, const arms_t* arms, long long count, 
         for (int j = 0; j < NX; ++j) r[i] = r[i] + off[j] * K[row * NX + j];
         r[i] = fmin(fmax(r[i], bottom), top);
       }
-      make_tick(scene, now, r, p, &length, count - arm < LANES ? (int)(count - arm) : LANES, arms->engine, next, acted);
-      for (int j = 0; j < LANES && arm + j < count; ++j) {
-        for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
-        for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
-      }
-      for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, now, next, arms->h, 0, j);
+      make_tick(scene, now, r, p, &length, lanes_used(arm, count), arms->engine, next, acted);
+      write_arms(out + arm * out_arm + (node + 1) * NX, out_arm, next, NX, lanes_used(arm, count));
+      write_arms(used + arm * used_arm + node * NU, used_arm, r, NU, lanes_used(arm, count));
+      mark_stops(scene, arms, of_lane, now, next, 0);
       copy(now, next, NX);
     }
   }

@@ -29,7 +29,7 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
     for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, of_lane, r);
       make_tick(scene, x, r, p, &length, LANES, 0, next, u);
-      for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, 0, j);
+      mark_stops(scene, arms, of_lane, x, next, 0);
       copy(x, next, NX);
       memcpy(motion + (k + 1) * NX * LANES, x, (size_t)NX * sizeof *x);
     }
@@ -47,12 +47,9 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
       through_command(scene, x, r, of_u, more, of_r);
       for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i];
       for (int i = 0; i < NP; ++i) sum[i] += of_p[i];
-      for (int j = 0; j < LANES && arm + j < last; ++j)
-        for (int i = 0; i < NU; ++i) by_tau[((arm + j) * ticks + k - 1) * NU + i] = LANE(of_r[i], j);
+      write_arms(by_tau + (arm * ticks + k - 1) * NU, ticks * NU, of_r, NU, lanes_used(arm, last));
     }
-    for (int j = 0; j < LANES && arm + j < last; ++j) {
-      for (int i = 0; i < NX; ++i) by_x[(arm + j) * NX + i] = LANE(weight[i], j);
-      for (int i = 0; i < NP; ++i) by_p[(arm + j) * NP + i] = LANE(sum[i], j);
-    }
+    write_arms(by_x + arm * NX, NX, weight, NX, lanes_used(arm, last));
+    write_arms(by_p + arm * NP, NP, sum, NP, lanes_used(arm, last));
   }
 }

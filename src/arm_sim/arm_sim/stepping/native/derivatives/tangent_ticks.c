@@ -77,7 +77,7 @@ static void differentiate_by_rows(const scene_t* scene, const group_t* group, co
   for (int part = 0; part < 2; ++part) {
     const int start = part ? NU : 0, end = part ? NX : NU;
     for (int row = start; row < end; row += WIDTH) {
-      take(weight, to->given + start * to->count, group->of_lane, to->given_arm, end - start, to->count, row);
+      take(weight, to->initial + start * to->count, group->of_lane, to->initial_arm, end - start, to->count, row);
       const tangents_t* by = group->tangents;
       if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, found);
       else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, found);
@@ -94,8 +94,8 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   double* reached = to->columns + k * to->columns_tick;
   for (long long c = 0; c < to->count; c += WIDTH) {
     if (k) take(dx, reached - to->columns_tick, group->of_lane, to->columns_arm, NX, to->count, c);
-    else take(dx, to->given, group->of_lane, to->given_arm, NX, to->count, c);
-    take(dr, to->pushed + k * to->pushed_tick, group->of_lane, to->pushed_arm, NU + NT, to->count, c);
+    else take(dx, to->initial, group->of_lane, to->initial_arm, NX, to->count, c);
+    take(dr, to->held + k * to->held_tick, group->of_lane, to->held_arm, NU + NT, to->count, c);
     by->command_jvp(group->limits, given, dw);
     for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
     if (group->tick.held) {
@@ -126,27 +126,24 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
     read_arms(group.p, NP, arms->p, arms->p_arm, group.of_lane);
     for (int j = 0; scene->eventful && j < LANES; ++j) {
       group.event_free[j] = 1;
-      to->done[group.of_lane[j]] = 0;
+      to->ticks_before_event[group.of_lane[j]] = 0;
     }
     for (long long k = 0; k < arms->ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, group.of_lane, r);
       CALL(scene->acting, (group.x, r), (group.u, group.limits));
-      const int any = scene->eventful ? make_event_free_ticks(scene, &group, arms->engine, to->begins && !k) : 1;
+      const int any = scene->eventful ? make_event_free_ticks(scene, &group, arms->engine, to->initial_state_varied && !k) : 1;
       for (int j = 0; scene->eventful && j < LANES; ++j) {
-        if (group.event_free[j]) to->done[group.of_lane[j]] = k + 1;
+        if (group.event_free[j]) to->ticks_before_event[group.of_lane[j]] = k + 1;
         else arms->unfinished[group.of_lane[j]] = 1;
       }
       if (!any) break;
       if (!scene->eventful) make_step(scene, &group, group.x, group.p, 0);
-      if (to->unit && !k && !group.tick.held) differentiate_by_rows(scene, &group, to);
+      if (to->starts_from_identity && !k && !group.tick.held) differentiate_by_rows(scene, &group, to);
       else propagate_columns(scene, &group, to, k);
-      for (int j = 0; j < LANES; ++j)
-        if (meets_any_stop(scene, group.x, group.next, arms->h, 1, j)) arms->unfinished[group.of_lane[j]] = 1;
+      mark_stops(scene, arms, group.of_lane, group.x, group.next, 1);
       copy(group.x, group.next, NX);
     }
-    for (int j = 0; j < LANES; ++j) {
-      arms->unfinished[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
-      for (int i = 0; i < NX; ++i) to->after[group.of_lane[j] * NX + i] = LANE(group.x[i], j);
-    }
+    for (int j = 0; j < LANES; ++j) arms->unfinished[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
+    write_arms(to->after + arm * NX, NX, group.x, NX, lanes_used(arm, last));
   }
 }

@@ -17,14 +17,14 @@ typedef struct {
 
 /* Columns of the arms and what else is asked of their ticks. Python: Columns. */
 typedef struct {
-  const double* given;  /* columns of x at the beginning, NX rows; arm i at given + i * given_arm */
-  const double*
-      pushed; /* columns of commands and parameters, NU + NT rows; tick k of arm i at strides like those of commands */
-  double* columns;      /* receives columns of x, NX rows; those after tick k of arm i, likewise */
-  long long given_arm, pushed_arm, pushed_tick, columns_arm, columns_tick, count;
-  int unit; /* whether those at the beginning, above those of the first tick, are a unit matrix: the first tick is then
-                      differentiated row by row, of which there are fewer */
-  int begins; /* in a scene with events, whether the state at the beginning is itself varied, not reached in motion, ... */
-  long long* done; /* ... and for every arm the number of ticks before the first with an event */
+  const double* initial;              /* columns of x at the beginning, NX rows for each arm */
+  const double* held;                 /* columns of commands and parameters, NU + NT rows for each arm and tick */
+  double* columns;                    /* receives columns of x, NX rows for each arm and tick */
+  /* Numbers from an arm to the next, and from a tick to the next; columns. */
+  long long initial_arm, held_arm, held_tick, columns_arm, columns_tick, count;
+  int starts_from_identity; /* whether those at the beginning, above those of the first tick, are a unit matrix: the first tick
+                               is then differentiated row by row, of which there are fewer */
+  int initial_state_varied; /* in a scene with events, whether the state at the beginning is not one reached in motion */
+  long long* ticks_before_event; /* of each arm, in a scene with events */
   double* after; /* receives states at the end */
 } columns_t;

@@ -59,9 +59,9 @@ static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segm
   if (stop_rounding(scene, x)) find_geometry(scene, x, segment, &geometry);
   for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
   if (lost < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
-  if (find_slow(scene, x, segment, tick)) {
+  if (mark_slow_contacts(scene, x, segment, tick)) {
     if (!solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
-    align(scene, x, segment);
+    stop_reversed_contacts(scene, x, segment);
     find_geometry(scene, x, segment, &geometry);
   }
   report->impact_loss += lost;
@@ -129,10 +129,7 @@ static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
 static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
   fill(scene, &guards, -INFINITY);
-  guarded_t at;
-  at.x = x;
-  at.segment = segment;
-  at.t = 0.0;
+  const guarded_t at = {.x = x, .segment = segment};
   evaluate_stop_guards(scene, &at, &guards);
   return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
@@ -217,7 +214,8 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     record_t* record = segment->record = next_record(scene, trace, now);
     const enum trouble trouble = begin_segment(scene, now, segment, h, &losses, report, anchor);
     if (trouble != NONE) return trouble;
-    const double reach = fmin(left, find_reach(scene, now, segment, h));
+    fix_straight_contacts(scene, now, segment, h);
+    const double reach = fmin(left, find_reach(scene, segment, h));
     record_begin(scene, segment, now);
     if (NX == 2 * NU && is_held(scene, now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;

@@ -8,14 +8,18 @@
 
 #define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
 #define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
-#define RESTING_DRIFT \
-  (0.5 * scene->slowest) /* speed of a contact across its direction when it comes to rest, which is rest ... */
-/* ... and while it slides, that need not be followed */
-#define DRIFT(segment) (scene->adaptive ? 10.0 * (segment)->control->tolerance : TURN_ERROR)
+
+/* Speed of a contact across its direction, when it comes to rest, that is rest. */
+static double resting_drift(const scene_t* scene) { return 0.5 * scene->slowest; }
+
+/* Speed of a contact across its direction, while it slides, that need not be followed. */
+static double drift_tolerance(const scene_t* scene, const segment_t* segment) {
+  return scene->adaptive ? 10.0 * segment->control->tolerance : TURN_ERROR;
+}
 
 /* Rate at which friction rotates the velocity of each sliding contact towards its direction; 0 if none slides. */
-static int find_rates(const scene_t* scene, const real* x, const segment_t* segment, loads_t* found, geometry_t* geometry,
-                      double* rate) {
+static int turning_rates(const scene_t* scene, const real* x, const segment_t* segment, loads_t* found, geometry_t* geometry,
+                         double* rate) {
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   int any = 0;
   for (int k = 0; k < NC; ++k) {
@@ -46,16 +50,16 @@ static void find_turning(const scene_t* scene, const real* x, segment_t* segment
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   segment->turns = 1;
   for (int k = 0; k < NC; ++k) segment->turning[k].rate = 0.0;
-  if (!find_rates(scene, x, segment, &found, &geometry, rate)) return;
+  if (!turning_rates(scene, x, segment, &found, &geometry, rate)) return;
   for (int k = 0; k < NC; ++k) {
     const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
     const double ahead = along[0] * a[0] + along[1] * a[1], across = fabs(along[0] * a[1] - along[1] * a[0]);
-    turning_t* of = segment->turning + k;
+    turning_t* turning = segment->turning + k;
     if (!(rate[k] > 0.0)) continue;
-    of->slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), scene->slowest);
-    of->rate = rate[k] + of->slows;
-    of->drift = across / rate[k];
-    of->turn = across;
+    turning->slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), scene->slowest);
+    turning->rate = rate[k] + turning->slows;
+    turning->drift = across / rate[k];
+    turning->turn = across;
   }
 }
 
@@ -65,40 +69,49 @@ static void find_turning(const scene_t* scene, const real* x, segment_t* segment
  * acceleration per force and s its speed. Of one that speeds up this direction is that in which it would start from rest;
  * where an explicit method could not keep up, a contact that has reached it is given it, and in a time-stepped tick any.
  */
-static int find_slow(const scene_t* scene, const real* x, segment_t* segment, double tick) {
+static int mark_slow_contacts(const scene_t* scene, const real* x, segment_t* segment, double tick) {
   int any = 0;
   find_turning(scene, x, segment);
   for (int k = 0; k < NC; ++k) {
-    const turning_t* of = segment->turning + k;
-    const int settled = of->slows == 0.0 && of->drift <= DRIFT(segment);
-    segment->contact[k].slow = of->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
+    const turning_t* turning = segment->turning + k;
+    const int settled = turning->slows == 0.0 && turning->drift <= drift_tolerance(scene, segment);
+    segment->contact[k].slow = turning->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
     any |= segment->contact[k].slow != 0.0;
   }
   return any;
 }
 
-/* Longest segment over which sliding can be followed: with fixed steps, a part of the time in which friction turns a contact
- * that a method of order 4 resolves. A contact that moves on a straight line keeps its direction where this is shorter than
- * a part of the tick.
- */
-static double find_reach(const scene_t* scene, const real* x, segment_t* segment, double tick) {
-  double reach = tick;
+/* Let contacts that move on a straight line keep their direction where they would turn within a part of the tick. */
+static void fix_straight_contacts(const scene_t* scene, const real* x, segment_t* segment, double tick) {
+  const double part = tick / MOST_PARTS;
   find_turning(scene, x, segment);
   for (int k = 0; k < NC; ++k) {
-    const turning_t* of = segment->turning + k;
-    const double part = tick / MOST_PARTS, least = of->slows * part > 1.0 ? RESTING_DRIFT * of->slows : DRIFT(segment) / part;
-    double length = 1.0 / of->rate;
-    if (!(of->rate > 0.0)) continue;
-    if (of->turn <= least && length < part) segment->p.contact[k].fixed = 1.0;
-    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, part);
-    else if (!scene->adaptive) length *= fmin(1.0, pow(120.0 * TURN_ERROR / of->drift, 0.2));
+    const turning_t* turning = segment->turning + k;
+    if (!(turning->rate > 0.0 && 1.0 / turning->rate < part)) continue;
+    const int stops = turning->slows * part > 1.0;
+    const double least = stops ? resting_drift(scene) * turning->slows : drift_tolerance(scene, segment) / part;
+    if (turning->turn <= least) segment->p.contact[k].fixed = 1.0;
+  }
+}
+
+/* Longest segment over which sliding can be followed: with fixed steps, a part of the time in which friction turns a contact
+ * that a method of order 4 resolves, whose error in a turn is that of exp(-t) in its Taylor series, t^5 / 120.
+ */
+static double find_reach(const scene_t* scene, const segment_t* segment, double tick) {
+  double reach = tick;
+  for (int k = 0; k < NC; ++k) {
+    const turning_t* turning = segment->turning + k;
+    if (!(turning->rate > 0.0)) continue;
+    double length = 1.0 / turning->rate;
+    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, tick / MOST_PARTS);
+    else if (!scene->adaptive) length *= fmin(1.0, pow(120.0 * TURN_ERROR / turning->drift, 0.2));
     reach = fmin(reach, length);
   }
   return reach;
 }
 
 /* Stop slow contacts that move against the direction in which they would start. */
-static void align(const scene_t* scene, real* x, const segment_t* segment) {
+static void stop_reversed_contacts(const scene_t* scene, real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1];
   LOCAL_MODES(modes, segment->p);

@@ -90,7 +90,8 @@ static void end_attempt(const scene_t* scene, const batch_t* batch, group_t* gro
   const int meets = accepted && meets_any_stop(scene, group->x, next, own->at.trial, 0, j);
   if (accepted)
     for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = LANE(next[i], j);
-  if (outcome == STEP_TOO_SMALL || (++own->tried == scene->most_substeps && outcome != ENDED) || meets) {
+  const int exhausted = ++own->tried == scene->most_substeps && outcome != ENDED;
+  if (outcome == STEP_TOO_SMALL || exhausted || meets) {
     batch->arms->unfinished[own->arm] = 1;
     take_arm(scene, batch, group, j);
   } else if (outcome == ENDED) {
@@ -102,7 +103,7 @@ static void end_attempt(const scene_t* scene, const batch_t* batch, group_t* gro
 }
 
 /* Whether a lane has an arm. */
-static int busy(const batch_t* batch, const group_t* group) {
+static int any_lane_has_arm(const batch_t* batch, const group_t* group) {
   int any = 0;
   for (int j = 0; j < LANES; ++j) any |= group->lane[j].arm < batch->last;
   return any;
@@ -113,21 +114,15 @@ EXPORTED void controlled_rollout(const scene_t* scene, const arms_t* arms, long 
                                  int last_only, double* effort) {
   const batch_t batch = {arms, last, out, last_only, effort};
   real next[NX], x[NX], r[NR], u[NU], tunable[NP + 1], error, error_q;
-  group_t group;
-  group.x = x;
-  group.r = r;
-  group.u = u;
-  group.p = tunable;
-  group.waiting = first;
-  group.length = arms->h;
-  for (int i = 0; i < NR; ++i) group.r[i] = 0.0;
-  for (int i = 0; i < NU; ++i) group.u[i] = 0.0;
+  group_t group = {.waiting = first, .x = x, .r = r, .u = u, .p = tunable, .length = arms->h};
+  clear(r, NR);
+  clear(u, NU);
   for (int j = 0; j < LANES; ++j) { /* what a lane without an arm computes does not matter */
     for (int i = 0; i < NX; ++i) LANE(group.x[i], j) = arms->x0[first * NX + i];
     for (int i = 0; i < NP; ++i) LANE(group.p[i], j) = arms->p[first * arms->p_arm + i];
   }
   for (int j = 0; j < LANES; ++j) take_arm(scene, &batch, &group, j);
-  while (!is_halted(arms) && busy(&batch, &group)) {
+  while (!is_halted(arms) && any_lane_has_arm(&batch, &group)) {
     begin_ticks(scene, &batch, &group);
     for (int j = 0; j < LANES; ++j)
       if (group.lane[j].arm < last) LANE(group.length, j) = next_length(&group.lane[j].at, arms->h);

@@ -14,7 +14,7 @@
 static void write_steps_of_lanes(const scene_t* scene, const step_of_lanes_t* made, const real* place, prediction_t* tick) {
   write_steps(scene, made->next, made->inside, place, tick);
   if (!scene->near_loads) return;
-  write_arms(tick->near, PREDICTION, made->near, NEARS);
+  write_arms(tick->near, PREDICTION, made->near, NEARS, LANES);
   for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
 }
 
@@ -57,19 +57,19 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
   read_arms(p, P_LENGTH, tick->p, stride, of_lane);
   if (rests) {
     loads_at(scene, x, u, p, load);
-    write_arms(tick->loads, stride, load, LOADS);
+    write_arms(tick->loads, stride, load, LOADS, LANES);
   }
   make_steps(scene, x, u, p, h, rests ? load : 0, &made);
   find_places(scene, made.next, place);
   write_steps_of_lanes(scene, &made, place, tick);
   if (slides) {
     CALL(scene->contact_inertia, (x, u, p), (inertia, inertia + MC * MC, inertia + MC * MC + MC * NU));
-    write_arms(tick->inertia, stride, inertia, INERTIA);
+    write_arms(tick->inertia, stride, inertia, INERTIA, LANES);
   }
   if (closes) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
     CALL(scene->contact_close, (made.next, p, anchor), (closed));
-    write_arms(tick->closed, stride, closed, 2 * NU);
+    write_arms(tick->closed, stride, closed, 2 * NU, LANES);
   }
 }
 

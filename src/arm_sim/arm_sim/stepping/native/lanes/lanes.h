@@ -24,6 +24,9 @@ typedef struct {
 
 static int is_halted(const arms_t* arms) { return ((volatile const int8_t*)arms->unfinished)[-1]; }
 
+/* Lanes that have an arm in the group that begins with one. */
+static inline int lanes_used(long long arm, long long last) { return last - arm < LANES ? (int)(last - arm) : LANES; }
+
 /* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;
@@ -40,9 +43,9 @@ static void read_commands(const arms_t* arms, long long tick, int count, const l
   read_arms(to, count, arms->tau + tick * arms->tau_tick, arms->tau_arm, of_lane);
 }
 
-/* Store some numbers of each arm; those of lane j go to to + j * stride. */
-static inline void write_arms(double* to, long long stride, const real* from, int count) {
-  for (int j = 0; j < LANES; ++j)
+/* Store some numbers of each arm in a lane that is used; those of lane j go to to + j * stride. */
+static inline void write_arms(double* to, long long stride, const real* from, int count, int used) {
+  for (int j = 0; j < used; ++j)
     for (int i = 0; i < count; ++i) to[j * stride + i] = LANE(from[i], j);
 }
 
@@ -64,4 +67,10 @@ static inline int meets_any_stop(const scene_t* scene, const real* x, const real
     met |= meets_stop(scene, q, v, end, v_end, length, near ? margin : 0.0, i);
   }
   return met;
+}
+
+/* Mark arms that may meet a stop in a tick from x to `next`, or come near one if `near`. */
+static inline void mark_stops(const scene_t* scene, const arms_t* arms, const long long* of_lane, const real* x,
+                              const real* next, int near) {
+  for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, near, j);
 }

@@ -12,10 +12,10 @@ static inline void begin_ticks(const scene_t* scene, const real* x, const real* 
                                prediction_t* tick, real* place) {
   const long long stride = PREDICTION;
   find_places(scene, x, place);
-  write_arms(tick->x, stride, x, NX);
-  write_arms(tick->u, stride, u, NU);
-  write_arms(tick->p, stride, tunable, NP);
-  write_arms(tick->geometry, stride, place, PLACES);
+  write_arms(tick->x, stride, x, NX, LANES);
+  write_arms(tick->u, stride, u, NU, LANES);
+  write_arms(tick->p, stride, tunable, NP, LANES);
+  write_arms(tick->geometry, stride, place, PLACES, LANES);
   for (int j = 0; j < LANES; ++j) {
     tick[j].length = LANE(*h, j);
     tick[j].after[0] = __builtin_nan("");
@@ -28,7 +28,7 @@ static inline void begin_ticks(const scene_t* scene, const real* x, const real* 
 static inline void write_steps(const scene_t* scene, const real* next, const real* inside, const real* place,
                                prediction_t* tick) {
   const long long stride = PREDICTION;
-  write_arms(tick->after, stride, next, NX);
-  write_arms(tick->inside, stride, inside, 3 * NX);
-  write_arms(tick->geometry_after, stride, place, PLACES);
+  write_arms(tick->after, stride, next, NX, LANES);
+  write_arms(tick->inside, stride, inside, 3 * NX, LANES);
+  write_arms(tick->geometry_after, stride, place, PLACES, LANES);
 }

@@ -6,6 +6,15 @@
 #include "lanes/lanes.h"
 #include "lanes/one_tick.h"
 
+/* Make the states of arms that have diverged NaN. */
+static void invalidate_diverged(const scene_t* scene, real* x) {
+  int any = 0;
+  for (int i = 0; i < NX; ++i) any |= BEYOND(x[i], scene->largest);
+  for (int j = 0; any && j < LANES; ++j)
+    if (!is_lane_within_reach(scene, x, j))
+      for (int i = 0; i < NX; ++i) LANE(x[i], j) = __builtin_nan("");
+}
+
 /* Advance the arms first … last-1; an arm is marked that meets a stop, and its states are invalid from there on.
  *
  * out:  states of every tick, the first included, (ticks + 1) * NX per arm; if last_only, NX per arm.
@@ -22,24 +31,16 @@ EXPORTED void rollout(const scene_t* scene, const arms_t* arms, long long first,
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, arms->x0, NX, of_lane);
     read_arms(p, NP, arms->p, arms->p_arm, of_lane);
-    for (long long k = 0; k <= ticks && !is_halted(arms); ++k) {
-      if (!last_only || k == ticks)
-        for (int j = 0; j < LANES && arm + j < last; ++j)
-          for (int i = 0; i < NX; ++i) out[(arm + j) * row + (last_only ? 0 : k * NX) + i] = LANE(x[i], j);
-      if (k == ticks) break;
+    const int used = lanes_used(arm, last);
+    for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
+      if (!last_only) write_arms(out + arm * row + k * NX, row, x, NX, used);
       if (k == 0 || arms->tau_tick) read_commands(arms, k, NR, of_lane, r);
-      make_tick(scene, x, r, p, &length, last - arm < LANES ? (int)(last - arm) : LANES, arms->engine, next, acted);
-      for (int j = 0; effort && j < LANES && arm + j < last; ++j)
-        for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);
-      int lost = 0;
-      for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, 0, j);
-      for (int i = 0; i < NX; ++i) {
-        x[i] = next[i];
-        lost |= BEYOND(x[i], scene->largest);
-      }
-      for (int j = 0; lost && j < LANES; ++j)
-        if (!is_lane_within_reach(scene, x, j))
-          for (int i = 0; i < NX; ++i) LANE(x[i], j) = __builtin_nan("");
+      make_tick(scene, x, r, p, &length, used, arms->engine, next, acted);
+      if (effort) write_arms(effort + (arm * ticks + k) * NU, ticks * NU, acted, NU, used);
+      mark_stops(scene, arms, of_lane, x, next, 0);
+      copy(x, next, NX);
+      invalidate_diverged(scene, x);
     }
+    write_arms(out + arm * row + (last_only ? 0 : ticks * NX), row, x, NX, used);
   }
 }
