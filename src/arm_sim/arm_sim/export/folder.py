@@ -37,11 +37,10 @@ def check_folder(out: Path) -> None:
 def write_folder(out: Path, files: Mapping[str, str | bytes]) -> None:
     """Write files into a folder that ``check_folder`` accepts; earlier exported ones go.
 
-    The manifest is replaced last: should moving the files fail midway, it is the earlier one.
-
     Raises:
         InvalidInput: If a folder has the name of a file; then nothing has changed.
-        OSError: If they cannot be written; then nothing has changed.
+        OSError: If they cannot be written; then nothing has changed, unless moving them into an
+            earlier export failed midway, which still has its manifest.
     """
     old = _exported(out)
     for name in (*files, MANIFEST, *old):
@@ -61,10 +60,10 @@ def write_folder(out: Path, files: Mapping[str, str | bytes]) -> None:
             scratch.rename(out)
             return
         tempfile.TemporaryFile(dir=out).close()  # fails before anything has changed
-        for name in (*files, MANIFEST):
-            (scratch / name).replace(out / name)
         for name in {*old} - {*files, MANIFEST}:
             (out / name).unlink(missing_ok=True)
+        for name in (*files, MANIFEST):
+            (scratch / name).replace(out / name)
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
 
