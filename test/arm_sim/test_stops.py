@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_dynamics import InvalidInput, SceneError
 from arm_sim import SimulationDiverged, Simulator
+from arm_sim.plant.actuation import CompiledControl
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
@@ -39,6 +41,16 @@ def two_link(stops: dict[str, Any], **scene: Any) -> dict[str, Any]:
         "robot": {"urdf": (models.FOLDER / "planar_3r.urdf").read_text()},
         "joints": stops,
     } | scene
+
+
+def test_impacts_count_however_the_arm_is_driven() -> None:
+    sim = Simulator(rail())
+    x, r = ca.SX.sym("x", 2), ca.SX.sym("r", 1)
+    nothing = CompiledControl(ca.Function("law", [x, r], [0 * r]), np.atleast_2d)
+    sim.run(1.0, nothing)
+    landed = sim.impacts
+    sim.arm.use(sim.arm.compiled.pushable())
+    assert (landed, sim.impacts) == (1, 1)
 
 
 def test_a_mass_falls_on_a_rigid_stop_and_stays_there() -> None:

@@ -44,8 +44,9 @@ def sealed[C](cls: type[C]) -> type[C]:
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def frozen[C](cls: type[C]) -> type[C]:
     """Class decorator: a frozen dataclass that is ``sealed``, with a short ``repr`` of arrays."""
+    own = "__repr__" in vars(cls)
     made: Any = sealed(dataclass(frozen=True)(cls))
-    if any("Array" in str(item.type) for item in fields(made)):
+    if not own and any("Array" in str(item.type) for item in fields(made)):
         made.__repr__ = brief
     return cls
 

@@ -48,6 +48,11 @@ def test_the_true_scene_has_no_error() -> None:
     assert f"<FreeRun: {found.free_run.count} windows of 0.25 s; errors" in f"{found!r}"
 
 
+def test_a_free_run_does_not_delay_torques_that_have_acted() -> None:
+    found = compare(HEAVY | {"commands": {"delay": 0.02}}, record())
+    assert found.free_run is not None and np.all(found.free_run.relative < 2e-3)
+
+
 def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> None:
     good = record()
     effort = good.effort.copy()

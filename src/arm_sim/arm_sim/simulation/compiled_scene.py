@@ -71,6 +71,7 @@ class CompiledScene:
         """The stepper that has ``control`` compiled in; the last one is kept."""
         if self._controlled is None or self._controlled[0] is not control:
             stepper = Stepper(self.plant, self.choice, self.backend, control)
+            stepper.report = self.stepper.report
             self._controlled = control, stepper
         self._controlled[1].p[:] = self.stepper.p
         return self._controlled[1]

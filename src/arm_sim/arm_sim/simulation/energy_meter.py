@@ -71,7 +71,7 @@ class EnergyMeter:
     may evaluate the account at any time.
 
     Attributes:
-        error: Largest unexplained energy so far, relative to the energy that moved.
+        error: Unexplained energy of the last account, relative to the largest that moved in any.
     """
 
     def __init__(self, arm: SimulatedArm) -> None:

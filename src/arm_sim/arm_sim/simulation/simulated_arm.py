@@ -376,6 +376,7 @@ class SimulatedArm:
         values = {name: tuned.of(name, p) for name in tuned.names} | parameters
         merged = compiled.plant.parameters.merged(values, compiled.stepper.p)
         compiled.stepper.p[:] = merged
+        compiled.stepper.report = self._stepper.report
         self._bind(compiled)
 
     def _restart_imperfections(self) -> None:

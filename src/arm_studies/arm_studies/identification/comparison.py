@@ -168,7 +168,7 @@ def compare(
         joint_names=model.joint_names,
         error=rms(measured - computed),
         torque=rms(measured),
-        free_run=None if why_not else _free_run(Simulator(model), motion, window),
+        free_run=None if why_not else _free_run(_without_delays(model), motion, window),
         why_not=why_not,
         time=read_only(motion.time),
         measured=read_only(np.where(used, measured, np.nan)),
@@ -176,6 +176,11 @@ def compare(
         band=motion.band,
         notes=motion.notes,
     )
+
+
+def _without_delays(model: ArmModel) -> Simulator:
+    """The arm's simulator for torques that have acted: no line delays or loses them again."""
+    return Simulator(ArmModel(model.scene.model_copy(update={"commands": None})))
 
 
 def _free_run(sim: Simulator, motion: MeasuredMotion, window: float) -> FreeRun:

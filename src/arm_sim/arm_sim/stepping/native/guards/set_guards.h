@@ -7,12 +7,12 @@
 #include "modes/modes.h"
 #include "guards/guard.h"
 
-/* Where reactions of the least norm are beyond a limit. */
+/* In place of the guards of a set's parts: by how much its reactions of the least norm exceed a limit. */
 static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {
   const segment_t* segment = at->segment;
   if (!scene->indeterminate || !anything_held(scene, segment)) return;
-  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   if (!anything_beyond(scene, at->x, segment, &at->loads)) return;
+  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   find_sets_held(scene, at->x, segment, &at->loads, &sets);
   for (int i = 0; i < ND; ++i)
     if (sets.set[i] != 0.0) guards->joint[i] = -INFINITY;
@@ -25,6 +25,8 @@ static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard
     if (sets.set[i] != 0.0) *guards->sets = fmax(*guards->sets, set_excess(segment, &sets, (int)sets.set[i]));
 }
 
+/* A set that is near its limit at the end of a piece may have given way inside it. */
+/* A set that is near its limit at the end of a piece may have given way inside it. */
 static int set_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   (void)scene;
   (void)search;

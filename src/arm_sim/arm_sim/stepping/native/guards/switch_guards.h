@@ -8,15 +8,19 @@
 
 #define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
 
+/* The sign of a comparison in its mode. */
+static double side_of(const segment_t* segment, int k) { return segment->p.switches[k] != 0.0 ? 1.0 : -1.0; }
+
 static void evaluate_switch_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {
   real *value = at->segment->memory->switch_values, *size = value + NK;
   find_switches(scene, at->x, at->segment, value, size);
   for (int k = 0; k < NK; ++k)
     if (size[k] > 0.0) /* else nothing is compared, as the engagement of teeth within their backlash */
-      guards->switched[k] = (at->segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];
+      guards->switched[k] = -side_of(at->segment, k) * value[k] - SWITCH_ROUNDING * size[k];
 }
 
-/* Whether one may switch and back: whether it comes close, as the middle shows, or a wave passes. */
+/* Whether one may switch and back: whether a wave passes, or it comes close, as the middle shows. The parabola through three
+ * values leaves their range by an eighth of it at most; the rest is for what is no parabola. */
 static int switch_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   const piece_t* piece = &search->piece;
   const segment_t* segment = search->segment;
@@ -27,9 +31,9 @@ static int switch_may_cross(const scene_t* scene, const search_t* search, const 
   find_switches(scene, x, segment, middle, size);
   find_switches(scene, piece->begin, segment, value, size);
   for (int k = 0; k < NK; ++k) {
-    const double far = segment->p.switches[k] != 0.0 ? 1.0 : -1.0, a = far * value[k], b = far * middle[k],
-                 c = -end->switched[k];
-    if (fmin(fmin(a, b), c) <= 0.5 * (fmax(fmax(a, b), c) - fmin(fmin(a, b), c))) return 1;
+    const double side = side_of(segment, k), begin = side * value[k], inside = side * middle[k], last = -end->switched[k];
+    const double least = fmin(fmin(begin, inside), last), most = fmax(fmax(begin, inside), last);
+    if (least <= 0.5 * (most - least)) return 1;
   }
   return 0;
 }
