@@ -26,19 +26,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "ArmError",
-    "ArmModel",
-    "ConstraintError",
-    "Dynamics",
-    "InvalidInput",
-    "KernelError",
-    "ModelError",
-    "Scene",
-    "SceneError",
-    "Term",
-    "Unreachable",
-    "load_scene",
-]
+    "ArmError", "ArmModel", "ConstraintError", "Dynamics", "InvalidInput", "KernelError",
+    "ModelError", "Scene", "SceneError", "Term", "Unreachable", "load_scene",
+]  # fmt: skip
 __getattr__, __dir__ = on_demand(
     __name__,
     {

@@ -308,7 +308,7 @@ def test_what_gets_ready_while_python_answers_is_not_left_to_c(
     with side_by_side(ros, TWO_LINK) as pair:
         pair.led(10, rng)
         fast, done = pair.fast, list[int]()
-        background = fast.goals.planner if which == "planner" else fast._builder
+        background = fast.goals.planner if which == "planner" else fast._selection.builder
         answer = fast.on_joint_states
 
         def busy(raw: bytes) -> bytes | None:

@@ -19,8 +19,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation
+from arm_dynamics.ros.controller import selection as module
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.controller_node import node as module
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
 from arm_sim.ros.sim_node import SimNode
@@ -118,7 +118,7 @@ def test_a_bandwidth_that_the_loop_does_not_carry_is_told_or_refused(
         (20.0, 6 * MS, ""),
     ):
         see(node, 0), see(node, stamp)
-        node._late.look()
+        node._late.end_second()
         assert change(node, bandwidth=bandwidth).successful
         assert said in capfd.readouterr().err
         assert ("sensible" in node.diagnostics()[0].message(node).message) == bool(said)
@@ -205,15 +205,18 @@ def test_a_controller_that_cannot_be_prepared_is_not_taken_for_the_one_that_acts
     see(node, 0)
     settle(node)
     monkeypatch.setattr(module, "preparation", lambda control: fail)
-    assert change(node, controller="pd_gravity").successful
+    assert change(node, controller="pd_gravity", bandwidth=8.0).successful
     settle(node)
-    assert "the old one stays active: no compiler" in capfd.readouterr().err
+    assert node.params.controller == "float" and node.params.settings.bandwidth == 20.0
+    assert "stay in force: no compiler" in capfd.readouterr().err
     assert node.diagnostics()[0].values["controller"] == "float"
     point = JointTrajectoryPoint(positions=HOME.tolist())
     point.time_from_start.sec = 1
     there = JointTrajectory(joint_names=JOINTS, points=[point])
     assert not Client(ros).send(goal(there)).accepted
     assert "'float' follows no trajectories" in node.goals.outcome
+    ros.spin_until(lambda: node.get_parameter("controller").value == "float")
+    assert change(node, controller="pd_gravity").successful and node.busy  # not taken for done
 
 
 def test_any_other_change_keeps_the_reference(ros: Ros) -> None:

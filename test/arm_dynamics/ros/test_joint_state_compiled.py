@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import NONE, JointStateReader, JointStateSink, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
@@ -29,7 +29,7 @@ class Source:
     """Messages of a topic, received in C."""
 
     def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
-        self._newest, self._reader = Newest(node, topic), reader
+        self._newest, self._reader = PolledSubscription(node, topic), reader
         reader.open(self._newest.pointer)
 
     def take(self) -> tuple[int, Read] | None:
@@ -67,7 +67,7 @@ def test_what_is_published_arrives(ros: Ros) -> None:
     writer = JointStateWriter(JOINTS, frame_id="here")
     sink = JointStateSink(node, JOINT_STATES, writer, arrays)
     reader = JointStateReader(JOINTS, ("position", "effort"), partial=False, extra=False)
-    source, bytes_of = Source(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
+    source, bytes_of = Source(node, JOINT_STATES, reader), PolledSubscription(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
     for stamp in (0, 999_999_999, 12_345_678_901_234, -1):

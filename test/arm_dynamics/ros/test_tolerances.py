@@ -23,7 +23,7 @@ from arm_dynamics.trajectory import Reference
 
 pytestmark = pytest.mark.ros
 
-ANY = StateTolerance.none(2)
+ANY = StateTolerance((NONE,) * 2, (NONE,) * 2)
 PATH = StateTolerance((0.1, 0.2), (NONE, NONE))
 GOAL = StateTolerance((0.01, NONE), (0.05, 0.05))
 THERE = Reference(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2))

@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from arm_dynamics.ros.common.transport import avoid_shared_memory, by_udp, with_room
+from arm_dynamics.ros import LARGE_BATCHES
+from arm_dynamics.ros.common.transport import avoid_shared_memory, by_profile, by_udp
 from arm_sim.cli.demo.processes import free_domain
 
 # Joins the graph, and prints the size of the largest piece of Fast DDS's shared memory it has.
@@ -24,12 +25,13 @@ for line in Path("/proc/self/maps").read_text().splitlines():
         sizes.append(end - begin)
 print(max(sizes))
 """
+LARGE = by_profile(LARGE_BATCHES)
 
 
 @pytest.mark.parametrize(
     ("environment", "least", "most"),
-    [(by_udp(), 0, 0), (with_room(), 64 << 20, 72 << 20)],
-    ids=["by_udp", "with_room"],
+    [(by_udp(), 0, 0), (LARGE, 64 << 20, 72 << 20)],
+    ids=["by_udp", "large_batches"],
 )
 def test_shared_memory_is_as_the_environment_says(environment, least, most):
     """None of it, or 64 MB and what Fast DDS keeps beside them."""
@@ -60,7 +62,7 @@ def test_nodes_stay_out_of_shared_memory(environment):
 @pytest.mark.parametrize(
     "environment",
     [
-        with_room(),
+        LARGE,
         {TRANSPORTS: "SHM"},
         {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", RANGE: "LOCALHOST"},
         {"ROS_STATIC_PEERS": "192.168.0.1", RANGE: "LOCALHOST"},

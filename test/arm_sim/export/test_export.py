@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,15 @@ from click.testing import CliRunner
 from exported import BITS, C11, CPP17, STRICT, Library, said_by
 
 import models
-from arm_dynamics import ArmError, InvalidInput, SceneError
+from arm_dynamics import ArmError, InvalidInput
 from arm_sim.cli.main import main
 from arm_sim.export import export
+from arm_sim.export.conditions import without_decided_conditions
 from arm_sim.export.generated import without_unused
 from arm_sim.export.names import from_title
 
 SCENE = "two_link"
+TWO_LINK = models.scene(SCENE).model_dump(exclude_none=True)
 FILES = {
     "arm.c", "arm.h", "test_arm.c", "CMakeLists.txt", "README.md", "scene.yaml", "robot.urdf",
     "export.json",
@@ -62,6 +65,12 @@ def test_without_a_name_it_is_that_of_the_scene(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ({"scene": {"robot": {"urdf": "nowhere.urdf"}}}, "no file 'nowhere.urdf'"),
+        (
+            {"scene": TWO_LINK | {"sensors": {"delay": 0.001}}, "tick": True},
+            "sensors: an exported",
+        ),
+        ({"scene": TWO_LINK | {"commands": {"delay": 0.001}}, "tick": True}, "tick has no delay"),
         ({"terms": ("gravity", "inertia")}, "terms names 'inertia'; allowed: inverse_dynamics"),
         ({"frames": ("nowhere",)}, "nowhere"),
         ({"frames": ("base",), "tick": True, "fmu": True}, "'base' does not move"),
@@ -72,13 +81,7 @@ def test_wrong_arguments_write_nothing(
     arguments: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ArmError, match=said):
-        export(SCENE, tmp_path / "out", "arm", **{"tick": False, **arguments})
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_scene_that_is_wrong_writes_nothing(tmp_path: Path) -> None:
-    with pytest.raises(SceneError):
-        export({"robot": {"urdf": "nowhere.urdf"}}, tmp_path / "out", "arm")
+        export(**{"scene": SCENE, "out": tmp_path / "out", "tick": False, **arguments})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -98,13 +101,22 @@ def test_foreign_folders_are_left_alone(tmp_path: Path) -> None:
         exported(tmp_path)
     with pytest.raises(InvalidInput, match="is not a folder"):
         exported(tmp_path / "note.txt")
+    with pytest.raises(OSError, match=r"note.txt/out'$"):
+        exported(tmp_path / "note.txt/out")
     assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("mine")
-    with pytest.raises(OSError, match=r"file/out'$"):
-        exported(tmp_path / "file/out")
+def test_a_folder_that_cannot_be_replaced_stays_as_it_is(tmp_path: Path) -> None:
+    folder = exported(tmp_path / "out")
+    (folder / "arm.h").unlink()
+    (folder / "arm.h").mkdir()
+    before = (folder / "arm.c").read_bytes()
+    with pytest.raises(InvalidInput, match="arm.h' is a folder"):
+        export(SCENE, folder, "arm", terms=(), tick=False)
+    assert (folder / "arm.c").read_bytes() == before
+    (folder / "export.json").write_text("[")
+    with pytest.raises(InvalidInput, match="export.json' is damaged"):
+        exported(folder)
 
 
 def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:
@@ -187,3 +199,15 @@ def test_what_nothing_uses_is_left_out() -> None:
     assert "UNUSED" not in left
     assert "also" not in left
     assert all(word in left for word in ("SIZE", "table", "used", "user"))
+
+
+UNDECIDED = (
+    "#if 1", "#if !X", "#if X > 0", "#if defined(X)", "#ifdef X\n#elif Y", "#ifdef X\n#undef X",
+    "#define Y (X)\n#if Y",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("lines", UNDECIDED)
+def test_a_condition_that_is_not_understood_is_refused(lines: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(repr(lines.split("\n")[-1]))):
+        without_decided_conditions(f"#define X 1\n{lines}\n#endif\n")

@@ -28,7 +28,6 @@ from exported import (
 )
 from samples import always
 
-from arm_dynamics import SceneError
 from arm_dynamics.arrays import Array
 from arm_sim import JointCommand, Simulator
 from arm_sim.export import export
@@ -244,18 +243,3 @@ def test_states_that_are_impossible_are_refused(
     ticks = case.ticks()
     code = ticks.init(case.simulator.model.q0 + away, np.zeros(case.simulator.n))
     assert said in ticks.text(code)
-
-
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ({"sensors": {"delay": 0.001}}, "sensors: an exported tick has none"),
-        ({"commands": {"delay": 0.001}}, "commands: an exported tick has no delay"),
-    ],
-)
-def test_imperfections_are_refused_by_name(
-    more: dict[str, Any], said: str, tmp_path: Path
-) -> None:
-    with pytest.raises(SceneError, match=said):
-        export(STUCK | more, tmp_path / "out", "arm")
-    assert list(tmp_path.iterdir()) == []

@@ -113,7 +113,7 @@ class Sim:
             "parameters": simulator.arm.parameters.tobytes(),
             "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
             "next": str(slot.held(simulator.arm.x[:2])),
-            "sources": [(k, s.joints, s.heard, s.count) for k, s in arbiter._heard.items()],
+            "sources": [(k, s.joints, s.heard, s.count) for k, s in arbiter._streams.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),
             "engine": (engine.paused, engine.failure, engine.held, engine.pushed_frames),

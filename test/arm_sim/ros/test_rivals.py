@@ -87,7 +87,7 @@ def test_what_was_killed_is_listed_and_hinders_nobody(
     driver(NAMES)
     made = sim(ros)
     made.rivals.look()
-    assert not made.rivals.alarm.words
+    assert not made.rivals.alarm.message
 
 
 def test_a_predecessor_may_take_a_moment_to_end(ros: Ros, driver: Callable[..., Driver]) -> None:
@@ -103,7 +103,7 @@ def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[...,
     made = sim(ros)
     ros.spin_until(lambda: len(made.rivals._known) == 2)
     made.rivals.look()
-    assert not made.rivals.alarm.words and made.rivals._newest is None  # it listens no more
+    assert not made.rivals.alarm.message and made.rivals._newest is None  # it listens no more
 
 
 def test_a_sim_in_another_namespace_is_no_rival(ros: Ros, driver: Callable[..., Driver]) -> None:
@@ -127,10 +127,10 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
 
     ros.spin_until(lambda: states and answer() and not made.engine.commands.empty)
     driver(NAMES).speaks.set()
-    ros.spin_until(lambda: made.rivals.alarm.words)
+    ros.spin_until(lambda: made.rivals.alarm.message)
     assert "two nodes publish /joint_states: this sim, and '/driver'" in capfd.readouterr().err
     found = {f.part: f.message(made) for f in made.diagnostics()}["simulation"]
-    assert found.level == DiagnosticStatus.ERROR and made.rivals.alarm.words in found.message
+    assert found.level == DiagnosticStatus.ERROR and made.rivals.alarm.message in found.message
 
     ros.spin_until(lambda: made.engine.commands.stale)
     refused = made.inputs.refused
@@ -147,9 +147,9 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
 def test_when_the_rival_is_gone_all_is_as_before(ros: Ros, driver: Callable[..., Driver]) -> None:
     made, rival = sim(ros), driver(NAMES)
     rival.speaks.set()
-    ros.spin_until(lambda: made.rivals.alarm.words)
+    ros.spin_until(lambda: made.rivals.alarm.message)
     rival.speaks.clear()
-    ros.spin_until(lambda: not made.rivals.alarm.words)
+    ros.spin_until(lambda: not made.rivals.alarm.message)
     ros.publisher(JointState, "/joint_commands").publish(JointState(name=NAMES, effort=TAU))
     ros.spin_until(lambda: not made.engine.commands.empty)
 
@@ -160,7 +160,7 @@ def test_stamps_of_simulated_time_tell_no_sims_apart(
     """Two that start at zero have the same."""
     made, rival = sim(ros, lockstep=True), driver(NAMES)
     rival.speaks.set()
-    ros.spin_until(lambda: made.rivals.alarm.words)
+    ros.spin_until(lambda: made.rivals.alarm.message)
     assert made.inputs.round_trip.awaits(0)
     assert made.inputs.on_joint_commands(command(name=NAMES, effort=TAU)) is None
     assert made.inputs.refused == 1
@@ -174,9 +174,9 @@ def test_what_is_no_joint_state_is_passed_over(ros: Ros, driver: Callable[..., D
     for _ in range(30):
         ros.spin_once()
         made.rivals.look()
-    assert not made.rivals.alarm.words
+    assert not made.rivals.alarm.message
     rival._message = serialize_message(JointState(name=NAMES))
-    ros.spin_until(lambda: made.rivals.alarm.words)
+    ros.spin_until(lambda: made.rivals.alarm.message)
 
 
 def test_a_sim_by_hand_has_its_time_from_its_caller(

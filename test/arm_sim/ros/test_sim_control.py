@@ -268,7 +268,7 @@ def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
     node.tick()
     node.diagnosis.publish()
     heard = ros.listen(DiagnosticArray, "/diagnostics")
-    ros.spin_until(lambda: node.diagnosis.heard)
+    ros.spin_until(lambda: node.diagnosis.has_subscribers)
     ticks(node, 30)
     node.diagnosis.publish()
     ticks(node, 30)
@@ -288,11 +288,11 @@ def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> Non
     ticks(node, 5)
     assert node.engine.account() is None
     heard = ros.peer.create_subscription(DiagnosticArray, "/diagnostics", lambda _: None, 10)
-    ros.spin_until(lambda: node.diagnosis.heard)
+    ros.spin_until(lambda: node.diagnosis.has_subscribers)
     ticks(node, 5)
     assert node.engine.account() is not None
     ros.peer.destroy_subscription(heard)
-    ros.spin_until(lambda: not node.diagnosis.heard)
+    ros.spin_until(lambda: not node.diagnosis.has_subscribers)
     ticks(node, 5)
     assert node.engine.account() is None
 
@@ -300,7 +300,7 @@ def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> Non
 def test_ticks_that_are_too_coarse_show(ros: Ros) -> None:
     node = by_hand(ros, integrator="euler", energy_period=0.005)
     heard = ros.peer.create_subscription(DiagnosticArray, "/diagnostics", lambda _: None, 10)
-    ros.spin_until(lambda: node.diagnosis.heard)
+    ros.spin_until(lambda: node.diagnosis.has_subscribers)
     ticks(node, 5)
     node.engine.change(lambda: node.simulator.set_state([0.5, -0.3], [3.0, -4.0]))
     ticks(node, 300)

@@ -296,12 +296,12 @@ def test_the_clock_is_where_use_sim_time_listens(ros: Ros) -> None:
 def test_two_clocks_are_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
     node = clock_owner(ros, "left")
     node._outputs.clock.look()
-    assert not node._outputs.clock.alarm.words
+    assert not node._outputs.clock.alarm.message
     clock_owner(ros, "right")
 
     def seen() -> bool:
         node._outputs.clock.look()
-        return bool(node._outputs.clock.alarm.words)
+        return bool(node._outputs.clock.alarm.message)
 
     ros.spin_until(seen)
     node._outputs.clock.look()

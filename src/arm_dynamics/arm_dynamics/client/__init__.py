@@ -16,11 +16,5 @@ from arm_dynamics.client.client import (
 )
 
 __all__ = [
-    "ALL_TERMS",
-    "ArmClient",
-    "ConstrainedMotion",
-    "ModelFacts",
-    "NotReached",
-    "Postures",
-    "Terms",
-]
+    "ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
+]  # fmt: skip

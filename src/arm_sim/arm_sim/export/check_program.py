@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array
 from arm_sim.export.amalgamated import of_files
-from arm_sim.export.expected import Expected, Motion, Point, ran
+from arm_sim.export.expected import Expected, ExpectedMotion, Point, test_motion
 from arm_sim.export.generated import without_unused
 from arm_sim.export.library import Library, comment
 from arm_sim.export.terms import Term
@@ -71,7 +71,7 @@ class _Checks:
 
     def run(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
-        motion = ran(tick.simulator, tick.differentiable)
+        motion = test_motion(tick.simulator, tick.differentiable)
         name, n, most = self._name, tick.simulator.n, _ROUNDING
         ticks = motion.held * len(motion.commands)
         self.tables += [
@@ -97,7 +97,7 @@ class _Checks:
             "  }"
         )
 
-    def _slopes(self, motion: Motion) -> str:
+    def _slopes(self, motion: ExpectedMotion) -> str:
         """Derivatives at the end of the ticks; a refusal, which they may get, is no mistake."""
         if motion.slopes is None:
             return ""

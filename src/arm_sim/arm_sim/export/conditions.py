@@ -7,53 +7,54 @@ import re
 from dataclasses import dataclass
 
 _DEFINE = re.compile(r"#define (\w+)(?: (.*))?$")
-_IF = re.compile(r"#(ifdef|ifndef|if) (.*?)(?: */\*.*)?$")
+_IF = re.compile(r"#(ifdef|ifndef|if) ([A-Za-z_]\w*)(?: == (\d+))?(?: */\*.*)?$")
 
 
 @dataclass
-class _Block:
+class _Conditional:
     """A condition that lines are subject to: whether they stay, and whether it was decided."""
 
-    stays: bool
+    active: bool
     decided: bool
 
 
-def decided(source: str) -> str:
+def without_decided_conditions(source: str) -> str:
     """C source in which every condition on names is decided, but for those of compilers (``__``).
 
     A name counts as defined from its definition on.
+
+    Raises:
+        ValueError: If one is none of ``#ifdef NAME``, ``#ifndef NAME``, ``#if NAME`` and ``#if
+            NAME == number``, the value of a name is no whole number, or there is ``#undef``.
     """
-    defined, blocks, lines = dict[str, str](), list[_Block](), list[str]()
+    defined, conditionals, lines = dict[str, str](), list[_Conditional](), list[str]()
     for line in source.splitlines(keepends=True):
-        here = all(block.stays for block in blocks)
+        active = all(one.active for one in conditionals)
         if line.startswith("#if"):
-            blocks.append(_begun(line.rstrip(), defined))
-            keeps = here and not blocks[-1].decided
-        elif line.startswith(("#else", "#elif", "#endif")):
-            block = blocks.pop() if line.startswith("#endif") else blocks[-1]
-            keeps = not block.decided and all(other.stays for other in blocks)
-            block.stays ^= block.decided
+            conditionals.append(_begun(line.rstrip(), defined))
+            keeps = active and not conditionals[-1].decided
+        elif line.startswith(("#else", "#endif")):
+            one = conditionals.pop() if line.startswith("#endif") else conditionals[-1]
+            keeps = not one.decided and all(other.active for other in conditionals)
+            one.active ^= one.decided
+        elif line.startswith(("#elif", "#undef")):
+            raise ValueError(f"{line.rstrip()!r}; allowed: neither #elif nor #undef")
         else:
-            keeps = here
-            if here and (found := _DEFINE.match(line.rstrip())):
+            keeps = active
+            if active and (found := _DEFINE.match(line.rstrip())):
                 defined[found[1]] = found[2] or ""
         if keeps:
             lines.append(line)
     return "".join(lines)
 
 
-def _begun(line: str, defined: dict[str, str]) -> _Block:
-    found = _IF.match(line)
-    if found is None or "__" in line:
-        return _Block(True, decided=False)
-    kind, condition = found.groups()
-    if kind == "if":
-        return _Block(_is_true(condition, defined), decided=True)
-    return _Block((condition in defined) == (kind == "ifdef"), decided=True)
-
-
-def _is_true(condition: str, defined: dict[str, str]) -> bool:
-    """Whether a condition holds: a name, which must not be 0, or ``NAME == number``."""
-    name, _, number = condition.partition(" == ")
-    value = defined.get(name, "0")
-    return value == number if number else value != "0"
+def _begun(line: str, defined: dict[str, str]) -> _Conditional:
+    if "__" in line:
+        return _Conditional(True, decided=False)
+    kind, name, number = found.groups() if (found := _IF.match(line)) else ("if", line, None)
+    if kind != "if":
+        return _Conditional((name in defined) == (kind == "ifdef"), decided=True)
+    value = defined.get(name, "0") if found else ""
+    if not value.isdecimal():
+        raise ValueError(f"{line!r}; allowed: #ifdef NAME, #if NAME and #if NAME == number")
+    return _Conditional(value == number if number else value != "0", decided=True)

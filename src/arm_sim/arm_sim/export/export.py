@@ -18,9 +18,9 @@ from arm_sim.export import library
 from arm_sim.export.amalgamated import OWN
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
-from arm_sim.export.expected import Expected, states
+from arm_sim.export.expected import Expected, test_points
 from arm_sim.export.fmu import units
-from arm_sim.export.folder import check_folder, put_files
+from arm_sim.export.folder import check_folder, write_folder
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import DERIVATIVES, TERMS, chosen, terms_of
 from arm_sim.export.tick import Tick, tick_of
@@ -81,7 +81,9 @@ def export(
     if not isinstance(out, str | Path):
         raise InvalidInput(f"out = {out!r}; the path of a folder is expected")
     folder, wanted = Path(out), chosen(terms)
-    _check(tick, fmu, servo)
+    for asked, what in ((fmu, "fmu = True"), (servo, "servo = True")):
+        if asked and not tick:
+            raise InvalidInput(f"{what} with tick = False; allowed: {what} with the tick")
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
@@ -96,7 +98,7 @@ def export(
         _log.warning("the tick has no derivatives: its error is controlled, with tolerance = "
                      "%g; a scene with a method of fixed steps has them",
                      made.simulator.choice.tolerance)  # fmt: skip
-    put_files(folder, files)
+    write_folder(folder, files)
     return Exported(folder, called, tuple(files))
 
 
@@ -105,14 +107,6 @@ def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
     given = Path(scene) if isinstance(scene, str | PathLike) and "<" not in str(scene) else None
     is_scene = given is not None and given.suffix in ("", ".yaml", ".yml")
     return given.stem if given and is_scene else model.pin.name
-
-
-def _check(tick: bool, fmu: bool, servo: bool) -> None:
-    """Refuse what does not go together."""
-    if fmu and not tick:
-        raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
-    if servo and not tick:
-        raise InvalidInput("servo = True with tick = False; allowed: servos with the tick")
 
 
 def _files(
@@ -124,7 +118,7 @@ def _files(
     frames: Sequence[str],
 ) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
-    expected, points = Expected(model), states(model)
+    expected, points = Expected(model), test_points(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
     made = library.Library(name, about(name, model), model, terms, tick)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from arm_dynamics import ArmModel
 from arm_sim.export.amalgamated import of_files
 from arm_sim.export.at_rest import PREFIX, at_rest
-from arm_sim.export.conditions import decided
+from arm_sim.export.conditions import without_decided_conditions
 from arm_sim.export.generated import static_functions, without_unused
 from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
@@ -100,7 +100,7 @@ def source(library: Library) -> str:
         *(_definition(library, term, bool(resting)) for term in library.terms),
         named(name, tick.source) if tick else "",
     ]
-    code = without_unused(decided("\n".join(parts)))
+    code = without_unused(without_decided_conditions("\n".join(parts)))
     standard = "".join(sorted(set(_STANDARD.findall(code))))
     head = f'{comment(library.about)}#include "{name}.h"\n\n{standard}\n{_PRAGMAS}\n'
     return head + _STANDARD.sub("", code) + _END

@@ -71,7 +71,7 @@ class SimDiagnostics:
         self.growth.warn(found, report.missed, "time steps began after the next one was due")
         self.growth.warn(found, report.dropped, "dropped")
         for refusal in self.refused_privileges:
-            found.complain(WARN, refusal)
+            found.add(WARN, refusal)
         return found
 
     def _check_commands(self) -> Finding:
@@ -92,22 +92,22 @@ class SimDiagnostics:
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
         self._check_staleness(found)
-        found.complain(WARN, self.lateness.words)
+        found.add(WARN, self.lateness.message)
         self.growth.warn(found, inputs.refused, "commands ignored")
         self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
-            found.complain(ERROR, arbiter.last_refusal)
+            found.add(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
-            found.complain(WARN, f"{publishers} publishers on {topic}")
+            found.add(WARN, f"{publishers} publishers on {topic}")
         return found
 
     def _check_staleness(self, found: Finding) -> None:
         slot = self.engine.commands
         stopped = self.growth.of("stale", slot.stale_count)
         if slot.stale:
-            found.complain(WARN, f"commands stopped: {in_force(self.engine.stale_policy)}")
+            found.add(WARN, f"commands stopped: {in_force(self.engine.stale_policy)}")
         elif stopped:
-            found.complain(WARN, "commands stopped, and have resumed")
+            found.add(WARN, "commands stopped, and have resumed")
         self.growth.warn(
             found, slot.extended, "time steps with an old command: the middleware has to catch up"
         )
@@ -131,16 +131,16 @@ class SimDiagnostics:
         piled_up = "time steps were of first order: too many events"
         self.growth.warn(found, state.time_stepped, piled_up)
         if self.outputs.clock is not None:
-            found.complain(ERROR, self.outputs.clock.alarm.words)
-        found.complain(ERROR, self.rivals.alarm.words)
-        found.complain(ERROR, engine.failure)
+            found.add(ERROR, self.outputs.clock.alarm.message)
+        found.add(ERROR, self.rivals.alarm.message)
+        found.add(ERROR, engine.failure)
         self._check_energy(found)
         return found
 
     def _check_energy(self, found: Finding) -> None:
         off, dt = self.engine.energy_error, self.engine.simulator.dt
         if off > UNBALANCED:
-            found.complain(
+            found.add(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
                 f"{UNBALANCED:g}: with time steps of {dt:g} s reduce dt or set a tolerance",
@@ -154,8 +154,8 @@ class SimDiagnostics:
         }  # fmt: skip
         for count, what in ((recorder.lost, "ticks"), (thread.lost, "ticks and messages")):
             if grown := self.growth.of(what, count):
-                found.complain(WARN, f"{grown} {what} are not in the recording: {thread.trouble}")
-        found.complain(ERROR, thread.failure)
+                found.add(WARN, f"{grown} {what} are not in the recording: {thread.trouble}")
+        found.add(ERROR, thread.failure)
         return found
 
     def _check_lockstep(self, lockstep: Lockstep) -> Finding:
@@ -166,7 +166,7 @@ class SimDiagnostics:
         }  # fmt: skip
         self.growth.warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
-            found.complain(ERROR, "the partner does not answer; time stands still")
+            found.add(ERROR, "the partner does not answer; time stands still")
         return found
 
 

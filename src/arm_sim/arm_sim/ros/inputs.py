@@ -17,7 +17,7 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import FAILED, JointStateReader, Numbers
 from arm_sim.inputs import clipped
@@ -55,7 +55,7 @@ class Inputs:
         self.reader = JointStateReader(
             names, ("effort",), other=references, admit=self._joints.admit, **ways
         )
-        self._newest: Newest | None = None
+        self._newest: PolledSubscription | None = None
         self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.rivals: Rivals | None = None
@@ -69,7 +69,7 @@ class Inputs:
 
     def open(self, node: Node) -> None:
         """Subscribe to efforts by joint name, to be read before each tick."""
-        self._newest = newest = Newest(node, JOINT_COMMANDS)
+        self._newest = newest = PolledSubscription(node, JOINT_COMMANDS)
         self.read_from(newest.pointer, newest.take)
         self._engine.ticks.at_once = AT_ONCE
 
@@ -101,7 +101,7 @@ class Inputs:
     def _refresh(self) -> None:
         """Let C know whose messages it may accept."""
         ticks, leader = self._engine.ticks, self._engine.arbiter.leader
-        watched = self.rivals is not None and bool(self.rivals.alarm.words)
+        watched = self.rivals is not None and bool(self.rivals.alarm.message)
         delayed = self._engine.commands.line is not None
         if leader is not None and len(leader[1]) == self._model.n and not (watched or delayed):
             whole = self.reader.whole_from(leader[0])

@@ -12,7 +12,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.diagnostics import Alarm, publishers, two_publish
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.ros.joint_state import FAILED, NONE, JointStateReader, parsed
@@ -49,7 +49,7 @@ class Rivals:
         self._known = {outputs.states.sender}  # this sim, and publishers of other joints
         self._rival, self._heard = b"", 0.0  # who was heard last, and when
         self._reader = JointStateReader((), (), partial=True, extra=True)
-        self._newest: Newest | None = None
+        self._newest: PolledSubscription | None = None
         self.alarm, self.changed = Alarm(node), lambda: None
 
     def give_way(self) -> None:
@@ -69,7 +69,7 @@ class Rivals:
     def look(self) -> None:
         """Look whether others published within the last second."""
         goes_on = self._others_are_there() and time.monotonic() - self._heard < _SILENCE
-        if goes_on != bool(self.alarm.words):
+        if goes_on != bool(self.alarm.message):
             self.alarm.set(self._words() if goes_on else "")
             self.changed()
 
@@ -80,7 +80,7 @@ class Rivals:
             InvalidInput: If there are others, and it does not answer a state of this one.
         """
         ours = self._outputs.stamps.name == ROS and self._trip.awaits(stamp)
-        if self.alarm.words and not ours:
+        if self.alarm.message and not ours:
             raise InvalidInput("it answers no state of this sim, but perhaps of another one")
 
     def close(self) -> None:
@@ -97,7 +97,7 @@ class Rivals:
             self.close()
             return False
         if self._newest is None:
-            self._newest = Newest(node, _HEARD)
+            self._newest = PolledSubscription(node, _HEARD)
             self._reader.open(self._newest.pointer)
         for _ in range(_MANY):
             if self._reader.take() in (NONE, FAILED):

@@ -19,7 +19,7 @@ _LATE, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; what exceeds both
 _BUSY = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
 _RARELY = 10.0  # [s] between log messages of a machine that is busy
 _WAY_OUT = "or give it a namespace (--ros-args -r __ns:=/left) or a ROS_DOMAIN_ID of its own"
-_TWINS = (
+_SAME_NAME = (
     "two nodes are called {}, and either answers requests to them; allowed: one (one that was "
     f"killed counts for 20 s). End one, rename it (--ros-args -r __node:=NAME), {_WAY_OUT}"
 )
@@ -38,21 +38,21 @@ class Finding:
     part: str
     values: dict[str, object] = field(default_factory=dict)
     _level: bytes = OK
-    _words: list[str] = field(default_factory=list)
+    _messages: list[str] = field(default_factory=list)
 
-    def complain(self, level: bytes, words: str) -> None:
-        """Add a warning or an error, if there are words; the worst level counts."""
-        if not words:
+    def add(self, level: bytes, message: str) -> None:
+        """Add a warning or an error, if there is one; the worst level counts."""
+        if not message:
             return
         self._level = max(self._level, level)
-        self._words.append(words)
+        self._messages.append(message)
 
     def message(self, node: Node) -> DiagnosticStatus:
         """The finding as a DiagnosticStatus."""
         return DiagnosticStatus(
             level=self._level,
             name=f"{node.get_fully_qualified_name().lstrip('/')}: {self.part}",
-            message="; ".join(self._words) or "ok",
+            message="; ".join(self._messages) or "ok",
             hardware_id=node.get_fully_qualified_name(),
             values=[KeyValue(key=k, value=_text(v)) for k, v in self.values.items()],
         )
@@ -78,17 +78,17 @@ class Alarm:
     """A complaint of a node that is logged when it begins.
 
     Attributes:
-        words: The complaint; empty while there is none.
+        message: The complaint; empty while there is none.
     """
 
     def __init__(self, node: Node) -> None:
-        self._log, self.words = node.get_logger(), ""
+        self._log, self.message = node.get_logger(), ""
 
-    def set(self, words: str) -> None:
+    def set(self, message: str) -> None:
         """Begin, go on, or end."""
-        if words and not self.words:
-            self._log.error(words)
-        self.words = words
+        if message and not self.message:
+            self._log.error(message)
+        self.message = message
 
 
 class Growth:
@@ -105,7 +105,7 @@ class Growth:
     def warn(self, found: Finding, count: int, what: str) -> None:
         """Add a warning if a count of ``what`` has grown."""
         if grown := self.of(what, count):
-            found.complain(WARN, f"{grown} {what}")
+            found.add(WARN, f"{grown} {what}")
 
 
 class Lateness:
@@ -115,35 +115,35 @@ class Lateness:
         longest: This duration in [s].
     """
 
-    def __init__(self, node: Node, take: Callable[[], float], usual: float, words: str) -> None:
+    def __init__(self, node: Node, take: Callable[[], float], usual: float, text: str) -> None:
         """Start a timer.
 
         Args:
             node: The node.
             take: Returns the longest duration in [s] since the last call.
             usual: The usual duration in [s].
-            words: What is said of it, with a place for its value.
+            text: What is said of it, with a place for its value.
         """
-        self._bound, self._words = max(_LATE, _FACTOR * usual), f"{words}: {_BUSY}"
+        self._bound, self._text = max(_LATE, _FACTOR * usual), f"{text}: {_BUSY}"
         self._take, self.longest = take, 0.0
         self._log = Throttled(node.get_logger(), period=_RARELY)
-        self._timer = steady_timer(node, PERIOD, self.look)
+        self._timer = steady_timer(node, PERIOD, self.end_second)
 
-    def look(self) -> None:
+    def end_second(self) -> None:
         """Look at the last second, and log what is wrong in two in a row, unlike at the start."""
-        before, self.longest = self.words, 0.0
+        before, self.longest = self.message, 0.0
         self.update()
-        if before and (words := self.words):
-            self._log.warning(words)
+        if before and (message := self.message):
+            self._log.warning(message)
 
     def update(self) -> None:
         """Look at the time since then, too."""
         self.longest = max(self.longest, self._take())
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """The warning; empty if there is no reason for one."""
-        return self._words.format(self.longest) if self.longest > self._bound else ""
+        return self._text.format(self.longest) if self.longest > self._bound else ""
 
 
 class Diagnosis:
@@ -156,12 +156,12 @@ class Diagnosis:
             node: The node.
             find: Returns the findings; called once a second while there are subscribers.
         """
-        self._node, self._find, self._twin = node, find, Alarm(node)
+        self._node, self._find, self._same_name = node, find, Alarm(node)
         self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = steady_timer(node, PERIOD, self.publish)
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
         return self._publisher.get_subscription_count() > 0
 
@@ -169,11 +169,13 @@ class Diagnosis:
         """Look for a node of the same name; publish the findings, if there are subscribers."""
         me = self._node.get_name(), self._node.get_namespace()
         twins = self._node.get_node_names_and_namespaces().count(me) > 1
-        self._twin.set(_TWINS.format(self._node.get_fully_qualified_name()) if twins else "")
-        if not self.heard:
+        self._same_name.set(
+            _SAME_NAME.format(self._node.get_fully_qualified_name()) if twins else ""
+        )
+        if not self.has_subscribers:
             return
         found = self._find()
-        found[0].complain(WARN, self._twin.words)
+        found[0].add(WARN, self._same_name.message)
         message = DiagnosticArray(status=[f.message(self._node) for f in found])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

@@ -16,7 +16,7 @@ from rclpy.type_support import check_for_type_support
 from arm_dynamics.ros.interfaces import Topic
 
 
-class Newest:
+class PolledSubscription:
     """Holds the newest message of a topic as serialized bytes; no executor is needed."""
 
     def __init__(self, node: Node, topic: Topic) -> None:

@@ -63,12 +63,12 @@ def split_words(words: Words) -> tuple[str | None, Words]:
         if i or word.startswith("-") or ":=" in word:
             raise InvalidInput(
                 f"'{plain(word, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, "
-                f"then for example {_ROS} {_meant(before)}"
+                f"then for example {_ROS} {_suggested(before)}"
             )
     return (before[0] if before else None), words[end:]
 
 
-def _meant(words: Words) -> str:
+def _suggested(words: Words) -> str:
     """The first ROS argument among words, as it is written behind --ros-args."""
     rule = next((plain(word, 80) for word in words if ":=" in word), "NAME:=VALUE")
     flag = "-r" if rule.startswith("__") or "-r" in words else "-p"
@@ -95,9 +95,9 @@ def usage(kind: type[Node], params: type) -> str:
         "",
         "parameters, with their defaults:",
     ]
-    for parameter, default, told in listed(params):
-        allowed = f" [{', '.join(told['choices'])}]" if told.get("choices") else ""
+    for parameter, default, descriptor in listed(params):
+        allowed = f" [{', '.join(descriptor['choices'])}]" if descriptor.get("choices") else ""
         lines.append(f"  {parameter} = {default!r}")
-        text = fill(told["description"] + allowed, _WIDTH - 6)
+        text = fill(descriptor["description"] + allowed, _WIDTH - 6)
         lines += [f"      {line}" for line in text.split("\n")]
     return "\n".join(lines)

@@ -69,40 +69,35 @@ def declare[P](node: Node, kind: type[P]) -> P:
     """
 
     def declared(name: str, default: Any, about: Mapping[str, Any]) -> Any:
-        if about.get("each_joint"):
-            default = [default]
-        if isinstance(default, tuple):
-            default = list(default)
+        default = _for_ros(default, about)
         try:
             return node.declare_parameter(name, default, _descriptor(about, default)).value
         except InvalidParameterValueException as error:
-            given = node._parameter_overrides[name].value  # rclpy provides it in no other way
             low, high = about.get("low", 0), about.get("high", 0)
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
-            raise InvalidInput(f"parameter '{name}' is {given}; allowed: {allowed}") from None
         except InvalidParameterTypeException:
-            given = node._parameter_overrides[name].value
             allowed = _WRITTEN.get(type(default), "a list")
-            raise InvalidInput(f"parameter '{name}' is {given!r}; allowed: {allowed}") from None
+        given = node._parameter_overrides[name].value  # rclpy provides it in no other way
+        raise InvalidInput(f"parameter '{name}' is {given!r}; allowed: {allowed}")
 
     return _with(kind(), declared)
 
 
-def listed(kind: type) -> list[tuple[str, Any, Mapping[str, Any]]]:
-    """Names, defaults and metadata of the parameters of ``kind``, in order."""
+def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:
+    """Names, values and metadata of parameters, in order; of a type its defaults."""
     found: list[tuple[str, Any, Mapping[str, Any]]] = []
 
     def noted(name: str, default: Any, about: Mapping[str, Any]) -> Any:
         found.append((name, default, about))
         return default
 
-    _with(kind(), noted)
+    _with(params() if isinstance(params, type) else params, noted)
     return found
 
 
 def watch[P](
     node: Node, present: P, apply: Callable[[P], None], renewed: Collection[str] = ()
-) -> None:
+) -> Callable[[P], None]:
     """Apply changes at run time: all parameters of a request together, or none of them.
 
     Args:
@@ -112,21 +107,51 @@ def watch[P](
             old one.
         renewed: Names of parameters that are applied even if they are set to what they are, as
             something else may have replaced what they gave.
+
+    Returns:
+        A function that sets the parameters back to earlier ones, without applying those: for what
+        turns out to be unusable only after a request was accepted. Any thread may call it.
     """
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
         nonlocal present
-        values = {p.name: p.value for p in parameters}
+        before, values = present, {p.name: p.value for p in parameters}
         try:
-            wanted = _with(present, lambda name, value, about: values.get(name, value))
-            if wanted != present or values.keys() & set(renewed):
+            wanted = _with(before, lambda name, value, about: values.get(name, value))
+            if wanted != before or values.keys() & set(renewed):
+                present = wanted  # first, as it may be set back at once
                 apply(wanted)
-                present = wanted
         except ArmError as error:
+            present = before
             return SetParametersResult(reason=plain(error))  # not successful
         return SetParametersResult(successful=True)
 
+    def set_back() -> None:
+        stale = [
+            Parameter(name, value=_for_ros(value, about))
+            for name, value, about in listed(present)
+            if _plain(name, node.get_parameter(name).value, value, about) != value
+        ]
+        if stale:
+            node.set_parameters_atomically(stale)
+
+    def go_back(former: P) -> None:
+        nonlocal present
+        present = former
+        if node.executor is None:
+            set_back()
+        else:  # not within a request, which ends by setting what it was accepted for
+            node.executor.create_task(set_back)
+
     node.add_on_set_parameters_callback(on_set)
+    return go_back
+
+
+def _for_ros(value: Any, about: Mapping[str, Any]) -> Any:
+    """A parameter's value as ROS has it."""
+    if about.get("each_joint") and not isinstance(value, list):
+        return [value]
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from arm_dynamics.actuation.command_map import compensating
 from arm_dynamics.exceptions import InvalidInput, ModelError
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_dynamics.scene.load import load_scene, scene_from_urdf
@@ -118,7 +118,7 @@ def _awaited(node: Node, timeout: float) -> str:
     end = time.monotonic() + timeout
     if timeout:
         node.get_logger().info(f"no scene: waiting for a robot description on {topic}")
-        newest = Newest(node, ROBOT_DESCRIPTION)
+        newest = PolledSubscription(node, ROBOT_DESCRIPTION)
     try:
         while newest is not None and time.monotonic() < end:
             if (taken := newest.take()) is not None:

@@ -37,15 +37,7 @@ _LOCKS = ("_el", "_sl")
 
 def by_udp() -> dict[str, str]:
     """Environment of processes that communicate by UDP, on this machine only."""
-    return _profiled(THIS_MACHINE)
-
-
-def with_room() -> dict[str, str]:
-    """Environment of processes with 64 MB of shared memory each for outgoing messages.
-
-    Only on request: containers often have no more than that in total.
-    """
-    return _profiled(LARGE_BATCHES)
+    return by_profile(THIS_MACHINE)
 
 
 def as_usual() -> dict[str, str]:
@@ -69,7 +61,8 @@ def avoid_shared_memory(environment: MutableMapping[str, str] = os.environ) -> N
         environment.pop(_LOCAL_ONLY, None)
 
 
-def _profiled(profile: Path) -> dict[str, str]:
+def by_profile(profile: Path) -> dict[str, str]:
+    """Environment of processes that communicate by a profile of Fast DDS."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     # The package of Fast DDS 3 has another name than that of version 2.
     is_3 = any(Path(prefix, "share/fastdds").is_dir() for prefix in prefixes if prefix)

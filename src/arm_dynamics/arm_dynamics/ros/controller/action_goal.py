@@ -153,7 +153,7 @@ class TrajectoryMessage:
                 raise InvalidInput(f"{what} of point {i}, joint '{joint}', is not finite")
 
 
-def refuse_what_an_arm_has_not(goal: Any) -> None:
+def refuse_multi_dof(goal: Any) -> None:
     """Refuse goals for joints of several degrees of freedom.
 
     Raises:
@@ -170,7 +170,7 @@ def refuse_what_an_arm_has_not(goal: Any) -> None:
 
 
 def tolerances(
-    goal: Any, params: FollowParams, model_names: JointNames, turning: tuple[int, ...]
+    goal: Any, params: FollowParams, model_names: JointNames, continuous: tuple[int, ...]
 ) -> Tolerances:
     """Tolerances of a goal: its own, else those of the parameters.
 
@@ -178,23 +178,23 @@ def tolerances(
         goal: A FollowJointTrajectory goal.
         params: Parameters in force, with those of the joints.
         model_names: Joints of the model.
-        turning: Indices of the continuous joints.
+        continuous: Indices of the continuous joints.
 
     Raises:
         InvalidInput: If a tolerance is not allowed, or a joint does not exist or is named twice.
     """
     n, seconds = len(model_names), 1e-9 * to_nanoseconds(goal.goal_time_tolerance)
-    path = params.of_joints("trajectory", n), [NONE] * n
-    there = params.of_joints("goal", n), [params.stopped_velocity_tolerance or NONE] * n
+    path_defaults = params.of_joints("trajectory", n), [NONE] * n
+    goal_defaults = params.of_joints("goal", n), [params.stopped_velocity_tolerance or NONE] * n
     return Tolerances(
-        _asked("path_tolerance", goal.path_tolerance, model_names, *path),
-        _asked("goal_tolerance", goal.goal_tolerance, model_names, *there),
+        _joint_tolerances("path_tolerance", goal.path_tolerance, model_names, *path_defaults),
+        _joint_tolerances("goal_tolerance", goal.goal_tolerance, model_names, *goal_defaults),
         resolved("goal_time_tolerance", seconds, params.goal_time or NONE),
-        turning,
+        continuous,
     )
 
 
-def _asked(
+def _joint_tolerances(
     what: str,
     messages: Sequence[Any],
     names: JointNames,

@@ -101,15 +101,15 @@ class AnswerLog:
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, "executor": executor, **answers,
         }  # fmt: skip
-        found.complain(ERROR, self.failure)
+        found.add(ERROR, self.failure)
         if now - self._seen > SILENCE:
-            found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
+            found.add(ERROR, f"no joint state for {now - self._seen:.1f} s")
         if grown := self._growth.of("passed over", self.passed_over):
-            found.complain(WARN, f"{grown} joint states ignored: {self.unusable}")
+            found.add(WARN, f"{grown} joint states ignored: {self.unusable}")
         self._growth.warn(found, int(goals["goals refused"]), "goals refused")
         if self._growth.of("jumps", self.jumps):
-            found.complain(WARN, "time or the arm jumped; the arm was held at its position")
+            found.add(WARN, "time or the arm jumped; the arm was held at its position")
         if cut:
-            found.complain(WARN, f"torque clipped at the effort limit: {', '.join(cut)}")
+            found.add(WARN, f"torque clipped at the effort limit: {', '.join(cut)}")
         self._answers, self._since = 0, now
         return found

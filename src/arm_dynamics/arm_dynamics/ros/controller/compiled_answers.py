@@ -26,14 +26,14 @@ from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
 from arm_dynamics.control.wrappers import AnyController, Switch
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.controller_params import ControllerParams
-from arm_dynamics.ros.controller.followed import Followed
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
+from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
@@ -65,7 +65,7 @@ class Parts:
         action: Monitors the goal of the action.
         jumps: Compares each state with the previous one.
         log: Remembers the last answer.
-        followed: Whose states are answered.
+        source: Whose states are answered.
     """
 
     reader: JointStateReader
@@ -78,7 +78,7 @@ class Parts:
     action: TrajectoryAction
     jumps: Jumps
     log: AnswerLog
-    followed: Followed
+    source: StateSource
 
 
 class CompiledAnswers:
@@ -124,7 +124,7 @@ class CompiledAnswers:
         """
         reader = parts.reader
         self._native, self._reader, self._parts = library(), reader, parts
-        self._newest = Newest(node, JOINT_STATES)
+        self._newest = PolledSubscription(node, JOINT_STATES)
         self._receiver = c_void_p(self._native.receiver(self._newest.pointer))
         if not self._receiver:
             self.obstacle = "the middleware does not report new messages"
@@ -137,7 +137,7 @@ class CompiledAnswers:
             source=source, reader=state, sink=parts.sink.place, joints=parts.command.size,
             report=parts.report.place, command=parts.command.ctypes.data,
             before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
-            followed=addressof(parts.followed.shared),
+            followed=addressof(parts.source.shared),
         )  # fmt: skip
         self._answer, self._claim = answer, claim
         self._direct = direct and get_rmw_implementation_identifier() in _TAKE_IN_CALLBACKS
@@ -190,7 +190,7 @@ class CompiledAnswers:
         """Let C answer the next states, if possible. Call it locked, after an answer by Python."""
         answers, parts, follower = self._answers, self._parts, self._parts.goals.follower
         start, motion = follower.active
-        factors, checks = parts.command_map.factors, parts.action.checks
+        factors, goal = parts.command_map.factors, parts.action.active
         self.obstacle = self._find_obstacle(motion, factors)
         if self.obstacle or (law := self._law) is None or not isinstance(motion, Trajectory):
             return
@@ -209,10 +209,11 @@ class CompiledAnswers:
         next_begin = follower.next_begin
         answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
         allowed = answers.path = None
-        if checks is not None:
-            answers.until, answers.begin = min(answers.until, checks.until), checks.begin
-            if not checks.tolerances.path.is_none:
-                allowed = checks.tolerances.allowed(checks.tolerances.path)
+        if goal is not None:
+            checked = max(goal.begin, goal.next_check)  # from then on every state
+            answers.until, answers.begin = min(answers.until, checked), goal.begin
+            if not goal.tolerances.path.is_none:
+                allowed = goal.tolerances.allowed(goal.tolerances.path)
                 answers.path = addressof(allowed)
         self._used = factors, law, path, allowed
         answers.active = 1

@@ -77,11 +77,6 @@ class StateTolerance:
     position: tuple[float, ...]
     velocity: tuple[float, ...]
 
-    @classmethod
-    def none(cls, n: int) -> StateTolerance:
-        """No tolerance at all."""
-        return cls((NONE,) * n, (NONE,) * n)
-
     @cached_property
     def is_none(self) -> bool:
         """Whether nothing can exceed it."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -29,7 +29,7 @@ from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
     TrajectoryMessage,
     follow_params,
-    refuse_what_an_arm_has_not,
+    refuse_multi_dof,
     tolerances,
 )
 from arm_dynamics.ros.controller.goals import PLANNED_AT_ONCE, Goal, Goals
@@ -66,7 +66,7 @@ class _Server(ActionServer):
 
 
 @dataclass
-class _Active:
+class Active:
     """A goal that is being followed.
 
     Attributes:
@@ -77,7 +77,7 @@ class _Active:
         follower: The follower of its motion.
         handle: The action's goal; None until it is accepted.
         next_feedback: Stamp in [ns] of the next feedback.
-        next_look: Stamp in [ns] before which nothing needs to be checked.
+        next_check: Stamp in [ns] before which nothing needs to be checked.
     """
 
     motion: Motion
@@ -87,22 +87,17 @@ class _Active:
     follower: Follower
     handle: Any = None
     next_feedback: int = 0
-    next_look: int = 0
+    next_check: int = 0
 
     @property
     def end(self) -> int:
         """Stamp in [ns] from which the goal tolerances apply."""
         return self.begin + round(1e9 * self.motion.duration)
 
-    def note(self, feedback: int) -> None:
-        """Schedule the next feedback; only path tolerances are checked before it."""
-        self.next_feedback = feedback
-        self.next_look = min(feedback, self.end)
-
     def is_due(self, stamp: int) -> bool:
         """Whether the state with this stamp in [ns] must be checked."""
         path = self.tolerances.path
-        return stamp >= self.begin and (stamp >= self.next_look or not path.is_none)
+        return stamp >= self.begin and (stamp >= self.next_check or not path.is_none)
 
     @property
     def is_followed(self) -> bool:
@@ -110,22 +105,7 @@ class _Active:
         return self.follower.newest[1] is self.motion
 
 
-class Checks(NamedTuple):
-    """When states are checked against a goal.
-
-    Attributes:
-        begin: Stamp in [ns] at which it begins.
-        until: Stamp in [ns] from which every state must be checked; before it, only states
-            outside the path tolerances.
-        tolerances: Tolerances of the goal.
-    """
-
-    begin: int
-    until: int
-    tolerances: Tolerances
-
-
-class _Others:
+class _Yield:
     """Yields to other callbacks."""
 
     def __await__(self) -> Generator[None]:
@@ -137,11 +117,12 @@ class TrajectoryAction:
 
     Attributes:
         params: The parameters in force.
+        active: The goal that is being followed, if there is one.
     """
 
     def __init__(
-        self, node: Node, goals: Goals, model: ArmModel, limits: Limits, deaf: Callable[[], str],
-        lock: AbstractContextManager[None], late: Lateness,
+        self, node: Node, goals: Goals, model: ArmModel, limits: Limits,
+        obstacle: Callable[[], str], lock: AbstractContextManager[None], late: Lateness,
     ) -> None:  # fmt: skip
         """Offer the action, if its interface is installed.
 
@@ -150,17 +131,17 @@ class TrajectoryAction:
             goals: Plans and follows trajectories.
             model: The arm.
             limits: Limits of its motion.
-            deaf: Returns the reason why the active controller follows no trajectories; empty if it
-                does.
+            obstacle: Returns the reason why the active controller follows no trajectories; empty
+                if it does.
             lock: Held while goals change.
             late: States that came late, which explain errors.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
-        self._deaf, self._lock, self._log, self._late = deaf, lock, node.get_logger(), late
+        self._obstacle, self._lock, self._log, self._late = obstacle, lock, node.get_logger(), late
         kinds = enumerate(model.joint_types)
-        self._turning = tuple(i for i, kind in kinds if kind == "continuous")
-        self._active: _Active | None = None
-        self._coming: dict[int, _Active] = {}  # already followed, about to be accepted
+        self._continuous = tuple(i for i, kind in kinds if kind == "continuous")
+        self.active: Active | None = None
+        self._coming: tuple[Any, Active] | None = None  # followed, its request to be accepted
         self._server: _Server | None = None
         self.params: FollowParams = declare(node, follow_params(model.joint_names))
         watch(node, self.params, partial(setattr, self, "params"))
@@ -178,14 +159,6 @@ class TrajectoryAction:
         if self._server is not None:
             self._server.destroy()
 
-    @property
-    def checks(self) -> Checks | None:
-        """When states are checked against the active goal; None without a goal."""
-        active = self._active
-        if active is None:
-            return None
-        return Checks(active.begin, max(active.begin, active.next_look), active.tolerances)
-
     def watch(self, stamp: int, reference: Reference, state: Moving) -> None:
         """Monitor the goal; called after the answer to every joint state.
 
@@ -194,24 +167,25 @@ class TrajectoryAction:
             reference: Desired positions and velocities.
             state: Measured positions and velocities.
         """
-        active = self._active
+        active = self.active
         if active is None:
             return
         if not (active.is_followed and self._goals.follower is active.follower):
             self.abort(_OTHER if self._goals.follower is active.follower else _HELD)
         elif active.is_due(stamp):
-            self._judge(active, stamp, reference, state)
+            self._check(active, stamp, reference, state)
 
     def abort(self, why: str) -> None:
         """Abort the active goal, if there is one, because it is no longer followed."""
-        if self._active is not None:
+        if self.active is not None:
             self._end("abort", "INVALID_GOAL", why)
 
-    def _judge(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> None:
-        late = 1e-9 * (stamp - active.begin) - active.motion.duration
-        verdict = active.tolerances.verdict(-late, reference, state)
+    def _check(self, active: Active, stamp: int, reference: Reference, state: Moving) -> None:
+        overdue = 1e-9 * (stamp - active.begin) - active.motion.duration
+        verdict = active.tolerances.verdict(-overdue, reference, state)
         if stamp >= active.next_feedback or verdict is not None:
-            active.note(stamp + round(1e9 / self.params.action_monitor_rate))
+            active.next_feedback = stamp + round(1e9 / self.params.action_monitor_rate)
+            active.next_check = min(active.next_feedback, active.end)
             active.handle.publish_feedback(self._feedback(active, stamp, reference, state))
         if verdict is Verdict.REACHED:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
@@ -219,16 +193,16 @@ class TrajectoryAction:
             names = self._model.joint_names
             worst = active.tolerances.worst(verdict, names, reference, state)
             self._late.update()
-            cause = self._late.words
+            cause = self._late.message
             self._log.warning(f"{worst}; {cause}" if cause else worst)
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             code, why = "PATH_TOLERANCE_VIOLATED", "Aborted due to path tolerance violation"
             if verdict is Verdict.MISSED_GOAL:
                 code = "GOAL_TOLERANCE_VIOLATED"
-                why = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
+                why = f"Aborted due to goal_time_tolerance exceeding by {overdue:f} seconds"
             self._end("abort", code, why)
 
-    def _feedback(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> Any:
+    def _feedback(self, active: Active, stamp: int, reference: Reference, state: Moving) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
         message.header.stamp = to_time(stamp)
         errors = active.tolerances.errors(reference, state)
@@ -240,7 +214,7 @@ class TrajectoryAction:
         return message
 
     def _end(self, event: str, code: str, why: str) -> None:
-        active, self._active = self._active, None
+        active, self.active = self.active, None
         self._result(active.handle, event, code, why)
 
     def _result(self, handle: Any, event: str, code: str, why: str) -> None:
@@ -263,7 +237,7 @@ class TrajectoryAction:
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not answer and planner.busy:
-            await _Others()
+            await _Yield()
             with self._lock:
                 planner.deliver()
         if not answer:
@@ -272,12 +246,12 @@ class TrajectoryAction:
 
     def _begin(self, goal: Any, answer: list[bool]) -> None:
         """Plan a goal and follow it."""
-        if why := self._deaf():
+        if why := self._obstacle():
             raise InvalidInput(why)
-        refuse_what_an_arm_has_not(goal)
+        refuse_multi_dof(goal)
         params, names = self.params, self._model.joint_names
         message = TrajectoryMessage(goal.trajectory, names, params.allow_partial_joints_goal)
-        allowed = tolerances(goal, params, names, self._turning)
+        allowed = tolerances(goal, params, names, self._continuous)
         if message.stamp and 1e-9 * (message.stamp - self._goals.stamp) > _AHEAD:
             raise InvalidInput(
                 f"header.stamp is {1e-9 * message.stamp:.3f} s and the newest joint state "
@@ -289,8 +263,8 @@ class TrajectoryAction:
                 self.abort(_REPLACED)
                 follower = self._goals.follower
                 begin = follower.newest[0]
-                active = _Active(motion, begin, message.stamp or begin, allowed, follower)
-                self._coming = {id(goal): active}
+                active = Active(motion, begin, message.stamp or begin, allowed, follower)
+                self._coming = goal, active
             answer.append(motion is not None)
 
         plan = self._planned(message, params)
@@ -310,7 +284,7 @@ class TrajectoryAction:
             points = waypoints(message, self._model.joint_names, outset.here)
             points = self._unwound(points, outset.here)
             if message.stamp == 0 and points[-1].time == 0.0:
-                return _step(outset.here, points[-1])
+                return _zero_duration_motion(outset.here, points[-1])
             ahead = outset.ahead(points)
             bounds = Bounds(self._limits, Dynamics(self._model), params.limit_margin)
             if not params.stretch_goals:
@@ -323,23 +297,23 @@ class TrajectoryAction:
         return plan
 
     def _unwound(self, points: list[Waypoint], here: Reference) -> list[Waypoint]:
-        """The point shifted by whole revolutions to the nearest one, for continuous joints."""
-        if not self._turning:
+        """The points shifted by revolutions of continuous joints, the first to the nearest."""
+        if not self._continuous:
             return points
         turns = np.zeros_like(here.q)
-        some = list(self._turning)
+        some = list(self._continuous)
         turns[some] = np.round((here.q - np.asarray(points[0].q))[some] / (2.0 * np.pi))
         return [replace(p, q=np.asarray(p.q) + 2.0 * np.pi * turns) for p in points]
 
     def _on_accepted(self, handle: Any) -> None:
         with self._lock:
-            active = self._coming.pop(id(handle.request), None)
+            coming = self._coming
             handle.execute()
-            if active is None or not active.is_followed:
+            if coming is None or coming[0] is not handle.request or not coming[1].is_followed:
                 self._result(handle, "abort", "INVALID_GOAL", _REPLACED)
                 return
-            active.handle = handle
-            self._active = active
+            self._coming, self.active = None, coming[1]
+            self.active.handle = handle
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         self._node.executor.create_task(self._cancelled, handle)  # after the response
@@ -349,13 +323,13 @@ class TrajectoryAction:
         with self._lock:
             if not handle.is_cancel_requested:
                 return
-            if self._active is not None and self._active.handle == handle:
-                self._active = None
+            if self.active is not None and self.active.handle == handle:
+                self.active = None
                 self._goals.brake()
             self._result(handle, "canceled", "SUCCESSFUL", "")
 
 
-def _step(here: Reference, to: Waypoint) -> Motion:
+def _zero_duration_motion(here: Reference, to: Waypoint) -> Motion:
     """A motion of zero duration to a point that the arm has reached up to a control error.
 
     Raises:

@@ -77,6 +77,6 @@ class RequestCounts:
         self._growth.warn(found, self._refused, "requests refused")
         self._growth.warn(found, further.lost, "responses lost, the client is gone")
         if self._growth.of("descriptions", self.descriptions_refused):
-            found.complain(WARN, "a robot description was refused")
+            found.add(WARN, "a robot description was refused")
         self._busy, self._since = 0.0, now
         return found

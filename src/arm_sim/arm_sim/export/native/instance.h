@@ -50,9 +50,9 @@ typedef unsigned int reference_t;
 /* What is saved and restored, besides the simulations. */
 typedef struct {
   double values[VARIABLES], start;
-  int64_t ticks, begun; /* ticks since the start; whether initialization is over */
-  double held[JOINTS];  /* commands in the last step ... */
-  int64_t last;         /* ... and its number of ticks, 0 if there was none */
+  int64_t ticks, initialized; /* ticks since the start; whether initialization is over */
+  double held[JOINTS];  /* commands in the last step */
+  int64_t ticks_of_last_step; /* 0 if there was none */
 } memory_t;
 
 typedef struct {
@@ -130,19 +130,19 @@ static int set_parameter(instance_t* i, int k, double value) {
 /* Begin, or begin again, with the starting values; what is not given is that of the scene. */
 static int begin(instance_t* i) {
   const double *values = i->memory->values, *q = values + START_POSITION, *v = values + START_VELOCITY;
-  const int moved = memcmp(q, defaults + START_POSITION, sizeof(double) * JOINTS) != 0;
-  const int pushed = memcmp(v, defaults + START_VELOCITY, sizeof(double) * JOINTS) != 0;
-  int code = library_sim_init(i->sim, moved ? q : NULL, pushed ? v : NULL);
+  const int position_given = memcmp(q, defaults + START_POSITION, sizeof(double) * JOINTS) != 0;
+  const int velocity_given = memcmp(v, defaults + START_VELOCITY, sizeof(double) * JOINTS) != 0;
+  int code = library_sim_init(i->sim, position_given ? q : NULL, velocity_given ? v : NULL);
   for (int k = 0; k < PARAMETERS && code == LIBRARY_OK; ++k)
     if (values[PARAMETER + k] != defaults[PARAMETER + k]) code = set_parameter(i, k, values[PARAMETER + k]);
-  i->memory->ticks = i->memory->last = 0;
+  i->memory->ticks = i->memory->ticks_of_last_step = 0;
   if (code == LIBRARY_OK) read_outputs(i);
   return outcome(i, code);
 }
 
 /* Read variables. */
 static int get_values(instance_t* i, const reference_t* references, size_t count, double* values) {
-  if (!i->memory->begun && count && begin(i) != OK) return ERROR;
+  if (!i->memory->initialized && count && begin(i) != OK) return ERROR;
   for (size_t k = 0; k < count; ++k) {
     if (references[k] >= VARIABLES) return fail(i, "there is no variable with this value reference");
     values[k] = i->memory->values[references[k]];
@@ -156,10 +156,10 @@ static int set_value(instance_t* i, reference_t reference, double value) {
   if (reference >= VARIABLES) return fail(i, "there is no variable with this value reference");
   if (reference == TIME || (reference >= POSITION && reference < START_POSITION))
     return fail(i, "this variable is computed; inputs and parameters may be set");
-  if (i->memory->begun && reference >= START_POSITION && !is_parameter)
+  if (i->memory->initialized && reference >= START_POSITION && !is_parameter)
     return fail(i, "starting values may be set until initialization is over");
   if (!isfinite(value)) return outcome(i, LIBRARY_NOT_FINITE);
-  if (i->memory->begun && is_parameter) {
+  if (i->memory->initialized && is_parameter) {
     const int code = set_parameter(i, (int)reference - PARAMETER, value);
     if (code != LIBRARY_OK) return outcome(i, code);
   }
@@ -174,7 +174,7 @@ static int set_values(instance_t* i, const reference_t* references, size_t count
 }
 
 /* Let the wrenches on frames act in the next tick, as torques on the joints: J^T f besides the external torques. */
-static int push(instance_t* i) {
+static int apply_wrenches(instance_t* i) {
   int code = LIBRARY_OK;
 #if FRAMES
   static void (*const jacobians[FRAMES])(const double* q, double* J) = {JACOBIANS};
@@ -192,29 +192,29 @@ static int push(instance_t* i) {
 
 /* Advance from a communication point, the end of the last tick, by a time of whole ticks. */
 static int advance(instance_t* i, double point, double time) {
-  const double beside = (point - reached(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
+  const double misplaced = (point - reached(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
   char text[200];
-  if (!i->memory->begun) return fail(i, "initialization is not over");
-  if (!(fabs(beside) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 1.0) {
+  if (!i->memory->initialized) return fail(i, "initialization is not over");
+  if (!(fabs(misplaced) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 1.0) {
     snprintf(text, sizeof text, "a step from %g s by %g s; allowed: from %g s, where the last one ended, by ticks of %g s",
              point, time, reached(i), PERIOD);
     return fail(i, text);
   }
   memcpy(i->before, i->sim, library_sim_size());
   memcpy(i->memory->held, i->memory->values + COMMAND, sizeof i->memory->held);
-  i->memory->last = 0;
+  i->memory->ticks_of_last_step = 0;
   for (const int64_t goal = i->memory->ticks + (int64_t)ticks; i->memory->ticks < goal;) {
-    if (push(i) != OK) return ERROR;
+    if (apply_wrenches(i) != OK) return ERROR;
     const int code = library_sim_step(i->sim, i->memory->values + COMMAND);
     if (code != LIBRARY_OK) return outcome(i, code);
     ++i->memory->ticks;
     read_outputs(i);
   }
-  i->memory->last = (int64_t)ticks;
+  i->memory->ticks_of_last_step = (int64_t)ticks;
   return OK;
 }
 
-#ifdef SLOPES
+#ifdef SLOPES /* never with FRAMES, see mockup.py: a repeated step applies no wrenches */
 enum { VARIED = LIBRARY_STATES + JOINTS + PARAMETERS };
 
 /* Rows of derivatives times a column that is nonzero where the state, the commands and the parameters change. */
@@ -230,7 +230,7 @@ static void multiply(const double* rows, int count, const double* column, double
 static int differentiate_step(instance_t* i, double* column, double* outputs) {
   double of_state[LIBRARY_STATES * VARIED], of_effort[JOINTS * VARIED], state[LIBRARY_STATES];
   memcpy(i->scratch, i->before, library_sim_size());
-  for (int64_t k = 0; k < i->memory->last; ++k) {
+  for (int64_t k = 0; k < i->memory->ticks_of_last_step; ++k) {
     int code = library_sim_sensitivities(i->scratch, i->memory->held, of_state, of_effort);
     if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory->held);
     if (code != LIBRARY_OK) return report(i, DISCARD, library_error_text(code));
@@ -253,10 +253,10 @@ static int find_derivative(instance_t* i, const reference_t* unknowns, size_t co
     const reference_t at = knowns[k];
     if (at >= COMMAND && at < WRENCH) column[LIBRARY_STATES + at - COMMAND] += seeds[k];
     else if (at >= PARAMETER && at < VARIABLES) column[LIBRARY_STATES + JOINTS + at - PARAMETER] += seeds[k];
-    else if (at >= START_POSITION && at < PARAMETER && !i->memory->begun) outputs[at - START_POSITION] += seeds[k];
+    else if (at >= START_POSITION && at < PARAMETER && !i->memory->initialized) outputs[at - START_POSITION] += seeds[k];
     else if (at != TIME) return fail(i, "derivatives are those by inputs and parameters, and by time, which are zero");
   }
-  if (i->memory->last) {
+  if (i->memory->ticks_of_last_step) {
     const int status = differentiate_step(i, column, outputs);
     if (status != OK) return status;
   }
@@ -308,7 +308,7 @@ EXPORT int FMI(DeserializeFMUState)(void* c, const void* bytes, size_t size, voi
 EXPORT int FMI(ExitInitializationMode)(void* c) {
   instance_t* i = c;
   const int found = begin(i);
-  i->memory->begun = found == OK;
+  i->memory->initialized = found == OK;
   return found;
 }
 

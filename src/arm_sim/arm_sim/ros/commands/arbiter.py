@@ -44,25 +44,25 @@ class Arbiter(Structure):
         self.refused = 0
         self.last_refusal = ""
         self._refused_at = 0.0
-        self._heard: dict[str, Source] = {}
+        self._streams: dict[str, Source] = {}
 
     @property
     def sources(self) -> tuple[str, ...]:
         """Sources that commanded joints recently."""
-        return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
+        return tuple(source for source, stream in self._streams.items() if self._is_recent(stream))
 
     @property
     def leader(self) -> tuple[str, frozenset[int]] | None:
         """The only source that is remembered, and the joints that it commanded last."""
         if not self.alone:
             return None
-        ((name, heard),) = self._heard.items()
-        return name, heard.joints
+        ((name, stream),) = self._streams.items()
+        return name, stream.joints
 
     @property
     def alone(self) -> bool:
         """Whether only one source is remembered."""
-        return len(self._heard) == 1
+        return len(self._streams) == 1
 
     @property
     def conflict(self) -> bool:
@@ -75,17 +75,18 @@ class Arbiter(Structure):
         Raises:
             InvalidInput: If the stream of another source commands one of these joints.
         """
-        if not self.alone or source not in self._heard:
-            self._contest(source, joints)
-        heard = self._heard.setdefault(source, Source())
-        heard.joints = joints
-        library().hear(byref(heard), self.now, self.patience)
-        self._share()
+        if not self.alone or source not in self._streams:
+            self._refuse_if_owned(source, joints)
+        stream = self._streams.setdefault(source, Source())
+        stream.joints = joints
+        library().hear(byref(stream), self.now, self.patience)
+        self._tell_c()
 
-    def _contest(self, source: str, joints: frozenset[int]) -> None:
-        self._heard = {s: heard for s, heard in self._heard.items() if self._fresh(heard)}
-        for other, heard in self._heard.items():
-            if other != source and heard.count >= STREAM and heard.joints & joints:
+    def _refuse_if_owned(self, source: str, joints: frozenset[int]) -> None:
+        self._streams = {s: one for s, one in self._streams.items() if self._is_recent(one)}
+        self._tell_c()  # also where the command is refused
+        for other, stream in self._streams.items():
+            if other != source and stream.count >= STREAM and stream.joints & joints:
                 self.refused += 1
                 self._refused_at = self.now
                 self.last_refusal = (
@@ -94,14 +95,14 @@ class Arbiter(Structure):
                 )
                 raise InvalidInput(f"{self.last_refusal}; allowed: one stream for each joint")
 
-    def _fresh(self, heard: Source) -> bool:
-        return bool(library().is_remembered(byref(heard), self.now, self.patience))
+    def _is_recent(self, stream: Source) -> bool:
+        return bool(library().is_remembered(byref(stream), self.now, self.patience))
 
     def forget(self) -> None:
         """Forget all sources."""
-        self._heard.clear()
-        self._share()
+        self._streams.clear()
+        self._tell_c()
 
-    def _share(self) -> None:
+    def _tell_c(self) -> None:
         """Let C know the only source."""
-        self.only = addressof(next(iter(self._heard.values()))) if self.alone else None
+        self.only = addressof(next(iter(self._streams.values()))) if self.alone else None

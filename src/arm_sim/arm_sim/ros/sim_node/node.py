@@ -78,7 +78,7 @@ class SimNode(Node):
         self.engine = engine = self._engine_of(params)
         self._apply(params)
         self.inputs = inputs = Inputs(self, engine)
-        trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
+        trip, heard = inputs.round_trip, lambda: self.diagnosis.has_subscribers
         self._outputs = Outputs(self, engine, params, account_wanted=heard)
         self.rivals = inputs.rivals = Rivals(self, self._outputs, trip)
         self.rivals.changed = self._note_rivals
@@ -188,7 +188,7 @@ class SimNode(Node):
     def _note_rivals(self) -> None:
         self.engine.queue.ring()  # C does not check whose states commands answer
         if self.recorder is not None:
-            self.recorder.note(self.rivals.alarm.words or "no other publisher of joint states")
+            self.recorder.note(self.rivals.alarm.message or "no other publisher of joint states")
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""

@@ -10,8 +10,9 @@ import pinocchio as pin
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import plain
 from arm_sim.ros.standard.names import Pattern
-from arm_sim.ros.standard.results import NOT_FOUND, UNSUPPORTED, Unmet, clipped
+from arm_sim.ros.standard.results import NOT_FOUND, UNSUPPORTED, Refusal
 from arm_sim.simulation.simulator import Simulator
 
 OBJECT, ROBOT = 0, 1  # EntityCategory.msg
@@ -63,30 +64,26 @@ class Entities:
         """The entity of a given name.
 
         Raises:
-            Unmet: If there is none.
+            Refusal: If there is none.
         """
         if name not in self._all:
             robot = next(iter(self._all))
-            raise Unmet(
-                NOT_FOUND,
-                f"no entity {clipped(name)}; allowed: '{robot}' and its links, as '{robot}/link'",
-            )
+            allowed = f"allowed: '{robot}' and its links, as '{robot}/link'"
+            raise Refusal(NOT_FOUND, f"no entity '{plain(name, 80)}'; {allowed}")
         return self._all[name]
 
     def chosen(self, filters: Any) -> list[Entity]:
         """The entities selected by ``EntityFilters``.
 
         Raises:
-            Unmet: If bounds are requested.
+            Refusal: If bounds are requested.
             InvalidInput: If a filter is invalid.
         """
         bounds = filters.bounds
         if bounds.type != _EMPTY or bounds.points:
-            raise Unmet(
-                UNSUPPORTED,
-                f"bounds of type {bounds.type} with {len(bounds.points)} points: bounds are not "
-                f"supported; allowed: empty bounds (type {_EMPTY}, without points)",
-            )
+            given = f"bounds of type {bounds.type} with {len(bounds.points)} points"
+            allowed = f"allowed: empty bounds (type {_EMPTY}, without points)"
+            raise Refusal(UNSUPPORTED, f"{given}: bounds are not supported; {allowed}")
         mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
         if mode not in (_ANY, _ALL):
             raise InvalidInput(f"filter_mode is {mode}; allowed: 0 (any) or 1 (all)")

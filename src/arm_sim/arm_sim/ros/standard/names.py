@@ -6,7 +6,7 @@ from __future__ import annotations
 import ctypes
 
 from arm_dynamics import InvalidInput
-from arm_sim.ros.standard.results import clipped
+from arm_dynamics.exceptions import plain
 
 _LONGEST = 200  # characters
 _EXTENDED, _NO_PLACES = 1, 8  # REG_EXTENDED and REG_NOSUB of regex.h in the GNU C library
@@ -30,7 +30,7 @@ class Pattern:
         refused = [c for c in ("{", "\0") if c in expression]
         if len(expression) > _LONGEST or refused or any(f"\\{i}" in expression for i in range(10)):
             raise InvalidInput(
-                f"filter {clipped(expression)}: allowed: {_LONGEST} characters without "
+                f"filter '{plain(expression, 80)}': allowed: {_LONGEST} characters without "
                 "intervals {…}, back references and zeros"
             )
         self._c = ctypes.CDLL(None)
@@ -39,7 +39,7 @@ class Pattern:
             why = ctypes.create_string_buffer(_ROOM)
             self._c.regerror(code, self._expression, why, _ROOM)
             raise InvalidInput(
-                f"filter {clipped(expression)} is not a POSIX extended regular expression: "
+                f"filter '{plain(expression, 80)}' is not a POSIX extended regular expression: "
                 f"{why.value.decode()}"
             )
         self._compiled = True

@@ -15,28 +15,21 @@ UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
 # SetSimulationState.srv
 ALREADY_THERE, TRANSITION_ERROR, INCORRECT_TRANSITION = 101, 102, 103
 
-_LONGEST = 80  # characters of a caller's text in a message
 
-
-class Unmet(ArmError):
-    """A request that is answered with a code other than OK and FAILED."""
+class Refusal(ArmError):
+    """A request that is refused, with its code."""
 
     def __init__(self, code: int, why: str) -> None:
         super().__init__(why)
         self.code = code
 
 
-def clipped(text: str) -> str:
-    """A caller's text for a message: printable, in quotes, and no longer than one line."""
-    return repr(text if len(text) <= _LONGEST else text[:_LONGEST] + "…")
-
-
 @contextmanager
-def answering(result: Any, log: Throttled) -> Iterator[None]:
+def filled_result(result: Any, log: Throttled) -> Iterator[None]:
     """Fill a ``simulation_interfaces/Result``; no request ends the node."""
     try:
         yield
-    except Unmet as error:
+    except Refusal as error:
         result.result, result.error_message = error.code, str(error)
     except ArmError as error:
         result.result, result.error_message = FAILED, str(error)
@@ -47,11 +40,11 @@ def answering(result: Any, log: Throttled) -> Iterator[None]:
         result.result = OK
 
 
-def answered(answer: Callable[[Any, Any], None], log: Throttled) -> Callable[..., Any]:
+def service_callback(answer: Callable[[Any, Any], None], log: Throttled) -> Callable[..., Any]:
     """A service callback from a function that fills the response or raises an exception."""
 
     def callback(request: Any, response: Any) -> Any:
-        with answering(response.result, log):
+        with filled_result(response.result, log):
             answer(request, response)
         return response
 

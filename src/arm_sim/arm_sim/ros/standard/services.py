@@ -16,8 +16,8 @@ from arm_sim.ros.standard.results import (
     ALREADY_THERE,
     INCORRECT_TRANSITION,
     UNSUPPORTED,
-    Unmet,
-    answered,
+    Refusal,
+    service_callback,
 )
 from arm_sim.ros.standard.simulate_steps import SimulateSteps
 from arm_sim.ros.tick_engine import TickEngine
@@ -73,7 +73,7 @@ class StandardServices:
         for name, answer in self._answers().items():
             kind = getattr(srv, name.title().replace("_", ""), None)
             if kind is not None:
-                node.create_service(kind, f"~/{name}", answered(answer, log))
+                node.create_service(kind, f"~/{name}", service_callback(answer, log))
                 self.offered.append(name)
         if hasattr(action, "SimulateSteps"):
             self._steps = SimulateSteps(node, engine, action.SimulateSteps)
@@ -129,11 +129,11 @@ class StandardServices:
         engine, present = self._engine, self._state()
         if target not in _STATES:
             allowed = ", ".join(f"{code} ({name})" for code, name in _STATES.items())
-            raise Unmet(UNSUPPORTED, f"state {target}; allowed: {allowed}")
+            raise Refusal(UNSUPPORTED, f"state {target}; allowed: {allowed}")
         if target == present:
-            raise Unmet(ALREADY_THERE, f"the simulation is {_STATES[target]} already")
+            raise Refusal(ALREADY_THERE, f"the simulation is {_STATES[target]} already")
         if (present, target) == (STOPPED, PAUSED):
-            raise Unmet(INCORRECT_TRANSITION, "a stopped simulation can only be played")
+            raise Refusal(INCORRECT_TRANSITION, "a stopped simulation can only be played")
         engine.pause(target != PLAYING)
         if target == STOPPED:
             engine.reset()
@@ -142,7 +142,7 @@ class StandardServices:
         """Reset time, state, or both; a running simulation continues to run."""
         scope = request.scope or ALL
         if not scope & (TIME | STATE):
-            raise Unmet(
+            raise Refusal(
                 UNSUPPORTED, f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)"
             )
         self._engine.queue.run(lambda: self._back(bool(scope & TIME), bool(scope & STATE)))

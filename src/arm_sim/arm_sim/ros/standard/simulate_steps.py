@@ -11,7 +11,7 @@ from rclpy.task import Future
 
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_sim.ros.standard.results import FAILED, INCORRECT_STATE, OK, Unmet, answering
+from arm_sim.ros.standard.results import FAILED, INCORRECT_STATE, OK, Refusal, filled_result
 from arm_sim.ros.tick_engine import TickEngine
 
 _PARTS = 100  # number of parts of a goal, each followed by feedback
@@ -36,7 +36,7 @@ class SimulateSteps:
 
     async def _execute(self, goal: Any) -> Any:
         result = self._kind.Result()
-        with answering(result.result, self._log):
+        with filled_result(result.result, self._log):
             self._check(goal)
         if result.result.result != OK:
             goal.abort()
@@ -47,11 +47,11 @@ class SimulateSteps:
 
     def _check(self, goal: Any) -> None:
         if self._goal is not None:
-            raise Unmet(INCORRECT_STATE, "another goal is under way; cancel it, or wait for it")
+            raise Refusal(INCORRECT_STATE, "another goal is under way; cancel it, or wait for it")
         if not self._engine.may_step:
-            raise Unmet(FAILED, "the simulation is running; allowed only while it is paused")
+            raise Refusal(FAILED, "the simulation is running; allowed only while it is paused")
         if not goal.request.steps:
-            raise Unmet(FAILED, "steps = 0; allowed: 1 or more")
+            raise Refusal(FAILED, "steps = 0; allowed: 1 or more")
 
     def _part(self) -> None:
         """Execute some ticks, unless the goal was cancelled."""
@@ -61,16 +61,15 @@ class SimulateSteps:
             self._finish(goal.canceled)
             return
         steps = min(max(1, min(asked // _PARTS, _LARGEST)), asked - self._made)
-        with answering(self._result.result, self._log):
+        with filled_result(self._result.result, self._log):
             self._engine.queue.run(lambda: self._engine.step(steps))
             self._made += steps
         if self._result.result.result != OK:
             self._finish(goal.abort)
             return
         left = asked - self._made
-        goal.publish_feedback(
-            self._kind.Feedback(completed_steps=self._made, remaining_steps=left)
-        )
+        feedback = self._kind.Feedback(completed_steps=self._made, remaining_steps=left)
+        goal.publish_feedback(feedback)
         if not left:
             self._finish(goal.succeed)
 

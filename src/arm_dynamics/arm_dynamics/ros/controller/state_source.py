@@ -13,10 +13,10 @@ from arm_dynamics.ros.controller.controller_library import HEADER
 from arm_dynamics.ros.interfaces import JOINT_STATES
 
 SILENCE = 1_000_000_000  # [ns] for which others must be heard alone; load may delay one
-ENOUGH = 5  # states of others: after this process was stopped, one may come first by chance
+MIN_STATES = 5  # states of others: after this process was stopped, one may come first by chance
 
 
-class Followed:
+class StateSource:
     """Follows the first publisher of states until it falls silent, and reports others.
 
     Answered as one, two sims would both obey commands that suit one of them.
@@ -31,9 +31,9 @@ class Followed:
         self._node, self._topic = node, node.resolve_topic_name(JOINT_STATES.name)
         self.shared, self.alarm = HEADER.structure("followed_t")(), Alarm(node)
         self._since = self._count = 0  # since when others are heard alone, and how often
-        self._timer = steady_timer(node, PERIOD, self.look)
+        self._timer = steady_timer(node, PERIOD, self.check_conflict)
 
-    def includes(self, sender: bytes) -> bool:
+    def accept(self, sender: bytes) -> bool:
         """Whether a state that has come now is of the publisher that is followed."""
         shared, now = self.shared, time.monotonic_ns()
         if shared.heard and sender != bytes(shared.who):
@@ -41,12 +41,12 @@ class Followed:
             if shared.heard >= self._since:
                 self._since, self._count = now, 0
             self._count += 1
-            if self._count < ENOUGH or now - self._since <= SILENCE:
+            if self._count < MIN_STATES or now - self._since <= SILENCE:
                 return False
         shared.who[:], shared.heard = sender, now
         return True
 
-    def look(self) -> None:
+    def check_conflict(self) -> None:
         """Look whether both were heard within the last half second."""
         shared, words = self.shared, ""
         if time.monotonic_ns() - min(shared.heard, shared.ignored) < SILENCE // 2:

@@ -15,7 +15,7 @@ from two_link_control import MS, state
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.ros.common.diagnostics import publishers
-from arm_dynamics.ros.controller import Followed
+from arm_dynamics.ros.controller import StateSource
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import JOINT_STATES
 
@@ -28,18 +28,18 @@ class Heard:
     """States of publishers, by turns, at times in [ms]."""
 
     def __init__(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.followed, self._now = Followed(ros.peer), 0
+        self.source, self._now = StateSource(ros.peer), 0
         clock = SimpleNamespace(monotonic_ns=lambda: self._now * MS)
-        monkeypatch.setattr("arm_dynamics.ros.controller.followed.time", clock)
+        monkeypatch.setattr("arm_dynamics.ros.controller.state_source.time", clock)
 
     def __call__(self, sender: bytes, now: int) -> bool:
         self._now = 10_000 + now
-        return self.followed.includes(sender)
+        return self.source.accept(sender)
 
     def complaint(self, now: int) -> str:
         self._now = 10_000 + now
-        self.followed.look()
-        return self.followed.alarm.words
+        self.source.check_conflict()
+        return self.source.alarm.message
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_the_first_is_followed_as_long_as_it_speaks(heard: Heard) -> None:
         assert not heard(SECOND, now)
         assert not heard(THIRD, now)
         assert heard(FIRST, now + 1)
-    assert bytes(heard.followed.shared.other) == THIRD
+    assert bytes(heard.source.shared.other) == THIRD
     assert heard.complaint(5000) and not heard.complaint(6000)
 
 
@@ -111,7 +111,7 @@ class Led:
         self._ros.spin_until(lambda: stamp in self.stamps)
 
     def found(self) -> DiagnosticStatus:
-        self.node._followed.look()
+        self.node._source.check_conflict()
         (finding,) = self.node.diagnostics()
         return finding.message(self.node)
 

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controllers that a node may run, and the one that acts, which may change in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from rclpy.node import Node
+
+from arm_dynamics.control.compiled_law import Job, preparation
+from arm_dynamics.control.custom import Maker, is_own, load_controller
+from arm_dynamics.control.derived_velocity import DerivedVelocity
+from arm_dynamics.control.factory import (
+    IN_TASK_SPACE,
+    NAMES,
+    Settings,
+    make_controller,
+    overreach,
+    refuse_unsteady,
+)
+from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
+from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.diagnostics import Lateness
+from arm_dynamics.ros.common.params import watch
+from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers
+from arm_dynamics.ros.controller.controller_params import ControllerParams
+from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.task_space.task_space import TaskSpace
+
+_GAINS = ("bandwidth", "damping_ratio", "stiffness", "damping")
+_FREE = "float"  # the controller for hand guiding: the arm moves away from its reference
+
+
+class _Loaded:
+    """Controllers by name.
+
+    User code is imported here, when the node starts, and never later: a parameter change can only
+    select among the loaded controllers.
+    """
+
+    def __init__(self, params: ControllerParams, dynamics: Dynamics, settings: Settings) -> None:
+        """Load the controllers that the parameters name, and create each once.
+
+        Args:
+            params: Parameters at the start of the node.
+            dynamics: The model of the controllers.
+            settings: Settings of the controllers.
+
+        Raises:
+            InvalidInput: If one cannot be loaded or created.
+        """
+        if not all(isinstance(name, str) for name in params.controllers):
+            raise InvalidInput(
+                f"parameter 'controllers' is {params.controllers}; texts such as "
+                "package.module:Class are expected"
+            )
+        named = dict.fromkeys((params.controller, *params.controllers))
+        self._own = {name: load_controller(name) for name in named if is_own(name)}
+        for name in named:
+            self.maker(name)
+        for maker in self._own.values():
+            make_controller(maker, dynamics, settings)
+
+    def maker(self, name: str) -> str | Maker:
+        """The argument of ``make_controller`` for a name.
+
+        Raises:
+            InvalidInput: If there is no controller of that name.
+        """
+        if name in NAMES:
+            return name
+        if name in self._own:
+            return self._own[name]
+        hint = "; others must be named in 'controllers' when the node is started"
+        allowed = choices(name, [*NAMES, *self._own]) + (hint if is_own(name) else "")
+        raise InvalidInput(f"parameter 'controller' is '{name[:100]}'; allowed: one of {allowed}")
+
+
+class ControllerSelection:
+    """Follows the parameters: prepares a controller in the background, then switches to it.
+
+    Attributes:
+        params: The parameters in force, of the newest controller.
+        acting: Those of the active controller.
+        control: The active controller, and the transition to the next one.
+        builder: Prepares controllers.
+        overreach: A warning of gains that the loop does not carry; empty if it does.
+    """
+
+    def __init__(
+        self, node: Node, params: ControllerParams, dynamics: Dynamics, answers: CompiledAnswers,
+        log: AnswerLog, goals: Goals, late: Lateness, velocity: DerivedVelocity | None,
+    ) -> None:  # fmt: skip
+        """Make the first controller.
+
+        Args:
+            node: The controller node.
+            params: Its parameters.
+            dynamics: The model of the controllers.
+            answers: Is interrupted when a controller is prepared, and locked while they change.
+            log: Knows whether the active controller failed.
+            goals: Are dropped where another controller must not go on with them.
+            late: How late states come.
+            velocity: Derives velocities from positions; None if the states have them.
+
+        Raises:
+            InvalidInput: If parameters cannot be used.
+        """
+        self._node, self._dynamics, self._answers, self._log = node, dynamics, answers, log
+        self._goals, self._late, self._velocity = goals, late, velocity
+        self._loaded = _Loaded(params, dynamics, self._settings(params))
+        self.params = self.acting = params
+        self.control = Switch(self._made(params), params.settings.dt, params.switch_time)
+        self.builder = Background("builder", answers.interrupt)
+        self._build_ahead()
+
+    def watch(self) -> None:
+        """Follow the parameters from now on."""
+        self._tell_overreach()
+        self._go_back = watch(self._node, self.params, self._apply)
+
+    def obstacle(self) -> str:
+        """Reason why trajectories are not followed now; empty if they are."""
+        free = _FREE in (self.params.controller, self.acting.controller)
+        return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
+
+    def _settings(self, params: ControllerParams) -> Settings:
+        return replace(params.settings, limit=self._dynamics.model.effort_limit)
+
+    def _made(self, params: ControllerParams) -> AnyController:
+        frame, axes = params.settings.frame, params.settings.axes
+        if frame:  # rejected here, not when a controller first uses it
+            TaskSpace(self._dynamics, frame, selection=axes)
+        settings, chosen = self._settings(params), self._loaded.maker(params.controller)
+        control = make_controller(chosen, self._dynamics, settings)
+        refuse_unsteady(settings)
+        return control
+
+    def _build_ahead(self) -> None:
+        """Prepare the first controller now, and a task-space controller in the background."""
+        if job := _preparation(self.control.active):
+            job()
+        if not self.params.settings.frame:
+            return
+        settings = self._settings(self.params)
+        another = make_controller(IN_TASK_SPACE[0], self._dynamics, settings)
+        if job := _preparation(another):
+            self.builder.start(job, lambda built: None)  # errors matter when it is selected
+
+    def _apply(self, params: ControllerParams) -> None:
+        with self._answers:
+            before, control = self.acting, self._made(params)
+            gains = {name: getattr(before.settings, name) for name in _GAINS}
+            same = replace(params, settings=replace(params.settings, **gains)) == before
+
+            def switch() -> None:
+                self.acting = params
+                if self._log.failure:  # the arm has been braked: there is no torque to fade from
+                    self.control.restart()
+                    self._goals.drop("as the controller had failed")
+                if same:
+                    self.control.retune(control)
+                    return
+                self.control.to(control)
+                self._node.get_logger().info(f"controller {params.controller}")
+                if before.controller == _FREE != params.controller:
+                    self._goals.drop("as the arm was led by hand")
+
+            self.params = params
+            self._log.forget()
+            self.builder.give_up()
+            if (job := _preparation(control)) is None:
+                switch()
+            else:
+                self.builder.start(job, lambda built: self._finish_switch(built, switch))
+            self._tell_overreach()
+
+    def _finish_switch(self, built: Callable[[], object], switch: Callable[[], None]) -> None:
+        try:
+            built()
+        except ArmError as error:
+            kept = "controller refused, the old one and its parameters stay in force"
+            self._node.get_logger().error(f"{kept}: {plain(error)}")
+            self.params = self.acting
+            self._go_back(self.acting)
+            self._tell_overreach()
+        else:
+            switch()
+
+    def _tell_overreach(self) -> None:
+        """Warn of gains that the loop, as late as it is now, does not carry."""
+        settings, chosen = self._settings(self.params), self._loaded.maker(self.params.controller)
+        delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
+        delay += 0.0 if self._velocity is None else self._velocity.delay
+        self.overreach = overreach(chosen, self._dynamics, settings, delay)
+        if self.overreach:
+            self._node.get_logger().warning(self.overreach)
+
+
+def _preparation(control: AnyController) -> Job | None:
+    return preparation(control.control if isinstance(control, Saturated) else control)
