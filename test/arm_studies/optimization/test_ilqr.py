@@ -221,7 +221,7 @@ def test_derivatives_along_a_motion_are_those_on_its_own_side() -> None:
     sim, still = dry_arm()
     x, u, n, h = sim.arm.x[None], still[:1] + [5.0, -3.0], sim.n, 1e-7
     linearizer = sim.arm.compiled.derivatives.linearizer()
-    with pytest.raises(NotDifferentiable, match="boundary between two modes at the beginning"):
+    with pytest.raises(NotDifferentiable, match="boundary between two modes at its beginning"):
         linearizer.many(x, u, 1, threads=1, lanes=1)
     slope = linearizer.along(x, u, threads=1)[0]
     q, v, ends = x[:, :n], x[:, n:], []
