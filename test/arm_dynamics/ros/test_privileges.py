@@ -185,3 +185,16 @@ def test_the_loop_is_the_most_urgent_thread_of_its_process(
         assert own == (0, os.SCHED_FIFO, priority)
         assert {task for task, *_ in rest} == tasks
         assert {tuple(how) for _, *how in rest} == {(os.SCHED_FIFO, others)}
+
+
+def test_a_thread_that_ends_meanwhile_costs_no_priority(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int]] = []
+
+    def schedule(task: int, _: int, wanted: os.sched_param) -> None:
+        asked.append((task, wanted.sched_priority))
+        if task:
+            raise ProcessLookupError(3, "No such process")
+
+    monkeypatch.setattr(os, "sched_setscheduler", schedule)
+    assert ThreadParams(priority=80).claim() == []
+    assert asked[-1] == (0, 80)

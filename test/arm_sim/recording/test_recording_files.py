@@ -128,6 +128,24 @@ def test_what_sensors_told_comes_back(tmp_path: Path) -> None:
             np.testing.assert_array_equal(some, getattr(told, part)[[5, 2]])
 
 
+def test_what_sensors_told_comes_back_but_at_gaps(tmp_path: Path) -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    run = Simulator(scene | {"sensors": {"velocity": {"noise": 0.1}}}).run(0.02)
+    assert run.measured is not None
+    time = np.where(np.arange(21) < 7, run.time, run.time + 0.05)
+    once = Recording.load(replace(run, time=time, gaps=(7,)).save(tmp_path / "once.mcap"))
+    assert once.gaps == (7,)
+    twice = Recording.load(once.save(tmp_path / "twice.mcap"))
+    for loaded in (once, twice):
+        assert loaded.measured is not None
+        for part in ("q", "v", "effort"):
+            told = getattr(loaded.measured, part)
+            assert np.isnan(told[7]).all()
+            np.testing.assert_array_equal(
+                np.delete(told, 7, axis=0), np.delete(getattr(run.measured, part), 7, axis=0)
+            )
+
+
 def test_a_direction_that_is_not_of_length_one_to_the_bit_stays(tmp_path: Path) -> None:
     """Made of length one twice, its last bit could differ, and a replay with it."""
     scene = models.scene("two_link").model_dump(exclude_unset=True)

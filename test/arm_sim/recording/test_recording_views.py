@@ -144,6 +144,15 @@ def test_a_part_says_what_held_the_arm_there() -> None:
     np.testing.assert_array_equal(run.part(range(100, 300, 20)).hold, run.hold[100:300:20])
 
 
+@pytest.mark.parametrize("size", [10, 12])
+def test_a_mask_of_another_length_selects_no_part(size: int) -> None:
+    run = models.simulator("two_link").run(0.01)
+    assert len(run) == 11
+    np.testing.assert_array_equal(run.part(run.time > 0.0051).time, run.time[6:])
+    with pytest.raises(InvalidInput, match="indices or a mask of 11 are expected"):
+        run.part(np.arange(size) == 3)
+
+
 def test_a_figure_marks_changes_and_says_units() -> None:
     sim = Simulator("slider_crank_motor")
     units = [axis.get_ylabel() for axis in sim.run(0.01).plot().axes]

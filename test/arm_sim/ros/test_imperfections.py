@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from sim_by_hand import by_hand, ticks
 from std_msgs.msg import Float64MultiArray
 
 import models
-from arm_sim import Simulator
+from arm_sim import Recording, Simulator
 from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -57,6 +58,29 @@ def test_sensors_look_at_every_tick_however_seldom_states_are_published(ros: Ros
     np.testing.assert_array_equal(
         often.simulator.arm.sensors.measured, seldom.simulator.arm.sensors.measured
     )
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_recording_has_what_sensors_told_also_after_resets(
+    every: int, ros: Ros, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    node = node_with(ros, SENSORS, record=str(path), publish_every=every)
+    node.inputs.on_commands(Float64MultiArray(data=[1.0, 0.25]))
+    told = []
+    for _ in range(3):
+        for _ in range(12):
+            node.tick()
+            told.append(node.simulator.arm.sensors.measured.copy())
+        node.engine.reset()
+    assert node.recorder is not None
+    node.recorder.close()
+    loaded = Recording.load(path)
+    assert loaded.measured is not None and len(loaded) == 37
+    found = np.hstack([loaded.measured.q, loaded.measured.v, loaded.measured.effort])[1:]
+    rows = np.isfinite(found).all(axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(rows), np.arange(every - 1, 36, every))
+    np.testing.assert_array_equal(found[rows], np.array(told)[rows])
 
 
 def test_without_sensors_there_is_no_second_topic(ros: Ros) -> None:

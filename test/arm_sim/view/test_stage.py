@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import io
 import logging
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -143,6 +144,29 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
     assert not path.visible
     actor.draw(Instant(q), leave_path=True)
     assert not path.visible  # a point is no path
+
+
+def test_what_is_over_is_not_drawn_when_its_kind_is_shown_again(server: Any) -> None:
+    sim = Simulator("panda_table")
+    sim.run(0.2)
+    instant, actor = InteractiveArm(sim).look(), DrawnArm(server, sim.model, "arm")
+    actor.draw(instant)
+    arrows = actor._marks["contact forces"]
+    assert arrows.visible
+    actor.draw(replace(instant, contacts=instant.contacts[:0]))
+    assert not arrows.visible
+    for on in (False, True):
+        actor.show("contact forces", on)
+        assert not arrows.visible
+
+
+def test_both_paths_are_hidden_as_one_kind(server: Any) -> None:
+    actor = DrawnArm(server, Simulator("two_link").model, "arm")
+    actor.show("path", False)
+    actor.show_path(np.eye(3))
+    assert not actor._marks["whole path"].visible
+    actor.show("path", True)
+    assert actor._marks["whole path"].visible and not actor._marks["path"].visible
 
 
 def test_joints_at_their_stops_are_marked(server: Any) -> None:

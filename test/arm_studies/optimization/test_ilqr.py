@@ -166,6 +166,13 @@ def test_what_an_arm_carries_may_change_between_phases() -> None:
     assert best.verdict == "converged"
 
 
+def test_phases_may_come_from_a_generator() -> None:
+    sim = arm()
+    cost, u = to_goal(sim, goal_of(sim)), np.ones((NODES, sim.n))
+    made = ILQR((Phase(sim, nodes) for nodes in (15, NODES - 15)), cost).start(sim.arm.x, u)
+    np.testing.assert_array_equal(made.x, ILQR([Phase(sim, NODES)], cost).start(sim.arm.x, u).x)
+
+
 def test_arms_that_meet_a_stop_are_simulated_with_it() -> None:
     scene = load_scene("two_link").model_dump(exclude_unset=True)
     q = Simulator(scene).arm.x[:2]

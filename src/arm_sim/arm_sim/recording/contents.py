@@ -74,7 +74,8 @@ class Contents:
         gaps: Rows before which ticks are missing, because the recorder was too slow or the file
             is damaged.
         substep: Initial sub-step of the error control, in [s]; see ``SimulatedArm.substep``.
-        measured: Sensor measurements at each time; None if the scene has no sensors.
+        measured: Sensor measurements at each time, NaN where its file has none; None if the scene
+            has no sensors.
         of_robot: Whether it is of a robot or another simulator, not of our own ticks.
         left: What its file contains besides, such as topics, and ``save`` does not write.
     """

@@ -284,12 +284,13 @@ class RecordedMotion(Contents):
         Quantities between states, such as work and heat, are not available of the part.
 
         Args:
-            rows: Indices of the states, shape (k,).
+            rows: Indices of the states, shape (k,), or a mask of all of them.
         """
         here = np.asarray(rows if np.size(rows) else np.zeros(0, dtype=int))
-        if here.dtype.kind not in "iub" or here.ndim != 1:
-            raise InvalidInput(f"rows = {rows!r}; indices of states, shape (k,), are expected")
-        count, ends = len(self.time), np.flatnonzero(here) if here.dtype == bool else here
+        count, mask = len(self.time), here.dtype == bool
+        if here.dtype.kind not in "iub" or here.ndim != 1 or (mask and len(here) != count):
+            raise InvalidInput(f"rows = {rows!r}; indices or a mask of {count} are expected")
+        ends = np.flatnonzero(here) if mask else here
         if len(ends) and not -count <= ends.min() <= ends.max() < count:
             raise InvalidInput(
                 f"rows from {ends.min()} to {ends.max()}; the recording has {count} states"

@@ -75,7 +75,7 @@ class DrawnArm:
         self.name, self.base = name, np.array(base, dtype=float)
         self._scene, self._name = server.scene, f"/{name}"
         self._weight = 9.81 * model.total_mass or 1.0
-        self._way, self._hidden = list[Array](), set[str]()
+        self._way, self._hidden, self._drawn = list[Array](), set[str](), set[str]()
         self._scene.add_frame(self._name, show_axes=False, position=tuple(base))
         axes = {"axes_length": 0.12 * self.size, "axes_radius": 0.004 * self.size}
         self._joints = {
@@ -162,16 +162,17 @@ class DrawnArm:
             for joint in self._joints.values():
                 joint.show_axes = on
         else:
-            (self._hidden.discard if on else self._hidden.add)(kind)
             for name, handle in self._marks.items():
-                if name.endswith(kind):
-                    handle.visible = on and bool(np.ptp(handle.points))
+                if name.endswith(kind):  # both paths are of one kind
+                    (self._hidden.discard if on else self._hidden.add)(name)
+                    handle.visible = on and name in self._drawn
 
     def _set(self, kind: str, points: Array) -> None:
         handle = self._marks[kind]
+        (self._drawn.add if len(points) else self._drawn.discard)(kind)
         if len(points):
             handle.points = points
-        handle.visible = len(points) > 0 and kind not in self._hidden
+        handle.visible = kind in self._drawn and kind not in self._hidden
 
     def _felt(self, forces: Array) -> Array:
         size = np.linalg.norm(forces[:, 1], axis=1)

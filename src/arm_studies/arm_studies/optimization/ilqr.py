@@ -10,7 +10,7 @@ once, each by an arm in a SIMD lane.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import field, replace
 from typing import Final
 
@@ -105,7 +105,7 @@ class ILQR:
 
     def __init__(
         self,
-        phases: Sequence[Phase],
+        phases: Iterable[Phase],
         cost: Cost,
         *,
         low: ArrayLike | None = None,
@@ -118,13 +118,13 @@ class ILQR:
         self._tolerance, self._threads = tolerance, threads
         _check(self._phases)
         self._smoothing = _smoothing(smoothing, self._phases)
-        self._forward = [Forward(phase.simulator) for phase in phases]
+        self._forward = [Forward(phase.simulator) for phase in self._phases]
         self._eventful = any(forward.eventful for forward in self._forward)
-        ends = np.cumsum([0, *(phase.nodes for phase in phases)]).tolist()
+        ends = np.cumsum([0, *(phase.nodes for phase in self._phases)]).tolist()
         self._parts = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
         first = self._phases[0].simulator
         self._nx, self._n, self._nodes = first.arm.plant.nx, first.n, ends[-1]
-        own = [np.tile(p.simulator.model.standing_limit, (p.nodes, 1)) for p in phases]
+        own = [np.tile(p.simulator.model.standing_limit, (p.nodes, 1)) for p in self._phases]
         limit = _INSIDE * np.vstack(own)
         self._low = np.maximum(-limit, self._rows("low", -np.inf if low is None else low))
         self._high = np.minimum(limit, self._rows("high", np.inf if high is None else high))
@@ -257,7 +257,7 @@ class ILQR:
     def _step(
         self, old: Trajectory, policy: Policy, sizes: Array, x0: Array | None = None
     ) -> Trajectory | None:
-        """The best motion of a policy over these step sizes, if any is an improvement."""
+        """The best motion of a policy over these step sizes; None if all of them diverge."""
         x = np.empty((len(sizes), self._nodes + 1, self._nx))
         u = np.empty((len(sizes), self._nodes, self._n))
         x[:, 0] = old.x[0] if x0 is None else x0

@@ -73,7 +73,8 @@ class ThreadParams:
         # waits for the thread that holds it.
         below = os.sched_param(max(1, self.priority - 1))
         for task in _TASKS.iterdir():
-            os.sched_setscheduler(int(task.name), os.SCHED_FIFO, below)
+            with suppress(ProcessLookupError):  # the thread has ended
+                os.sched_setscheduler(int(task.name), os.SCHED_FIFO, below)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.priority))
 
 

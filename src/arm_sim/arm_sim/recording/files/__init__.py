@@ -142,10 +142,6 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
     found = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
     if topic is None and found.of(CHANGE) and ticks.FACTS in found.facts:
-        contents = replace(ticks.read(found), left=ticks.left(found))
-        if contents.origin is None or contents.origin.scene.sensors is None:
-            return contents
-        seen = read_bag(path, lambda name, kind: kind == JOINT_STATE).of(JOINT_STATE)
-        return ticks.with_measured(contents, next(iter(seen.values()), []))
+        return replace(ticks.read(found, path), left=ticks.left(found))
     found = found if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
     return measured.from_bag(found, topic, path)

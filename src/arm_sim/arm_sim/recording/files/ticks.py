@@ -7,6 +7,7 @@ import json
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ from arm_sim.plant.placing import held_of
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK
-from arm_sim.recording.files.reader import BagContents, BagMessage
+from arm_sim.recording.files.reader import BagContents, BagMessage, read_bag
 from arm_sim.recording.files.writer import McapWriter, Place
 from arm_sim.recording.origin import URDF_FILE, Origin
 
@@ -93,13 +94,17 @@ class TickFile(McapWriter):
         if not first and not any(jump.row == 0 for jump in contents.jumps):
             del changes[0]  # the state there is that in which the last one ends
         states, ticks = _messages(contents, efforts, stamps)
+        seen = np.ones(len(stamps), bool)
+        if contents.measured is not None:
+            seen = ~np.isnan(contents.measured.q).any(axis=1)
         for row, stamp in enumerate(stamps.tolist()):
             if row and row not in contents.gaps:  # no tick leads across a gap
-                self.add(self.states, stamp, states[row])
+                if seen[row]:
+                    self.add(self.states, stamp, states[row])
                 self.add(self.ticks, stamp, ticks[row])
             if row in changes:
                 self.add(self.changes, stamp, changes[row])
-            if row == 0 and first:
+            if row == 0 and first and seen[row]:
                 self.add(self.states, stamp, states[row])
             if row % _ROWS == 0:
                 self.flush()  # type: ignore[no-untyped-call]
@@ -149,18 +154,6 @@ def _messages(
     return states, ticks
 
 
-def with_measured(contents: Contents, messages: list[BagMessage]) -> Contents:
-    """A recording with its sensor measurements, if there is a joint state at every time."""
-    states = {state.stamp: state for state in (msg.read(JOINT_STATE, raw) for *_, raw in messages)}
-    found = [states.get(stamp) for stamp in _nanoseconds(contents.time).tolist()]
-    n, rows = len(contents.joint_names), list[Array]()
-    for state in found:
-        if state is None or any(part.size != n for part in (state.position, state.effort)):
-            return contents
-        rows.append(np.concatenate([state.position, state.velocity, state.effort]))
-    return replace(contents, measured=Measured.of(np.array(rows)))
-
-
 def _changes(contents: Contents) -> Iterator[tuple[int, bytes]]:
     """The start, and every change other than by a tick; the last of several at one time."""
     x = contents.x
@@ -202,11 +195,12 @@ def _external_place(scene: Scene, p: Array) -> int:
     return len(p) - switches(scene.constraints).size
 
 
-def read(found: BagContents) -> Contents:
+def read(found: BagContents, path: Path) -> Contents:
     """A recording from the contents of a file.
 
     Args:
         found: Changes, ticks and events.
+        path: The file, whose joint states are measurements if the scene has sensors.
 
     Raises:
         InvalidInput: If it does not contain a complete recording.
@@ -235,17 +229,17 @@ def read(found: BagContents) -> Contents:
         update={"tunable": tuple(name for name in tunable if name != SWITCHES)}
     )
     run = _Run(origin.dt, scene, n, changes[0][1])
-    begun = [place for place, _ in changes]
-    edges, offsets = np.searchsorted(places, begun).tolist(), list[int]()
-    for i, (_, change) in enumerate(changes):
+    edges = np.searchsorted(places, [place for place, _ in changes]).tolist()
+    for i, (place, change) in enumerate(changes):
         if i:
-            run.change(change)
-        offsets.append(run.offset)
+            run.change(place, change)
         end = edges[i + 1] if i + 1 < len(edges) else len(ticks)
         block = slice(edges[i], end)
-        run.ticks(steps[block], rows[block])
-    events = list(_events(found, begun, origin.dt * np.array(offsets)))
+        run.ticks(places[block], steps[block], rows[block])
+    events = list(_events(found, run, origin.dt))
     made = run.contents(replace(origin, scene=scene), names)
+    if scene.sensors is not None:
+        made = replace(made, measured=_measured(path, made, run, origin.dt))
     events += [Event(made.time[-1], f"file: {damage}") for damage in found.damage]
     return replace(made, events=tuple(events))
 
@@ -262,17 +256,26 @@ def _only(found: BagContents, kind: str) -> list[BagMessage]:
     return [message for messages in found.of(kind).values() for message in messages]
 
 
-def _events(found: BagContents, begun: Sequence[int], offsets: Array) -> Iterator[Event]:
-    """Events by the recording's time, which continues across resets.
-
-    Args:
-        found: The file.
-        begun: Places of the changes in it.
-        offsets: The recording's time less simulated time after each of them in [s].
-    """
+def _events(found: BagContents, run: _Run, dt: float) -> Iterator[Event]:
+    """Events by the recording's time, which continues across resets."""
     for place, _, raw in _only(found, LOG):
-        log, after = msg.read(LOG, raw), max(bisect_right(begun, place) - 1, 0)
-        yield Event(1e-9 * log.stamp + float(offsets[after]), log.msg)
+        log = msg.read(LOG, raw)
+        yield Event(1e-9 * log.stamp + dt * run.offset_at(place), log.msg)
+
+
+def _measured(path: Path, made: Contents, run: _Run, dt: float) -> Measured | None:
+    """Measurements at each time, NaN where the file has none; None if it has none at all."""
+    n, found = len(made.joint_names), dict[int, Array]()
+    states = read_bag(path, lambda name, kind: kind == JOINT_STATE).of(JOINT_STATE)
+    for place, _, raw in next(iter(states.values()), []):
+        state = msg.read(JOINT_STATE, raw)
+        if state.position.size == state.effort.size == n:
+            step = round(1e-9 * state.stamp / dt) + run.offset_at(place)
+            row = np.concatenate([state.position, state.velocity, state.effort])
+            found.setdefault(step, row)  # the first is that of the tick, before a change
+    unknown = np.full(3 * n, np.nan)
+    rows = [found.get(step, unknown) for step in np.rint(made.time / dt).astype(int).tolist()]
+    return None if np.isnan(rows).all() else Measured.of(np.array(rows))
 
 
 class _Run:
@@ -280,6 +283,7 @@ class _Run:
 
     Attributes:
         offset: Ticks before the last reset: the recording's time less simulated time.
+        resets: Places in the file, and the offset from each of them on.
     """
 
     def __init__(self, dt: float, scene: Scene, n: int, first: Any) -> None:
@@ -294,6 +298,7 @@ class _Run:
         self._blocks = list[NDArray[np.void]]()
         self._jumps, self._gaps = list[Jump](), list[int]()
         self._rows, self.offset, self._last = 0, 0, 0
+        self.resets = [(0, 0)]
         self._append([self._step(first)], first)
 
     def _append(self, steps: Any, message: Any, **more: Any) -> None:
@@ -310,7 +315,15 @@ class _Run:
     def _step(self, change: Any) -> int:
         return round(1e-9 * int(change.stamp) / self._dt)
 
-    def change(self, change: Any) -> None:
+    def _reset(self, place: int, ticks: int) -> None:
+        self.offset += ticks
+        self.resets.append((place, self.offset))
+
+    def offset_at(self, place: int) -> int:
+        """The offset at a place in the file."""
+        return self.resets[bisect_right(self.resets, (place, self.offset)) - 1][1]
+
+    def change(self, place: int, change: Any) -> None:
         """Apply a later change."""
         step, before = self._step(change), self._blocks[-1][-1].copy()
         self._present = self._whole(change)
@@ -318,7 +331,7 @@ class _Run:
             self._gaps.append(self._rows)
             self._append([step], change, command=before["command"])
         elif step < self._last:
-            self.offset += self._last - step  # a reset: the recording's time continues
+            self._reset(place, self._last - step)  # the recording's time continues
         self._last, now = step, self._blocks[-1][-1]
         now["state"], now["p"] = change.state, self._present
         if change.substep != UNCHANGED:
@@ -327,14 +340,16 @@ class _Run:
             self._jumps.append(Jump(self._rows - 1, x, p, self._tunable, substep))
         self._tunable = change.tunable
 
-    def ticks(self, steps: NDArray[np.int64], rows: NDArray[np.void]) -> None:
+    def ticks(
+        self, places: NDArray[np.int64], steps: NDArray[np.int64], rows: NDArray[np.void]
+    ) -> None:
         """Append successive ticks, and detect missing ones."""
         missing = np.flatnonzero(np.diff(steps, prepend=self._last) != 1).tolist()
         cuts = sorted({0, *missing})
         for first, end in zip(cuts, [*cuts[1:], len(steps)], strict=True):
             if first in missing:
                 self._gaps.append(self._rows)
-                self.offset += max(0, self._last + 1 - int(steps[first]))
+                self._reset(int(places[first]), max(0, self._last + 1 - int(steps[first])))
             if first < end:
                 part, now = rows[first:end].view(np.recarray), self._blocks[-1][-1]
                 now["command"], now["hold"] = part["command"][0], part["hold"][0]
