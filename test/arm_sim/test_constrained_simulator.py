@@ -15,15 +15,16 @@ from models.linkages import TIP, interpreted, scene, worst_gaps
 from tolerances import BACKENDS, CLOSURE, CLOSURE_SPEED, TRAJECTORY, assert_close
 
 
-def pen(active: bool, **joints: Any) -> Simulator:
+def pen(active: bool, *others: dict[str, Any], **joints: Any) -> Simulator:
     sheet = {
         "type": "plane", "name": "sheet", "height": -0.4, "switchable": True, "active": active,
     }  # fmt: skip
     pin = {"type": "point", "name": "pin", "switchable": True, "active": False,
            "points": [[0, 0, 0], [2.0, 0, 0]]}  # fmt: skip
     start = {"position": {"shoulder": -0.5, "elbow": -0.3}}
-    return interpreted({"robot": {"urdf": str(models.SCENES / "two_link.urdf")}, "initial": start,
-                      "constraints": [sheet | TIP, pin | TIP], "joints": joints})  # fmt: skip
+    build = Simulator if others else interpreted
+    return build({"robot": {"urdf": str(models.SCENES / "two_link.urdf")}, "initial": start,
+                  "constraints": [sheet | TIP, pin | TIP, *others], "joints": joints})  # fmt: skip
 
 
 def test_switching() -> None:
@@ -76,6 +77,16 @@ def test_what_cannot_be_switched_loses_nothing() -> None:
     assert sim.state is before
     assert sim.held_constraints == ("sheet",)
     sim.run(0.1)
+
+
+def test_what_would_be_switched_on_behind_a_ceiling_stays_off() -> None:
+    plane = {"point": [0, 0, -0.45], "normal": [0, 0, -1]}
+    sim = pen(False, {"type": "contact", "name": "ceiling", "frame": "tip", "plane": plane})
+    before = sim.state
+    with pytest.raises(ConstraintError, match="'ceiling' is .* m inside its plane"):
+        sim.set_constraint("sheet", True)
+    assert sim.state is before
+    assert sim.held_constraints == ()
 
 
 def test_a_step_that_strays_far_from_its_loop_is_refused() -> None:

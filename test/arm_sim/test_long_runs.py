@@ -153,7 +153,7 @@ def alone(control: Any) -> Any:
 def test_a_streamed_file_is_a_saved_one(
     make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_sim.simulation.simulator.PART", 60)
+    monkeypatch.setattr("arm_sim.simulation.simulator.TICKS_PER_PART", 60)
     motion, path = make(tmp_path)
     motion.save(tmp_path / "saved.mcap")
     streamed, saved = Recording.load(path), Recording.load(tmp_path / "saved.mcap")

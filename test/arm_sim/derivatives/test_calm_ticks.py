@@ -31,7 +31,7 @@ def by_events(simulator: Simulator, tuned: tuple[int, ...] = ()) -> Linearizer:
     compiled = simulator.arm.compiled
     arguments = compiled.plant, compiled.choice, compiled.stepper, compiled.backend, tuned
     linearizer = Linearizer(*arguments)
-    vars(linearizer).update(_compiled=None, event_free=None)
+    vars(linearizer).update(_uneventful=None, event_free=None)
     return linearizer
 
 

@@ -125,7 +125,7 @@ def test_an_arm_that_diverges_is_named(much: float) -> None:
     sim = models.simulator("skew_axes", stops=False, integrator="rk4")
     q0, v0, tau, g = start(sim)
     v0[1] *= much
-    with pytest.raises(SimulationDiverged, match="^arm 1, tick "):
+    with pytest.raises(SimulationDiverged, match="^arm 1, time step "):
         sim.rollout_gradient(q0, v0, tau, STEPS, g)
     with pytest.raises(SimulationDiverged, match="arm 1"):
         sim.rollout_jvp(q0, v0, tau, STEPS, dq0=q0, dv0=q0, dtau=tau)
@@ -281,7 +281,7 @@ def test_a_tick_without_a_derivative_is_named() -> None:
     sim = models.simulator("two_link", integrator="rk4")
     q0 = np.array([[0.1, 0.2], [sim.model.stops.place[1][0], 0.2]])
     v0 = np.array([[0.0, 0.0], [0.3, 0.0]])
-    with pytest.raises(NotDifferentiable, match="arm 1, tick 0: "):
+    with pytest.raises(NotDifferentiable, match="arm 1, time step 0: "):
         sim.rollout_gradient(q0, v0, np.zeros(2), 1, np.ones((2, 2, 4)))
 
 

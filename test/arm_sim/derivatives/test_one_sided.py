@@ -163,7 +163,7 @@ def test_many_arms_and_rollouts_refuse_the_one_that_has_none(name: str) -> None:
     taus, g = np.array([[0.9 * tau[0] + 0.05], tau]), np.ones((2, 2, 2))
     with pytest.raises(NotDifferentiable, match=f"arm 1: .*{why}"):
         sim.linearize_many(q0, v0, taus)
-    with pytest.raises(NotDifferentiable, match=f"arm 1, tick 0: .*{why}"):
+    with pytest.raises(NotDifferentiable, match=f"arm 1, time step 0: .*{why}"):
         sim.rollout_gradient(q0, v0, taus, 1, g)
     with pytest.raises(NotDifferentiable, match=f"arm 1: .*{why}"):
         sim.rollout_jvp(q0, v0, taus, 1, v0, v0, taus)
@@ -217,7 +217,7 @@ def test_a_joint_that_turns_back_in_friction_by_direction_is_told(
     scene, *_, tau, _, _ = CASES[TURNS_BACK]
     sim = Simulator(scene, integrator="rk4", dt=H)
     sim.linearize(sim.reset([0.0], [-1e-4]), tau)
-    assert "ticks in which joint 'axle' turns back" in caplog.text
+    assert "time steps in which joint 'axle' turns back" in caplog.text
     sim = Simulator(scene, tolerance=1e-9)
     with pytest.raises(NotDifferentiable, match="do not settle"):
         sim.linearize(sim.reset([0.0], [-1e-4]), tau)

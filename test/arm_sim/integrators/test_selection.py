@@ -12,11 +12,11 @@ import pytest
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_sim.integrators.selection import (
-    FALL,
     QUICK_STIFF,
     SHARE,
     SHARE_IMPLICIT,
     STIFF,
+    STRIBECK_RATE,
     Choice,
     choose,
     fastest_rate,
@@ -193,7 +193,7 @@ def test_what_varies_with_the_position_gets_error_control() -> None:
 def test_friction_that_falls_fast_gets_error_control() -> None:
     """At a rate of sqrt(2/e) (Fs - Fc) / (J vs)."""
     for share, name in ((0.9, "rk4"), (1.1, "dop853")):
-        speed = np.sqrt(2.0 / np.e) * 0.5 / (0.1 * share * FALL * 1e3)
+        speed = np.sqrt(2.0 / np.e) * 0.5 / (0.1 * share * STRIBECK_RATE * 1e3)
         law = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": speed}
         found = chosen(rotor(0.1, **law))
         assert found.method.name == name

@@ -12,7 +12,7 @@ import pytest
 import models
 from arm_dynamics.arrays import Array
 from arm_sim import Simulator
-from arm_sim.derivatives.events import Trace
+from arm_sim.derivatives.events import TickTrace
 from arm_sim.stepping import Stepper
 from arm_sim.stepping.stepper import pointer
 from models.touching import contact
@@ -45,7 +45,7 @@ SCENES = {
 
 def by_the_engine(stepper: Stepper, x: Array, u: Array, dt: float) -> tuple[Array, bool]:
     """State after a tick in which events are looked for, and whether it had one."""
-    trace, after = Trace(), np.empty_like(x)
+    trace, after = TickTrace(), np.empty_like(x)
     code = stepper.compiled
     made = code.engine.trace_tick(
         code.scene, pointer(x), pointer(u), pointer(stepper.p), ctypes.c_double(dt), None,

@@ -14,8 +14,9 @@ from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of, rollout_change
+from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of
 from arm_sim.derivatives.linearization import Linearizer
+from arm_sim.derivatives.rollout_change import rollout_change
 from arm_sim.inputs import one_side, row, rows, torque, whole
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import packed
@@ -123,7 +124,7 @@ class Derivatives:
             SimulationDiverged: If a tick cannot be computed.
         """
         if type(ticks) is int and ticks == 1 and by is None and side is None:
-            slope = self.linearizer().one(state, tau)
+            slope = self.linearizer().python_tick(state, tau)
             if slope is not None:
                 nx = len(slope)
                 return slope[:, :nx], slope[:, nx:]
@@ -131,8 +132,8 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slope = linearizer(x, command, ticks, one_side(side))
-        A, B, P = self._parted(slope, places)
-        return (A, B) if by is None else (A, B, P)
+        A, B, *parts = self._parted(slope, places)
+        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
 
     def jvp(
         self,
@@ -270,8 +271,8 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
-        A, B, P = self._parted(slopes, places)
-        return (A, B) if by is None else (A, B, P)
+        A, B, *parts = self._parted(slopes, places)
+        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
 
     def rollout_jvp(
         self,
@@ -317,8 +318,7 @@ class Derivatives:
         p = self._plant.parameters.merged(parameters or {}, self._stepper.p)
         rollouts, linearizer = self._rollouts(), self.linearizer()
         batch = rollouts.batch(q0, v0, tau, steps, p, last_only=True)
-        arms = len(batch.x0)
-        n = self._plant.model.n
+        arms, n = len(batch.x0), self._plant.model.n
         dx0 = np.hstack([rows("dq0", dq0, arms, n), rows("dv0", dv0, arms, n)])
         changes, sided = rollouts.by_tick("dtau", dtau, arms, batch.steps), one_side(side)
         return rollout_change(self._plant, linearizer, batch, dx0, changes, threads, lanes, sided)
@@ -387,13 +387,7 @@ class Derivatives:
             return {}
         return self._plant.parameters.places((by,) if isinstance(by, str) else tuple(by))
 
-    def _parted(
-        self, slope: Array, places: dict[str, tuple[int, ...]]
-    ) -> tuple[Array, Array, dict[str, Array]]:
+    def _parted(self, slope: Array, places: dict[str, tuple[int, ...]]) -> list[Array]:
         """Derivatives by state, torque and quantities, from all of them side by side."""
-        nx, end = self._plant.nx, self._plant.nx + self._plant.model.n
-        P = dict[str, Array]()
-        for name, place in places.items():
-            P[name] = slope[..., end : end + len(place)]
-            end += len(place)
-        return slope[..., :nx], slope[..., nx : nx + self._plant.model.n], P
+        sizes = self._plant.nx, self._plant.model.n, *map(len, places.values())
+        return np.split(slope, np.cumsum(sizes)[:-1], axis=-1)

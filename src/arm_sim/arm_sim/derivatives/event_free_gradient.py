@@ -17,7 +17,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.derivatives.linearization import Motion
+from arm_sim.derivatives.motion import Motion
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.tangents.event_free_ticks import EventFreeTick
 from arm_sim.integrators.adjoints import build_adjoint

@@ -83,7 +83,7 @@ class Helpers(ctypes.Structure):
     )
 
 
-class Trace(ctypes.Structure):
+class TickTrace(ctypes.Structure):
     """A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
 
     _fields_ = Header(NATIVE / "modes/tick_record.h", only="trace_t").fields("trace_t")
@@ -98,7 +98,7 @@ def diverged(choice: Choice) -> SimulationDiverged:
     return SimulationDiverged(f"linearize: the time step cannot be computed{choice.remark}")
 
 
-class Events:
+class EventfulTicks:
     """Derivatives of the ticks of a scene with events.
 
     Args:
@@ -119,14 +119,14 @@ class Events:
     ) -> None:  # fmt: skip
         self._plant, self._choice, self._tuned = plant, choice, tuned
         self._rest, self._tangents = RestProjection(plant, tuned), tangents
-        four, how = [ADDRESS] * 4, [ctypes.c_int] * 2
-        types = [*four, ctypes.c_double, ADDRESS, *how, *four]
+        four, flags = [ADDRESS] * 4, [ctypes.c_int] * 2
+        types = [*four, ctypes.c_double, ADDRESS, *flags, *four]
         code = built_of_lanes(self._source, 1, "differentiate", types)
         if code is None:
             raise CompilerMissing(
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"
             )
-        self._code, self._helpers = code, self._helped(engine)
+        self._code, self._helpers = code, self._callbacks(engine)
         sizes = code.engine.bytes_of_record, code.engine.numbers_recorded
         for size in sizes:
             size.restype = ctypes.c_longlong
@@ -134,7 +134,7 @@ class Events:
         self._numbers = np.empty((MOST_SEGMENTS, sizes[1](code.scene)))
         self._steps = np.empty(MOST_STEPS)
         rooms = address(self._records), address(self._numbers), address(self._steps)
-        self._trace = Trace(*rooms, len(self._records), len(self._steps))
+        self._trace = TickTrace(*rooms, len(self._records), len(self._steps))
         self._guards = guard_names(plant)
         self._which, self._memory = np.zeros(1 + len(self._guards), np.int64), Lock()
 
@@ -155,14 +155,14 @@ class Events:
         """
         nx = self._plant.nx
         slope = np.empty((nx, nx + self._plant.model.n + len(self._tuned)))
-        return self._made(place, control, (strict, begins), address(slope)), slope
+        return self._differentiate(place, control, strict, begins, address(slope)), slope
 
     def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
-        return self._made(place, control, (False, False), None)
+        return self._differentiate(place, control, False, False, None)
 
-    def _made(
-        self, place: TickPoint, control: SubstepControl | None, how: tuple[bool, bool],
+    def _differentiate(
+        self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool,
         slope: int | None,
     ) -> Array:  # fmt: skip
         after = np.empty(self._plant.nx)
@@ -171,7 +171,7 @@ class Events:
             why = self._code.engine.differentiate(
                 self._code.scene, ctypes.byref(self._helpers), address(x), address(r), address(p),
                 self._choice.dt,
-                None if control is None else ctypes.byref(control), *how,
+                None if control is None else ctypes.byref(control), strict, begins,
                 ctypes.byref(self._trace), address(self._which), address(after), slope,
             )  # fmt: skip
             if why:
@@ -187,7 +187,7 @@ class Events:
         message = UNKNOWN if why == "GRAZES" and not who else MESSAGES[why].format(who)
         raise NotDifferentiable(f"linearize: {message}")
 
-    def _helped(self, engine: Compiled) -> Helpers:
+    def _callbacks(self, engine: Compiled) -> Helpers:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
         self._kept = STEP(self._step), CLOSE(self._close)  # must live as long as their addresses
         step, close = (ctypes.cast(function, ADDRESS).value for function in self._kept)

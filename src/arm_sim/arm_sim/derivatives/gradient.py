@@ -26,8 +26,9 @@ from arm_sim.derivatives.event_free_gradient import (
     tick_functions,
 )
 from arm_sim.derivatives.linearization import Linearizer
-from arm_sim.derivatives.tangents import LONGEST, Arms
-from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
+from arm_sim.derivatives.motion import Motion, naming
+from arm_sim.derivatives.rollout_change import initial_slope
+from arm_sim.derivatives.tangents import LONGEST
 from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
@@ -69,9 +70,7 @@ class RolloutGradient:
     @property
     def parameters(self) -> dict[str, Array]:
         """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size)."""
-        ends = np.cumsum([item.nominal.size for item in self._known.items])
-        parts = np.split(self._by_p, ends, axis=1)[:-1]
-        return dict(zip(self._known.names, parts, strict=True))
+        return {name: self._known.of(name, self._by_p.T).T for name in self._known.names}
 
 
 @frozen
@@ -104,57 +103,10 @@ def gradient_of(
     by_start = by_x[:, : 2 * n].copy()
     if plant.nz:
         for arm, x in enumerate(batch.x0):
-            by_start[arm] += by_x[arm, 2 * n :] @ _initial_slope(plant, x[: 2 * n])
+            by_start[arm] += by_x[arm, 2 * n :] @ initial_slope(plant, x[: 2 * n])
     by_tau = found.by_tau if len(shape) == 3 else found.by_tau.sum(axis=1)
     by_tau = by_tau.sum(axis=0) if len(shape) == 1 else by_tau
     return RolloutGradient(by_start[:, :n], by_start[:, n:], by_tau, found.by_p, plant.parameters)
-
-
-def _initial_slope(plant: Plant, x: Array) -> Array:
-    """Derivative of the initial internal states by (q, v), shape (nz, 2n).
-
-    They are those at rest and nearly linear, so fourth-order differences are accurate.
-    """
-    n, h = plant.model.n, 2.0**-10
-
-    def at(place: Array) -> Array:
-        return plant.laws.initial(place[:n], place[n:])
-
-    columns = [
-        (8.0 * (at(x + e) - at(x - e)) - (at(x + 2 * e) - at(x - 2 * e))) / (12.0 * h)
-        for e in h * np.eye(2 * n)
-    ]
-    return np.column_stack(columns)
-
-
-def rollout_change(
-    plant: Plant, linearizer: Linearizer, batch: Batch, dx0: Array, dtau: Array,
-    threads: int | None, lanes: int | None, side: int | None,
-) -> Array:  # fmt: skip
-    """How the states of a rollout change, to first order, with its initial states and torques.
-
-    Args:
-        plant: The scene's equations.
-        linearizer: Derivatives of its ticks.
-        batch: The arms; ``out`` is not used.
-        dx0: Changes of the initial (q, v), shape (b, 2n).
-        dtau: Changes of the torques, shape (b, ticks, n).
-        threads: Cores to use; None for all that the work is worth.
-        lanes: Arms in a vector register; None for the widest there is.
-        side: See ``Linearizer.motion``.
-
-    Returns:
-        Changes of (q, v), shape (b, ticks + 1, 2n).
-    """
-    if plant.nz:
-        of_start = zip(batch.x0, dx0, strict=True)
-        dz0 = [_initial_slope(plant, x[: dx0.shape[1]]) @ dx for x, dx in of_start]
-        dx0 = np.hstack([dx0, np.array(dz0)])
-    given, ticks = np.ascontiguousarray(dx0)[:, :, None], batch.steps
-    arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, given, dtau[:, :ticks, :, None])
-    moved = linearizer.carried(arms, threads, lanes, every=True, side=side)
-    changes = np.concatenate([given[:, None], moved], axis=1)[..., 0]
-    return changes[..., : 2 * plant.model.n]
 
 
 @sealed
@@ -170,7 +122,7 @@ class Gradients:
 
     def __init__(self, plant: Plant, choice: Choice, linearizer: Linearizer, backend: str) -> None:
         self._plant, self._choice, self._linearizer = plant, choice, linearizer
-        self._smooth, self._backend = plant.free or plant, backend
+        self._without_stops, self._backend = plant.free or plant, backend
         self._built_once = cache(self._built)
 
     def run(
@@ -188,7 +140,7 @@ class Gradients:
             g: By the states, shape (b, steps + 1, nx).
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            side: See ``Linearizer.motion``.
+            side: See ``Motion``.
 
         Raises:
             NotDifferentiable: If a tick has no derivative; it names arm and tick.
@@ -225,7 +177,7 @@ class Gradients:
             p: Tunable numbers, shape (np,).
             ticks: Number of ticks.
             weights: Shape (nx,).
-            side: See ``Linearizer.motion``.
+            side: See ``Motion``.
 
         Raises:
             NotDifferentiable: If a tick has no derivative.
@@ -260,15 +212,13 @@ class Gradients:
         self, batch: Batch, g: Array, found: ArgumentGradients, arm: int, side: int | None
     ) -> None:
         """The gradient of one arm: through its events by the derivatives of their ticks."""
-        motion = self._linearizer.motion(batch.x0[arm], batch.p[arm], side)
+        motion = Motion(self._linearizer, batch.x0[arm], batch.p[arm], side)
         tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
         while motion.ticks < batch.steps:
-            try:
-                parts += self._event_free.parts(motion, tau) if self._event_free else ()
-                if motion.ticks < batch.steps:
-                    parts.append(TickPart(motion.ticks, motion.slope(tau[motion.ticks])))
-            except (SimulationDiverged, NotDifferentiable) as error:
-                raise type(error)(f"arm {arm}, time step {motion.ticks}: {error}") from None
+            parts += self._event_free.parts(motion, tau) if self._event_free else ()
+            if (tick := motion.ticks) < batch.steps:
+                with naming(arm, len(batch.x0), tick):
+                    parts.append(TickPart(tick, motion.slope(tau[tick])))
         weight, found.by_p[arm] = g[arm, -1].copy(), 0.0
         for part in reversed(parts):
             weight = part.back(weight, tau, g[arm], found.by_tau[arm], found.by_p[arm])
@@ -294,11 +244,11 @@ class Gradients:
         if self._backend == "vm" or operations(self._functions[1]) > LONGEST:
             return None
         types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
-        write = partial(lanes_source, self._smooth, self._choice, self._functions)
+        write = partial(lanes_source, self._without_stops, self._choice, self._functions)
         return built_of_lanes(write, width, "rollout_gradient", types)
 
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:
-        act = actuation(self._smooth)
-        step, adjoint, *limits = tick_functions(self._smooth, self._choice)
+        act = actuation(self._without_stops)
+        step, adjoint, *limits = tick_functions(self._without_stops, self._choice)
         return build_tick(step, act), adjoint, *limits

@@ -89,8 +89,7 @@ def expanded(name: str, given: Sequence[ca.MX], found: Sequence[ca.MX]) -> ca.Fu
 
 def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
     """State, command, parameters with modes, and limits."""
-    rhs = plant.rhs
-    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
+    x, u, p = (ca.MX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     return x, u, p, ca.MX.sym("limit", len(plant.points))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is zero in an impact, by Newton's and Coulomb's laws, and its derivatives."""
+"""Residual of Newton's and Coulomb's impact laws, and its derivatives."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
         ``impact_laws`` (q and v before it, p, restitutions of joints and of contacts, 1 for
         contacts that carry an impulse and for those that stick, impulses) -> velocities after it,
         those of the contacts, and derivatives by (q, v) and quantities side by side, and by
-        impulses: of the velocities, and of what is zero in an impact.
+        impulses: of the velocities, and of the residual.
     """
     n, nc = plant.model.n, len(plant.points)
     modes = plant.rhs.numel_in(2)
-    x, p, e, f, carries, sticks, r = given = [
+    x, p, e, f, carries, sticks, impulse = given = [
         ca.MX.sym(name, size)
         for name, size in (
             ("x", 2 * n), ("p", modes), ("e", n), ("f", nc),
@@ -37,47 +37,48 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
     place = len(plant.parameters.nominal)
     meets = 1 - p[place : place + n] if plant.layout.directions else ca.MX(n, 1)
     v = x[n:]
-    after = plant.mechanics.impact_map(x, p, -meets * (1 + e) * v, r)[0]
-    law = speed = ca.MX(0, 1)
+    after = plant.mechanics.impact_map(x, p, -meets * (1 + e) * v, impulse)[0]
+    residual = speed_after = ca.MX(0, 1)
     if contact := plant.mechanics.contact:
-        met, speed = (contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
-        law = _laws(plant, met, speed, f, (carries, sticks), r)
-    found = [after, speed]
-    for y in (after, law):
+        speed_before, speed_after = (contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
+        residual = _residuals(plant, speed_before, speed_after, f, (carries, sticks), impulse)
+    found = [after, speed_after]
+    for y in (after, residual):
         found.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
-        found.append(ca.jacobian(y, r))
+        found.append(ca.jacobian(y, impulse))
     return expanded("impact_laws", given, found)
 
 
-def _laws(
-    plant: Plant, met: ca.MX, speed: ca.MX, f: ca.MX, modes: tuple[ca.MX, ca.MX], r: ca.MX
+def _residuals(
+    plant: Plant, before: ca.MX, after: ca.MX, f: ca.MX, modes: tuple[ca.MX, ca.MX], impulse: ca.MX
 ) -> ca.MX:
-    """What is zero in an impact of all contacts, see ``_law``, by velocities before and after."""
-    laws: list[ca.MX] = []
+    """Residuals of all contacts, by velocities before and after."""
+    found: list[ca.MX] = []
     for k, point in enumerate(plant.points):
         here = slice(3 * k, 3 * k + 3)
-        obeyed = speed[here.start] + f[k] * met[here.start]
-        carries, sticks = (mode[k] for mode in modes)
-        laws += _law(speed[here], r[here], obeyed, (carries, sticks), point.friction)
-    return ca.vertcat(*laws)
+        restitution_residual = after[here.start] + f[k] * before[here.start]
+        own = after[here], impulse[here], restitution_residual, modes[0][k], modes[1][k]
+        found += _contact_residual(*own, point.friction)
+    return ca.vertcat(*found)
 
 
-def _law(
-    speed: ca.MX, r: ca.MX, obeyed: ca.MX, modes: tuple[ca.MX, ca.MX], friction: float
-) -> tuple[ca.MX, ca.MX]:
+def _contact_residual(
+    speed_after: ca.MX, impulse: ca.MX, restitution_residual: ca.MX, carries: ca.MX,
+    sticks: ca.MX, friction: float,
+) -> tuple[ca.MX, ca.MX]:  # fmt: skip
     """What is zero in an impact of a contact, along the normal and the tangents.
 
     Args:
-        speed: Its velocity afterwards, shape (3,).
-        r: Its impulse, likewise.
-        obeyed: Zero by the law of restitution.
-        modes: Whether it carries a load, and sticks.
+        speed_after: Its velocity afterwards, shape (3,).
+        impulse: Its impulse, likewise.
+        restitution_residual: Zero by the law of restitution.
+        carries: Whether it carries a load.
+        sticks: Whether it sticks.
         friction: Its coefficient.
     """
-    carries, sticks = modes
-    slides = r[1:]
+    slides = impulse[1:]
     if friction > 0.0:
-        s = speed[1:]
-        slides = slides + friction * r[0] * s / ca.norm_2(s)
-    moves = ca.if_else(sticks > 0, speed[1:], slides)
-    return ca.if_else(carries > 0, obeyed, r[0]), ca.if_else(carries > 0, moves, r[1:])
+        slides = slides + friction * impulse[0] * speed_after[1:] / ca.norm_2(speed_after[1:])
+    moves = ca.if_else(sticks > 0, speed_after[1:], slides)
+    normal = ca.if_else(carries > 0, restitution_residual, impulse[0])
+    return normal, ca.if_else(carries > 0, moves, impulse[1:])

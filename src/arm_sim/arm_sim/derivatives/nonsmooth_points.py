@@ -40,7 +40,6 @@ class NonsmoothPoints:
             q = ca.SX.sym("q", self._n)
             self._weight = ca.Function("weight", [q], [CommandMap(plant.model).compensation(q)])
         self._sided = sided(plant)
-        self._has_sided = bool(self._sided.any())
         self._bristles = _bristles(plant)
 
     @property
@@ -73,10 +72,10 @@ class NonsmoothPoints:
     def at_rest(self, x: Array) -> dict[str, Flags]:
         """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
         found = dict[str, Flags]()
-        if not (self._has_sided or len(self._bristles)):
+        if not (self._sided.any() or len(self._bristles)):
             return found
         still = x[..., self._n : 2 * self._n] == 0.0
-        if self._has_sided:
+        if self._sided.any():
             found["friction that differs by direction"] = still & self._sided
         if len(self._bristles):
             joints, places = self._bristles.T
@@ -101,9 +100,8 @@ class NonsmoothPoints:
                 return f"the command of joint '{name}' is exactly at its {what}, {limit:g}"
         for what, tied in self.at_rest(x).items():
             if tied.any():
-                return (
-                    f"joint '{self._model.joint_names[int(tied.argmax())]}' is at rest in {what}"
-                )
+                joint = int(tied.argmax())
+                return f"joint '{self._model.joint_names[joint]}' is at rest in {what}"
         return ""
 
     def ticks_before(self, x: Array, r: Array) -> int:

@@ -10,7 +10,7 @@ derivatives of both modes agree along it, since the tick is continuous there: ei
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,15 +40,11 @@ class TickPoint:
 
     def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> TickPoint:
         """The place moved in one entry of (x, r, p[tuned])."""
-        parts = {"x": self.x, "r": self.r, "p": self.p}
-        for name, size in (("x", len(self.x)), ("r", len(self.r)), ("p", len(tuned))):
-            if entry < size:
-                part = parts[name].copy()
-                at = tuned[entry] if name == "p" else entry
-                part[at] += distance * max(1.0, abs(part[at]))
-                return replace(self, **{name: part})
-            entry -= size
-        raise IndexError(entry)
+        nx, held = len(self.x), len(self.x) + len(self.r)
+        every = np.concatenate([self.x, self.r, self.p])
+        at = entry if entry < held else held + tuned[entry - held]
+        every[at] += distance * max(1.0, abs(every[at]))
+        return TickPoint(*np.split(every, (nx, held)))
 
 
 Tick = Callable[[TickPoint], Array]
@@ -95,5 +91,4 @@ def one_sided(
 
 def _step(place: TickPoint, near: TickPoint) -> float:
     """The distance between two places that differ in one entry."""
-    changes = near.x - place.x, near.r - place.r, near.p - place.p
-    return float(sum(change.sum() for change in changes))
+    return float((near.x - place.x).sum() + (near.r - place.r).sum() + (near.p - place.p).sum())

@@ -55,15 +55,12 @@ def _from_tableau(name: str, tableau: Tableau) -> Method:
     return Method(name, tableau.order, tableau.source, tableau, bool(tableau.errors))
 
 
+SYMPLECTIC = "Hairer, Lubich, Wanner, Geometric Numerical Integration, 2006, I.1.2"
 METHODS = {
     method.name: method
     for method in (
         _from_tableau("euler", EULER),
-        Method(
-            "semi_implicit_euler",
-            1,
-            "Hairer, Lubich, Wanner, Geometric Numerical Integration, 2006, I.1.2",
-        ),
+        Method("semi_implicit_euler", 1, SYMPLECTIC),
         _from_tableau("midpoint", MIDPOINT),
         _from_tableau("heun", HEUN),
         _from_tableau("rk4", RK4),

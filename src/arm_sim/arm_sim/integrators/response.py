@@ -61,6 +61,11 @@ class Response:
         return rates.astype(complex), shapes.astype(complex)
 
     @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(next(iter(self.forces.values())))
+
+    @property
     def quickest(self) -> int:
         """The fastest mode."""
         return int(abs(self.modes[0]).argmax())
@@ -74,8 +79,8 @@ class Response:
         """The part that pushes most in a mode, and the joint that moves most."""
         shape = self.modes[1][:, mode]
         pushes = {part: np.linalg.norm(force @ shape) for part, force in self.forces.items()}
-        n = next(iter(self.forces.values())).shape[0]
-        return max(pushes, key=pushes.__getitem__), int(abs(shape[n : 2 * n]).argmax())
+        joint = int(abs(shape[self.n : 2 * self.n]).argmax())
+        return max(pushes, key=pushes.__getitem__), joint
 
 
 @one_at_a_time
@@ -125,8 +130,8 @@ class _Parts:
         self._laws = _law_slopes(plant) if plant.laws else None
 
     def __bool__(self) -> bool:
-        stops = bool(self._stops[0].any())
-        return bool(self._friction.any() or self._springs or self._laws or stops)
+        pushes = self._friction.any() or self._stops[0].any()
+        return bool(pushes or self._springs or self._laws)
 
     def at(self, q: Array, begins: bool, z: Array | None = None) -> Iterator[Response]:
         """Responses at a place, away from compliant stops and pressed against them.
@@ -137,10 +142,8 @@ class _Parts:
             LinAlgError: If a joint moves no mass there.
         """
         n, nx = self._plant.model.n, self._plant.nx
-        forces, rates = (
-            {FRICTION: _padded(np.zeros((n, n)), -self._friction, nx)},
-            np.zeros((0, nx)),
-        )
+        forces = {FRICTION: _padded(np.zeros((n, n)), -self._friction, nx)}
+        rates = np.zeros((0, nx))
         if self._springs:
             K, D = (np.array(part) for part in self._springs(q))
             forces[SPRINGS] = _padded(-K, -D, nx)

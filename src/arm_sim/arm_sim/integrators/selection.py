@@ -18,7 +18,7 @@ from arm_sim.integrators.stability import grows, longest_step, worst
 from arm_sim.plant.plant import Plant
 
 DT_RANGE = (1e-9, 10.0)
-LONG = 0.1  # [s]
+LONG_TICK = 0.1  # [s]
 TOLERANCE_RANGE = (1e-14, 1e-1)
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1). Half of that is allowed where the arm begins; it is
@@ -35,7 +35,7 @@ QUICK_STIFF = 50.0
 SWING = 0.05
 # Falling friction lets a joint speed up at a rate λ, until it has passed the Stribeck velocity;
 # RK4 leaves that with an error of (h λ)⁵/120 of it.
-FALL = 0.3
+STRIBECK_RATE = 0.3
 MISSED = "a second of motion by steps of fixed length misses the accuracy"
 _log = logging.getLogger(__name__)
 
@@ -71,6 +71,8 @@ def choose(
 ) -> Choice:
     """Select method, tick and tolerance: the caller's, else the scene's, else the default.
 
+    A method that the caller names does without the scene's tolerance.
+
     Args:
         plant: The scene's equation of motion.
         integrator: Name of a method, ``auto`` or None.
@@ -85,7 +87,7 @@ def choose(
     """
     sim = plant.model.scene.sim
     name = integrator or sim.integrator or "auto"
-    if tolerance is None and integrator is None:
+    if tolerance is None and integrator is None:  # a scene's tolerance is for its own method
         tolerance = sim.tolerance
     dt = _tick(sim.dt if dt is None else dt)
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
@@ -106,7 +108,7 @@ def choose(
 def _tick(dt: float) -> float:
     """Check the length of a tick in [s]."""
     dt = _within("dt", dt, DT_RANGE, " s")
-    if dt > LONG:
+    if dt > LONG_TICK:
         _log.warning(
             "dt = %g s is long for a time step: a torque is held for all of it, and without a "
             "tolerance it is one step; arms are controlled every 0.001 to 0.01 s", dt,
@@ -122,7 +124,7 @@ def _chosen(plant: Plant, method: Method, dt: float, tolerance: float | None) ->
         raise InvalidInput(
             f"integrator = {name!r} has no error estimate; with a tolerance: auto, {able}"
         )
-    danger = "" if tolerance is not None else _danger(plant, method, dt)
+    danger = "" if tolerance is not None else _instability(plant, method, dt)
     if danger:
         _log.warning("integrator = %r is %s", name, danger)
     return Choice(method, dt, tolerance, f"asked for, but {danger}" if danger else "asked for")
@@ -134,7 +136,8 @@ def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
         return _controlled(plant, dt, tolerance, found)
     if cause := _varies(plant, dt):
         return _controlled(plant, dt, tolerance, found, cause)
-    if any(response.fastest * dt > _most(response) for response in found):
+    bounds = (STIFF if response.begins else STIFF_ELSEWHERE for response in found)
+    if any(response.fastest * dt > bound for response, bound in zip(found, bounds, strict=True)):
         if any(plant.model.friction.tables):  # slopes at the start say little about others
             return _controlled(plant, dt, tolerance, found)
         stiff = f"stiff: {_fastest(plant, found)}"
@@ -155,7 +158,7 @@ def _controlled(
         return _implicit(plant, dt, tolerance, reason)
     what = cause or ("drives with internal states" if plant.nz else _fastest(plant, found))
     reason = f"{what}: error control, the highest order"
-    tolerance = tolerance or _share(plant, SHARE)
+    tolerance = tolerance or _substep_tolerance(plant, SHARE)
     return Choice(METHODS["dop853"], dt, tolerance, reason)
 
 
@@ -163,10 +166,10 @@ def _implicit(
     plant: Plant, dt: float, tolerance: float | None, reason: str, share: float = SHARE_IMPLICIT
 ) -> Choice:
     """The implicit method with error control."""
-    return Choice(METHODS["implicit"], dt, tolerance or _share(plant, share), reason)
+    return Choice(METHODS["implicit"], dt, tolerance or _substep_tolerance(plant, share), reason)
 
 
-def _share(plant: Plant, share: float) -> float:
+def _substep_tolerance(plant: Plant, share: float) -> float:
     """Tolerance that leaves a sub-step a share of the scene's accuracy."""
     least, most = TOLERANCE_RANGE
     return min(max(share * plant.model.scene.sim.accuracy, 10.0 * least), most)
@@ -193,13 +196,9 @@ def _varies(plant: Plant, dt: float) -> str:
     except np.linalg.LinAlgError:
         return ""
     rate, joint = max(zip((fall * mobility).tolist(), model.joint_names, strict=True))
-    if rate * dt <= FALL:
+    if rate * dt <= STRIBECK_RATE:
         return ""
     return f"falling friction speeds a joint up in {1.0 / rate:.2g} s ('{joint}')"
-
-
-def _most(response: Response) -> float:
-    return STIFF if response.begins else STIFF_ELSEWHERE
 
 
 def _swings(found: list[Response], dt: float) -> bool:
@@ -211,7 +210,7 @@ def _swings(found: list[Response], dt: float) -> bool:
     )
 
 
-def _danger(plant: Plant, method: Method, dt: float) -> str:
+def _instability(plant: Plant, method: Method, dt: float) -> str:
     """Why a method is unstable in steps of ``dt``, and what would do; empty if it is stable."""
     shaky = [response for response in responses(plant) if grows(method, response, dt)]
     if not shaky:
@@ -219,7 +218,7 @@ def _danger(plant: Plant, method: Method, dt: float) -> str:
     longest, first = min(
         ((longest_step(method, response, dt), k) for k, response in enumerate(shaky))
     )
-    why = _said(plant, shaky[first], worst(method, shaky[first], dt))
+    why = _describe_mode(plant, shaky[first], worst(method, shaky[first], dt))
     return (
         f"unstable at dt = {dt:g} s: {why}; dt up to {longest:.2g} s, 'implicit', or 'dop853' "
         "with a tolerance would do"
@@ -229,10 +228,10 @@ def _danger(plant: Plant, method: Method, dt: float) -> str:
 def _fastest(plant: Plant, found: list[Response]) -> str:
     """What moves which joint in the fastest mode, and how fast."""
     fastest = max(found, key=lambda response: response.fastest)
-    return _said(plant, fastest, fastest.quickest)
+    return _describe_mode(plant, fastest, fastest.quickest)
 
 
-def _said(plant: Plant, response: Response, mode: int) -> str:
+def _describe_mode(plant: Plant, response: Response, mode: int) -> str:
     """What moves which joint in a mode, and how fast."""
     part, joint = response.cause(mode)
     time = 1.0 / abs(response.modes[0][mode])

@@ -8,13 +8,15 @@ Equations II, 1996, section IV.2). The other methods couple modes: theirs is the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import cache
 from math import factorial
 
+import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_sim.integrators.methods import Method
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.integrators.methods import Method, build_step
 from arm_sim.integrators.response import Response
 from arm_sim.integrators.tableaux import Tableau
 
@@ -42,13 +44,16 @@ def grows(method: Method, response: Response, h: float) -> bool:
 
 
 def worst(method: Method, response: Response, h: float) -> int:
-    """The mode that grows fastest in steps of length ``h`` in [s]."""
+    """The mode that grows fastest in steps of length ``h`` in [s].
+
+    Of methods that couple modes, it is the fastest one: what grows is a mixture.
+    """
     if _by_mode(method) is None:
-        return int(abs(response.modes[0]).argmax())
+        return response.quickest
     return int(_growth(method, response, h).argmax())
 
 
-def misses(method: Method, rate: float, h: float) -> float:
+def local_error(method: Method, rate: float, h: float) -> float:
     """By what a step of length ``h`` in [s] misses the decay and the swing of unit size.
 
     Args:
@@ -78,43 +83,30 @@ def _growth(method: Method, response: Response, h: float) -> Array:
     rates = response.modes[0]
     if method.name == "implicit":
         return np.zeros(len(rates))
+    grows_itself = rates.real > ROUNDING * abs(rates)
     if tableau := _by_mode(method):
-        z = h * rates
-        factors = np.polynomial.polynomial.polyval(z, polynomial(tableau))
-        return np.where(z.real > ROUNDING * abs(z), 0.0, abs(factors) - 1.0)
-    n = next(iter(response.forces.values())).shape[0]
-    step = _nystrom if method.tableau else _semi_implicit
+        factors = np.polynomial.polynomial.polyval(h * rates, polynomial(tableau))
+        return np.where(grows_itself, 0.0, abs(factors) - 1.0)
     with np.errstate(over="ignore"):  # a mode that grows beyond all numbers is its own
-        own = np.exp(h * np.where(rates.real > ROUNDING * abs(rates), rates.real, 0.0))
-    matrix = step(method, response.J, h, n)
-    return np.asarray(abs(np.linalg.eigvals(matrix)) - own.max(initial=1.0))
+        own = np.exp(h * np.where(grows_itself, rates.real, 0.0))
+    return np.asarray(_factors(method, response, h) - own.max(initial=1.0))
+
+
+def _factors(method: Method, response: Response, h: float) -> Array:
+    """Sizes of the factors of a step of a method that couples modes."""
+    J = response.J
+    step = _linear_step(method, len(J), response.n)
+    return np.asarray(abs(np.linalg.eigvals(np.array(step(np.eye(len(J)), 0.0, J.T.ravel(), h)))))
+
+
+@cache
+@one_at_a_time
+def _linear_step(method: Method, nx: int, n: int) -> ca.Function:
+    """A step of x' = J x: (x, u, J column by column, h) -> x at its end."""
+    x, u, J = ca.SX.sym("x", nx), ca.SX.sym("u"), ca.SX.sym("J", nx * nx)
+    return build_step(method, ca.Function("rhs", [x, u, J], [ca.reshape(J, nx, nx) @ x]), n)
 
 
 def _by_mode(method: Method) -> Tableau | None:
     """The tableau of a method that multiplies each mode by R(h λ); None of others."""
     return None if method.tableau is None or method.tableau.positions else method.tableau
-
-
-def _semi_implicit(_: Method, J: Array, h: float, n: int) -> Array:
-    """Matrix of a step of x' = J x, shape (nx, nx)."""
-    step = np.eye(len(J)) + h * J
-    step[:n] = np.eye(n, len(J)) + h * step[n : 2 * n]
-    return step
-
-
-def _nystrom(method: Method, J: Array, h: float, n: int) -> Array:
-    """The same; see ``nystrom``."""
-    assert method.tableau is not None
-    a, positions = (*method.tableau.a, method.tableau.b), method.tableau.positions
-    x = y = np.eye(len(J))
-    slopes = list[Array]()
-    for row, pushes in zip(a, positions, strict=True):
-        y = x + h * _sum(row, slopes, x)
-        pushed = _sum(pushes, slopes, x)[n : 2 * n]
-        y[:n] = x[:n] + h * (sum(row) * x[n : 2 * n] + h * pushed)
-        slopes.append(J @ y)
-    return y
-
-
-def _sum(weights: Sequence[float], slopes: list[Array], like: Array) -> Array:
-    return sum((w * k for w, k in zip(weights, slopes, strict=False)), 0.0 * like)

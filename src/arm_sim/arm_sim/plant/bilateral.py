@@ -43,16 +43,19 @@ class Bilateral(Response):
         model: The robot.
         s: Its symbols.
         joints: Modes of the joints.
+
+    Attributes:
+        rows: The constraints.
     """
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         super().__init__(model, s, joints)
         self._n, self._s = model.n, s
-        self._rows = constraint.rows(
+        self.rows = constraint.rows(
             linkage_of(model, model.constraint_rows), s.tree, s.q, s.v, s.active
         )
         self._metric = Metric(self._held)
-        self._obeyed = Projector(self._metric, self._moving(self._rows.jacobian))
+        self._obeyed = Projector(self._metric, ca.sparsify(self.rows.jacobian @ self._sliding))
 
     def accelerations(self, load: ca.SX) -> ca.SX:
         """As ``Response``, under A a + γ = 0."""
@@ -60,7 +63,7 @@ class Bilateral(Response):
 
     def mobility(self, forces: ca.SX) -> ca.SX:
         """As ``Response``, under A a = 0."""
-        still = ca.SX(self._rows.drift.shape[0], 1)
+        still = ca.SX(self.rows.drift.shape[0], 1)
         columns = [
             self._metric.motion(self._obeyed.nearest(self._metric.of_forces(force), still))
             for force in ca.horzsplit(self._sliding @ forces)
@@ -69,21 +72,16 @@ class Bilateral(Response):
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
         """As ``Response``; not unique where constraints and sticking joints are redundant."""
-        pushed = load + self._rows.jacobian.T @ self._projected(load)[1]
+        pushed = load + self.rows.jacobian.T @ self._projected(load)[1]
         return super().reactions(pushed, a)
 
     def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
         """As ``Response``, under A v = 0 after the impact if that held before."""
-        A = self._rows.jacobian
+        A = self.rows.jacobian
         free = self._metric.of_forces(self._sliding @ (push - self._M @ change))
         found, shares = self._obeyed.solved(free, -(A @ change))
         gain = change + self._metric.motion(found)
         return gain, self._sticking @ (self._M @ gain - push - A.T @ shares)
-
-    @property
-    def rows(self) -> constraint.Rows:
-        """The constraints."""
-        return self._rows
 
     @property
     def rank(self) -> ca.SX:
@@ -101,18 +99,17 @@ class Bilateral(Response):
             bounds if that was not possible; and the residuals before projection, in [m] or [rad]
             and in [m/s] or [rad/s].
         """
-        s, n, metric, rows = self._s, self._n, self._metric, self._rows
+        s, n, metric, rows = self._s, self._n, self._metric, self.rows
         before, after = ca.SX.sym("before", 2 * n), ca.SX.sym("after", 2 * n)
         still, q = ca.SX(n, 1), s.q
         for _ in range(CLOSING_STEPS):
-            left = _beyond_rounding(_at(rows.residual, s.q, q))
+            left = _beyond_rounding(ca.substitute(rows.residual, s.q, q))
             q = q + metric.motion(self._obeyed.nearest(still, -left))
-        A = _at(rows.jacobian, s.q, q)
-        moving = Projector(metric, self._moving(A), SINGULAR)
+        A = ca.substitute(rows.jacobian, s.q, q)
+        moving = Projector(metric, ca.sparsify(A @ self._sliding), SINGULAR)
         v = s.v + metric.motion(moving.nearest(still, -(A @ s.v)))
-        left = ca.fmax(
-            _largest(_at(rows.every, s.q, q)) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING
-        )
+        every = ca.substitute(rows.every, s.q, q)
+        left = ca.fmax(_largest(every) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING)
         way = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v, before[n:])
         refused = REFUSED * (ca.fmax(0, left) + way)
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
@@ -122,14 +119,7 @@ class Bilateral(Response):
 
     def _projected(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
         free = self._metric.of_forces(self._sliding @ load)
-        return self._obeyed.solved(free, -self._rows.drift)
-
-    def _moving(self, rows: ca.SX) -> ca.SX:
-        return ca.sparsify(rows @ self._sliding)
-
-
-def _at(expression: ca.SX, q: ca.SX, place: ca.SX) -> ca.SX:
-    return ca.substitute(expression, q, place)
+        return self._obeyed.solved(free, -self.rows.drift)
 
 
 def _beyond_rounding(residual: ca.SX) -> ca.SX:

@@ -76,6 +76,8 @@ class Parameters:
             )
             for name, value in nominal.items() if name in tunable
         )  # fmt: skip
+        ends = np.cumsum([item.nominal.size for item in self.items]).tolist()
+        self._places = dict(zip(self.names, map(slice, [0, *ends], ends), strict=True))
         if "coulomb" in tunable and not dry.any():
             raise SceneError(
                 "scene: 'tunable': 'coulomb' is tunable, but no joint has dry friction without "
@@ -99,12 +101,7 @@ class Parameters:
 
     def place(self, name: str) -> slice | None:
         """Slice of one quantity in p; None if it is not tunable."""
-        first = 0
-        for item in self.items:
-            if item.name == name:
-                return slice(first, first + item.nominal.size)
-            first += item.nominal.size
-        return None
+        return self._places.get(name)
 
     def places(self, names: Sequence[str]) -> dict[str, tuple[int, ...]]:
         """Indices in p of the quantities to differentiate by, in the order of their names.
@@ -150,13 +147,13 @@ class Parameters:
                     f"'{name}' is not tunable; "
                     f"the scene's 'tunable' names {self.names or 'nothing'}"
                 )
-        ends = np.cumsum([item.nominal.size for item in self.items])
         columns = [
-            self._checked(item, values[item.name]) if item.name in values else current
-            for item, current in zip(self.items, np.split(p, ends)[:-1], strict=True)
+            self._checked(item, values[item.name])
+            if item.name in values
+            else self.of(item.name, p)
+            for item in self.items
         ]
-        rows = max((len(column) for column in columns if column.ndim == 2), default=0)
-        shape = (rows,) if rows else ()
+        shape = np.broadcast_shapes(*(column.shape[:-1] for column in columns))
         full = [np.broadcast_to(column, (*shape, column.shape[-1])) for column in columns]
         return np.concatenate([np.zeros((*shape, 0)), *full], axis=-1)
 

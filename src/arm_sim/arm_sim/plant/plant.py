@@ -25,7 +25,7 @@ from arm_dynamics.model.tree_builder import contact_points, tree_of
 from arm_sim.plant.mechanics import Mechanics
 from arm_sim.plant.options import SCENE, Options
 from arm_sim.plant.parameters import Parameters
-from arm_sim.plant.state_space import EnergyFlows, StateSpace, powers, split
+from arm_sim.plant.state_space import EnergyFlows, StateSpace, dissipated_and_external_power, split
 from arm_sim.plant.switches import SwitchedDrives
 from arm_sim.plant.symbols import Layout, Symbols, dense_function, has_cords, mode_counts
 
@@ -47,8 +47,8 @@ class Plant:
         parameters: Tunable quantities.
         laws: Drives and friction with internal states z; may be none.
         constrained: Whether there are bilateral constraints.
-        glides: Whether there is dry friction or contact, so that the equations with the option
-            ``sliding`` are simpler.
+        has_sliding_modes: Whether there is dry friction or contact, so that the equations with the
+            option ``sliding`` are simpler.
         eventful: Whether joints may stick or meet stops, points touch, or drives and cords switch.
     """
 
@@ -68,24 +68,29 @@ class Plant:
         """
         self.model, self.options = model, options
         self._variants = {} if variants is None else variants
-        self._variants[options] = self
         self.parameters = Parameters(model)
         laws = laws_of(model) if options.drives else ()
         self.laws = EnergyFlows(laws, model.n) if options.energies else Ensemble(laws, model.n)
-        shared = self._original = self.variant(**vars(Options(stops=options.stops)))
-        self._drives: SwitchedDrives | None = None if shared is self else shared._drives
-        if shared is self and options.stops:
-            self._drives = SwitchedDrives(laws, model.n, model.friction.gears)
+        self._drives: SwitchedDrives | None = None
+        of_scene = Options(stops=options.stops)
+        self._scene_plant = shared = self if options == of_scene else self._under(of_scene)
+        if options.stops:
+            own = laws, model.n, model.friction.gears
+            self._drives = SwitchedDrives(*own) if shared is self else shared._drives
         self.constrained = bool(model.scene.bilateral)
-        self.glides = model.has_dry_friction or bool(model.scene.contacts)
+        self.has_sliding_modes = model.has_dry_friction or bool(model.scene.contacts)
         events = any(mode_counts(model, options.stops)) or model.scene.contacts or self._switches
         self.eventful = bool(events) and not options.regularization
+        self._variants[options] = self  # last: one that fails is none
 
     @one_at_a_time
     def variant(self, **options: Any) -> Plant:
         """The same scene with some ``Options`` changed; there is one for all users."""
-        changed = replace(self.options, **options)
-        return self._variants.get(changed) or Plant(self.model, changed, self._variants)
+        return self._under(replace(self.options, **options))
+
+    def _under(self, options: Options) -> Plant:
+        """The variant under these options, which is built unless there is one."""
+        return self._variants.get(options) or Plant(self.model, options, self._variants)
 
     @cached_property
     def free(self) -> Plant | None:
@@ -95,7 +100,7 @@ class Plant:
         with the tunable quantities alone in p.
         """
         leaves = (self.options.stops and self.model.stops) or self._switches
-        return self.variant(stops=False) if leaves and not self.glides else None
+        return self.variant(stops=False) if leaves and not self.has_sliding_modes else None
 
     @built_once
     def mechanics(self) -> Mechanics:
@@ -186,13 +191,14 @@ class Plant:
 
     @built_once
     def _state_space(self) -> StateSpace:
-        flows = (*powers(self.model, self.parameters), self.mechanics.taken)
+        powers = dissipated_and_external_power(self.model, self.parameters)
+        flows = (*powers, self.mechanics.taken)
         return StateSpace(self.mechanics, self.laws, flows if self.options.energies else ())
 
     @built_once
     def _symbols(self) -> Symbols:
-        if self._original is not self:
-            return self._original._symbols
+        if self._scene_plant is not self:
+            return self._scene_plant._symbols
         return Symbols(self.model, self.parameters, self._drives)
 
     @property

@@ -38,8 +38,9 @@ class EnergyFlows(Ensemble):
     """The models of a scene with energy flows as additional states, which come last.
 
     They are the work supplied to the models and the heat dissipated in them, and those of
-    ``powers`` and ``Mechanics.taken``: heat of the joints' friction and of dampers, external work,
-    and losses in friction of contacts and in compliant stops. Impacts are not included.
+    ``dissipated_and_external_power`` and ``Mechanics.taken``: heat of the joints' friction and of
+    dampers, external work, and losses in friction of contacts and in compliant stops. Impacts are
+    not included.
     """
 
     @property
@@ -79,14 +80,14 @@ class StateSpace:
     @built_once
     def rhs(self) -> ca.Function:
         """``rhs`` (x, u, p) -> x'."""
-        return self._of_state(self._mechanics.acceleration, "rhs", ends_in_a=True)
+        return self._of_state(self._mechanics.acceleration, "rhs", appends_rates=True)
 
     @built_once
     def events(self) -> dict[str, ca.Function]:
         """See ``Plant.events``."""
         arm, contact = self._mechanics, self._mechanics.contact
         functions = [
-            *(self._of_state(f, f.name(), ends_in_a=f.name() == "loads") for f in arm.loads),
+            *(self._of_state(f, f.name(), appends_rates=f.name() == "loads") for f in arm.loads),
             *arm.of_joints,
             *([self._switches()] if arm.joints.switches.numel() else []),
             *([contact.geometry, contact.close] if contact else []),
@@ -94,16 +95,16 @@ class StateSpace:
         return {function.name(): function for function in functions}
 
     def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        modes = self._mechanics.joints.p.numel()
-        return ca.SX.sym("x", self._nx), ca.SX.sym("u", self._n), ca.SX.sym("p", modes)
+        size_of_p = self._mechanics.joints.p.numel()
+        return ca.SX.sym("x", self._nx), ca.SX.sym("u", self._n), ca.SX.sym("p", size_of_p)
 
-    def _of_state(self, function: ca.Function, name: str, *, ends_in_a: bool) -> ca.Function:
+    def _of_state(self, function: ca.Function, name: str, *, appends_rates: bool) -> ca.Function:
         """A function of (x, u, p) from one of (q, v, tau, p), with x' in place of a final q̈."""
         x, u, p = self._arguments()
         q, v, z = split(x, self._n)
-        tau, rates = flow_under_modes(self._laws, self._mechanics, q, v, z, u, p)[:2]
+        tau, rates = flow_under_modes(self._laws, self._mechanics, q, v, z, u, p)
         found = function.call([q, v, tau, p])
-        if ends_in_a:
+        if appends_rates:
             flows = [power(q, v, tau, p) for power in self._powers]
             found[-1] = ca.vertcat(v, found[-1], rates, *flows)
         return dense_function(name, [x, u, p], *found)
@@ -150,7 +151,7 @@ def flow_under_modes(
     return found
 
 
-def powers(model: ArmModel, parameters: Parameters) -> tuple[Power, Power]:
+def dissipated_and_external_power(model: ArmModel, parameters: Parameters) -> tuple[Power, Power]:
     """Power lost in friction and dampers without states, and that of external torques."""
     tree = tree_of(model)
     viscous, dry, pushed = map(parameters.place, ("friction", "coulomb", "external"))

@@ -60,9 +60,9 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
         operation = function.instruction_id(k)
         plain.run(k)
         moded.run(k)
-        if operation not in _COMPARED or not plain.varies(k):
+        if operation not in _COMPARED or not plain.varies:
             continue
-        a, b = plain.operands(k)
+        a, b = plain.operands
         if ca.is_equal(b, -a, 1):  # an absolute value, which has powers: it must stay positive
             continue
         chosen = ca.SX.sym(f"holds{len(modes)}")
@@ -70,7 +70,7 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
         values.append(_COMPARED[operation] * (a - b))
         sizes.append(ca.fabs(a) + ca.fabs(b))
         if operation in (ca.OP_FMIN, ca.OP_FMAX):
-            a, b = moded.operands(k)
+            a, b = moded.operands
             moded.put(k, chosen * a + (1.0 - chosen) * b)
         else:
             moded.put(k, 1.0 - chosen if operation == ca.OP_LT else chosen)
@@ -79,13 +79,19 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
 
 
 class _Graph:
-    """Evaluation of a function's instructions, one after the other, as expressions."""
+    """Evaluation of a function's instructions, one after the other, as expressions.
+
+    Attributes:
+        operands: Those of the operation that was evaluated last.
+        varies: Whether it depends on the state.
+        outputs: Expressions of the results.
+    """
 
     def __init__(self, function: ca.Function, *arguments: ca.SX) -> None:
         self._function, self._arguments = function, arguments
         self._work = [ca.SX(0.0)] * function.sz_w()
         self._varies = np.zeros(function.sz_w(), dtype=bool)
-        self._operands: tuple[list[ca.SX], bool] = ([], False)
+        self.operands, self.varies = list[ca.SX](), False
         self.outputs = [ca.SX(*function.size_out(i)) for i in range(function.n_out())]
 
     def run(self, k: int) -> None:
@@ -101,19 +107,10 @@ class _Graph:
             row, column = f.sparsity_out(to[0]).get_triplet()
             self.outputs[to[0]][row[to[1]], column[to[1]]] = self._work[given[0]]
         else:
-            operands = [self._work[i] for i in given]
-            varies = any(self._varies[i] for i in given)
-            self._operands = operands, varies
-            apply = ca.SX.binary if len(operands) == 2 else ca.SX.unary
-            self._set(to[0], apply(operation, *operands), varies)
-
-    def varies(self, k: int) -> bool:
-        """Whether the instruction that was evaluated last, k, depends on the state."""
-        return self._operands[1]
-
-    def operands(self, k: int) -> list[ca.SX]:
-        """Operands of the instruction that was evaluated last."""
-        return self._operands[0]
+            self.operands = [self._work[i] for i in given]
+            self.varies = any(self._varies[i] for i in given)
+            apply = ca.SX.binary if len(given) == 2 else ca.SX.unary
+            self._set(to[0], apply(operation, *self.operands), self.varies)
 
     def put(self, k: int, value: ca.SX) -> None:
         """Replace the result of an instruction."""

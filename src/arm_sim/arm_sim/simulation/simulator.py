@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from types import MethodType
@@ -50,10 +50,23 @@ if TYPE_CHECKING:
     from arm_sim.derivatives import Derivatives
 
 Control = Callable[[State], Any]
-Way = tuple[Callable[[Trace], Again | None], bool]
-FEW, PART = 10, 2000  # ticks of a controller in Python, and of a recording, that take little
+FIRST_SLICE, TICKS_PER_PART = 10, 2000  # of a controller in Python, and of a recording
+
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Driver:
+    """What makes the ticks of a run.
+
+    Attributes:
+        make: Makes those of a trace; returns the control by row, if a second run can repeat it.
+        given: Whether the commands are known in advance.
+    """
+
+    make: Callable[[Trace], Again | None]
+    given: bool
 
 
 class _Derivative[**P, R]:
@@ -271,9 +284,10 @@ class Simulator:
         """
         ticks = tick_count(duration, self.dt)
         with Progress(ticks * self.dt) as progress:
-            way, trace = self._way(control, reference, ticks), Trace(self.arm, ticks, progress)
+            driver = self._driver_of(control, reference, ticks)
+            trace = Trace(self.arm, ticks, progress)
             try:
-                return self._made(way, trace)
+                return self._advance(driver, trace)
             except KeyboardInterrupt as stop:
                 stop.add_note(
                     f"interrupted at t = {self.state.time:.6g} s: the simulator has this state, "
@@ -311,12 +325,12 @@ class Simulator:
         from arm_sim.recording.files import Stream  # imports libraries that a run does not require
 
         ticks = tick_count(duration, self.dt)
-        way = self._way(control, reference, ticks)
+        driver = self._driver_of(control, reference, ticks)
         with Progress(ticks * self.dt) as progress, Stream(path) as stream:
-            for at in range(0, max(ticks, 1), PART):
-                trace = Trace(self.arm, min(PART, ticks - at), progress, at)
+            for at in range(0, max(ticks, 1), TICKS_PER_PART):
+                trace = Trace(self.arm, min(TICKS_PER_PART, ticks - at), progress, at)
                 try:
-                    made = self._made(way, trace)
+                    made = self._advance(driver, trace)
                 except (KeyboardInterrupt, SimulationDiverged) as stop:
                     until: Recording = vars(stop)["recording"]
                     stream.append(until, until.tau)
@@ -324,14 +338,12 @@ class Simulator:
                 stream.append(made, made.tau)
         return stream.path
 
-    def _made(self, way: Way, trace: Trace) -> Recording:
+    def _advance(self, driver: Driver, trace: Trace) -> Recording:
         """The motion of a trace; what breaks it off has that until then, as ``recording``."""
-        make, given = way
         try:
-            again = make(trace)
-            recording = trace.recording(given, again)
+            recording = trace.recording(driver.given, driver.make(trace))
         except KeyboardInterrupt as stop:
-            vars(stop)["recording"] = trace.recording(given)
+            vars(stop)["recording"] = trace.recording(driver.given)
             raise
         if trace.done < trace.ticks:
             diverged = self.arm.diverged()
@@ -339,8 +351,7 @@ class Simulator:
             raise diverged
         return recording
 
-    def _way(self, control: Any, reference: Motion | None, ticks: int) -> Way:
-        """What makes the ticks of a run, and whether their commands are given in advance."""
+    def _driver_of(self, control: Any, reference: Motion | None, ticks: int) -> Driver:
         if hasattr(control, "torque"):
             control = answers(control, reference, self.dynamics, self.measured)
         elif reference is not None:
@@ -352,14 +363,15 @@ class Simulator:
                     "'sensors' or 'commands'; allowed: a controller that is a function of the "
                     "state"
                 )
-            return partial(self._run_compiled, control), False
+            return Driver(partial(self._run_compiled, control), given=False)
         if isinstance(control, JointCommand):
             commands = control.rows(ticks, self.n, self.dt)
-            return partial(self._run_function, lambda _: next(commands)), False
+            return Driver(partial(self._run_function, lambda _: next(commands)), given=False)
         if callable(control):
-            return partial(self._run_function, function_of_state(control)), False
+            return Driver(partial(self._run_function, function_of_state(control)), given=False)
         table = torque_table(control, ticks, self.joint_names, self.dt)
-        return partial(self._run_table, table), not gravity_compensated(self.model.scene)
+        given = not gravity_compensated(self.model.scene)
+        return Driver(partial(self._run_table, table), given)
 
     def _run_compiled(self, control: CompiledControl, trace: Trace) -> Again:
         """Its ticks; returns the controller by row, for a second run."""
@@ -384,7 +396,7 @@ class Simulator:
         """Its ticks; returns the function by row, for a second run, if it gave torques only."""
         arm, begin, stepper = self.arm, self.arm.step_count, self._stepper
         torques = arm.sensors is None and arm.line is None
-        for first, end in trace.slices(FEW):
+        for first, end in trace.slices(FIRST_SLICE):
             for k in range(first, end):
                 command = control(arm.measured)
                 torques = torques and not isinstance(command, JointCommand)
@@ -420,9 +432,7 @@ class Simulator:
         """
         hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        x = placed(self.arm.plant, q, v, z, self.held_constraints, hold)
-        warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
-        warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
+        x = self._placed(q, v, z, self.held_constraints, hold)
         self.arm.restore(x, self._stepper.p, 0)
         return self.state
 
@@ -438,11 +448,15 @@ class Simulator:
             z: States of drives and friction, shape (nz,); None: those consistent with q and v.
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
-        x = placed(self.arm.plant, q, v, z, self.held_constraints)
+        self.arm.place(self._placed(q, v, z, self.held_constraints))
+        return self.state
+
+    def _placed(self, q: Any, v: Any, z: Any, names: Any, hold: Sequence[int] = ()) -> Array:
+        """As the function of that name; it warns of what is unlikely to be meant."""
+        x = placed(self.arm.plant, q, v, z, names, hold)
         warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
         warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
-        self.arm.place(x)
-        return self.state
+        return x
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Change a tunable quantity of the scene (see ``Parameter``), or raise InvalidInput."""
@@ -524,7 +538,7 @@ class Simulator:
 
         Raises:
             InvalidInput: If the constraint does not exist or is not switchable; the state is kept.
-            ConstraintError: If it cannot be closed from here; the state is kept.
+            ConstraintError: If it cannot be closed from here; state and constraint are kept.
         """
         constraints = self.model.scene.constraints
         places = [label(constraints[i], i) for i in switchable(constraints)]
@@ -533,10 +547,11 @@ class Simulator:
                 f"constraint '{name}' cannot be switched; switchable: {choices(name, places)}"
             )
         names = {*self.held_constraints, name} if on else {*self.held_constraints} - {name}
-        state = self.state
-        x = closed(self.arm.plant, np.concatenate([state.q, state.v]), tuple(names))
+        n, x = self.n, closed(self.arm.plant, self.arm.x, names)
+        x = self._placed(x[:n], x[n : 2 * n], x[2 * n :], names)
         self.set_parameter("constraints", [float(place in names) for place in places])
-        return self.set_state(x[: self.n], x[self.n :], state.z)
+        self.arm.place(x)
+        return self.state
 
     def contact_forces(self) -> tuple[ContactForce, ...]:
         """Forces of the contacts at the current state, under the torque of the last tick.

@@ -180,14 +180,8 @@ class _Changes:
 
     def parameters(self, rows: int) -> Array:
         """Tunable quantities from each time, shape (rows, np)."""
-        if len(self._rows) == 1:  # they never changed
-            return read_only(np.tile(np.frombuffer(self._last[1]), (rows, 1)))
-        ends = [*self._rows[1:], rows]
-        parts = [
-            np.broadcast_to(self._merged(tuned), (max(0, end - first), self._size))
-            for first, end, tuned in zip(self._rows, ends, self._tuned, strict=True)
-        ]
-        return read_only(np.concatenate(parts))
+        counts = np.maximum(np.diff([*self._rows, rows]), 0)
+        return read_only(np.repeat([self._merged(tuned) for tuned in self._tuned], counts, axis=0))
 
     def jumps(self) -> tuple[Jump, ...]:
         """The changes in chronological order."""
@@ -196,10 +190,6 @@ class _Changes:
             Jump(row, read_only(x), self._merged(tuned), tuple(tuned), substep)
             for row, x, tuned, substep in before
         )
-
-    @property
-    def _size(self) -> int:
-        return len(self._arm.plant.parameters.nominal)
 
     def _token(self) -> tuple[Plant, bytes]:
         """A key that differs if a tunable quantity does."""

@@ -167,9 +167,9 @@ def _members(
     features = {
         "adaptive": controlled is not None, "constrained": plant.constrained,
         "rigid": stops.rigid.any(), "stops": bool(stops) and not plant.eventful,
-        "free": plant.free is not None, "moving": plant.glides,
+        "free": plant.free is not None, "moving": plant.has_sliding_modes,
         "joints_and_contacts_only": plant.eventful and plain,
-        "event_free_shortcut": plant.glides and controlled is None and plain,
+        "event_free_shortcut": plant.has_sliding_modes and controlled is None and plain,
         "near_loads": ("step", 5) in results or ("attempt", 7) in results,
         "indeterminate": statics is not None,
         "eventful": plant.eventful,

@@ -316,7 +316,7 @@ def ticks_of_lanes(
         return lanes_source(plant, choice, functions, width, _inputs(control))
     asked = [function for name, function in plant.events.items() if name in PREDICTED]
     functions = [slope_of_loads(plant), motion, actuate, *asked]
-    if plant.glides:
+    if plant.has_sliding_modes:
         functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     return lanes_source(plant, choice, functions, width, _inputs(control))
 

@@ -102,7 +102,7 @@ class Stepper:
         first = self.kernel.operations("rhs") if plant.eventful and not plant.free else 0
         whole = self.kernel.operations(smooth) + limits + first
         self.tick_operations = self.moving_operations = whole
-        if plant.glides:
+        if plant.has_sliding_modes:
             self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
         steps = MANY_STEPS if plant.eventful or self._control else 1
@@ -362,7 +362,7 @@ def tick_functions(
         smooth = smooth_motion(plant.free, choice, FREE)
         rhs, given = plant.free.rhs, plant.free.rhs.mx_in()  # under a name of its own
         functions += [ca.Function(f"{FREE}rhs", given, rhs.call(given)), smooth]
-    if plant.glides:
+    if plant.has_sliding_modes:
         functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     return functions, smooth
 

@@ -3,7 +3,7 @@
 
 The modes are the same from beginning to end, so that the tick is a smooth step in which they are
 constants, between two projections. What is differentiated here is at a distance from all
-boundaries between modes; every other tick is left to ``Events``, which decides what has a
+boundaries between modes; every other tick is left to ``EventfulTicks``, which decides what has a
 derivative.
 """
 
