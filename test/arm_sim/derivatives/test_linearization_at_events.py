@@ -301,6 +301,18 @@ def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
     assert sim.impacts == 1
 
 
+def test_an_interrupt_in_a_step_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps under error control are propagated in Python, called by C."""
+    sim = simulator(flexible, 0.02, "error control")
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tangents.Tangents, "step", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sim.linearize(sim.reset([0.99], [1.0]), [0.1])
+
+
 def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """CasADi evaluates it then, within the compiled code of the events."""
     build, dt, (q, v, tau) = CASES["lands and slides"]

@@ -7,7 +7,7 @@ Each event's own functions are generated here, and ``eventful_derivatives.c`` co
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from threading import Lock
 from typing import Any
 
@@ -126,6 +126,7 @@ class EventfulTicks:
             raise CompilerMissing(
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"
             )
+        self._error: BaseException | None = None
         self._code, self._helpers = code, self._callbacks(engine)
         sizes = code.engine.bytes_of_record, code.engine.numbers_recorded
         for size in sizes:
@@ -174,6 +175,9 @@ class EventfulTicks:
                 None if control is None else ctypes.byref(control), strict, begins,
                 ctypes.byref(self._trace), address(self._which), address(after), slope,
             )  # fmt: skip
+            error, self._error = self._error, None
+            if error is not None:
+                raise error
             if why:
                 self._refuse(REFUSALS[why])
         return after
@@ -189,7 +193,9 @@ class EventfulTicks:
 
     def _callbacks(self, engine: Compiled) -> Helpers:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
-        self._kept = STEP(self._step), CLOSE(self._close)  # must live as long as their addresses
+        self._kept = (  # must live as long as their addresses
+            STEP(self._raising_later(self._step)), CLOSE(self._raising_later(self._close))
+        )  # fmt: skip
         step, close = (ctypes.cast(function, ADDRESS).value for function in self._kept)
         steps = self._tangents.library(1)
         if steps is None or self._choice.tolerance is not None:
@@ -197,6 +203,17 @@ class EventfulTicks:
         step = ctypes.cast(steps.engine.propagate_step, ADDRESS).value
         tangents = address_of(steps.own, TANGENTS)
         return Helpers(engine.scene.value, steps.scene.value, tangents, step, close)
+
+    def _raising_later(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """The callback for C, through which no exception passes: ``_differentiate`` raises it."""
+
+        def called(*arguments: int) -> None:
+            try:
+                callback(*arguments)
+            except BaseException as error:
+                self._error = self._error or error
+
+        return called
 
     def _step(
         self, _: int, __: int, x: int, u: int, p: int, h: int, given: int, count: int,

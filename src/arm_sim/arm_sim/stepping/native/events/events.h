@@ -129,7 +129,10 @@ static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
 static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
   fill(scene, &guards, -INFINITY);
-  const guarded_t at = {.x = x, .segment = segment};
+  guarded_t at;
+  at.x = x;
+  at.segment = segment;
+  at.t = 0.0;
   evaluate_stop_guards(scene, &at, &guards);
   return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
@@ -186,8 +189,7 @@ static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x
   return record;
 }
 
-static void record_begin(const scene_t* scene, const segment_t* segment, const real* x) {
-  record_t* record = segment->record;
+static void record_begin(const scene_t* scene, record_t* record, const segment_t* segment, const real* x) {
   if (!record) return;
   copy(record->p.tunable, segment->p.tunable, P_LENGTH);
   for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(scene, segment, k);
@@ -216,7 +218,7 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     if (trouble != NONE) return trouble;
     fix_straight_contacts(scene, now, segment, h);
     const double reach = fmin(left, find_reach(scene, segment, h));
-    record_begin(scene, segment, now);
+    record_begin(scene, record, segment, now);
     if (NX == 2 * NU && is_held(scene, now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
       record_end(scene, record, now, left, 1);
@@ -338,9 +340,7 @@ EXPORTED void predict(const void* of, prediction_t* tick) {
 /* A predicted tick: NONE, or why it cannot be computed. */
 static enum trouble make_predicted(const scene_t* scene, const prediction_t* tick, report_t* report, trace_t* trace,
                                    double* after) {
-  static const report_t nothing = {0.0, 0, 0, 0};
   LOCAL_TICK(segment, tick->u);
-  *report = nothing;
   segment.predicted = tick;
   copy(segment.p.tunable, tick->p, NP);
   return tick_with_events(scene, tick->x, &segment, tick->length, report, trace, after);
@@ -349,14 +349,14 @@ static enum trouble make_predicted(const scene_t* scene, const prediction_t* tic
 /* The predicted tick, whatever happens in it: 0 if it cannot be computed. */
 EXPORTED int predicted_tick(const void* of, const prediction_t* tick, double* after) {
   const scene_t* scene = (const scene_t*)of;
-  report_t report;
+  report_t report = {0.0, 0, 0, 0};
   return make_predicted(scene, tick, &report, 0, after) == NONE;
 }
 
 /* The predicted tick without events: 0 if there is one, or it cannot be computed. */
 EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* found) {
   const scene_t* scene = (const scene_t*)of;
-  report_t report;
+  report_t report = {0.0, 0, 0, 0};
   real numbers[RECORD];
   record_t record;
   trace_t trace = {&record, numbers, 0, 1, 0, 0, 0, 0};
