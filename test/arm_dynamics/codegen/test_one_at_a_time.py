@@ -19,7 +19,6 @@ from arm_dynamics.codegen.one_at_a_time import is_building, one_at_a_time
 from arm_dynamics.control import compiled_law, make_controller, preparation
 from arm_dynamics.dynamics import MANY
 from arm_dynamics.ros.dynamics import code_of
-from arm_dynamics.task_space import compiled as task_space
 from arm_dynamics.terms.table import INVERSE
 from arm_sim import Simulator
 
@@ -33,7 +32,6 @@ BUILDS: dict[str, Callable[[], object]] = {
     "controller": lambda: preparation(make_controller("computed_torque", Dynamics(ARM.model)))(),
     "service": lambda: code_of((INVERSE,), ARM),
     "batches": lambda: ARM.inverse(*np.zeros((3, MANY, 2))),
-    "task space": lambda: task_space.build(ARM.model, "lower", ("x",)),
     "commands": lambda: CommandMap(COMPENSATED.model), "servo": lambda: SIM.arm.compiled.servo,
     "plan": lambda: SIM.plan, "derivatives": lambda: SIM.arm.compiled.derivatives.linearizer(),
     "rollouts": lambda: SIM.arm.compiled.rollouts,
@@ -139,7 +137,6 @@ def test_what_is_built_is_found_while_another_thread_builds() -> None:
     control = make_controller("computed_torque", ARM)
     lookups = [
         lambda: compiled_law.build(control.law, ARM.model),
-        lambda: task_space.build(ARM.model, "lower", ("x",)),
         lambda: SIM.arm.compiled.derivatives.linearizer(),
     ]
     built = [lookup() for lookup in lookups]
