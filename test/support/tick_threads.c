@@ -252,7 +252,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
       .raw = tick_raw, .size = MESSAGE, .stamp = 0, .hold = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
       .sizes = {8 * JOINTS}, .tick = 1, .state = 2};
   ticks_t ticks = {
-      .ask = answer, .bell = &bell, .take = take, .source = &from, .reader = &reader, .at_once = 2, .leads = {1},
+      .ask = answer, .bell = &bell, .take = joint_state_take, .source = &from, .reader = &reader, .at_once = 2, .leads = {1},
       .arbiter = &arbiter, .slot = &slot, .arm = &arm, .x = x, .effort = acted,
       .dt = 1e-3, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100,
       .joint_states = &state, .trail = kept_states, .acted = kept_efforts, .ticks = kept_ticks, .room = ROWS, .trip = &trip,
