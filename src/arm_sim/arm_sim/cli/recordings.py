@@ -19,6 +19,7 @@ from arm_sim.cli.output import checked, say, to_json, waiting
 
 if TYPE_CHECKING:
     from arm_sim import Recording
+    from arm_sim.replay import Replay
 
 
 @command(
@@ -184,8 +185,6 @@ def replay(
     if names or rate is not None:
         which = "--topic" if names else "--rate"
         raise click.UsageError(f"{which} is allowed with --topics only")
-    import numpy as np
-
     from arm_sim import Recording
     from arm_sim.replay import replay as again
 
@@ -193,33 +192,15 @@ def replay(
         loaded = Recording.load(recording)
         found = None if check else again(loaded, scene, integrator, tolerance)
     if found is None:
-        lines = [_checked(loaded)]
-        passed = loaded.trusted
+        passed, lines = loaded.trusted, [_checked(loaded)]
         facts = {
             "trusted": passed, "doubt": loaded.doubt,
             "error": loaded.error.max(axis=0), "how": loaded.second_run.how,
         }  # fmt: skip
     else:
-        passed, ticks = found.equal, len(loaded) - 1
-        largest = float(np.nanmax(found.apart)) if len(found.apart) else 0.0
-        lines = [repr(loaded)]
-        for name in found.other_versions:
-            lines.append(f"{name} has another version here; last bits may differ")
-        if passed:
-            lines.append(f"{ticks} time steps replayed, every state bit-identical")
-        if found.first is not None:
-            lines.append(f"first difference: {found.first}")
-            lines.append(f"positions differ by {largest:.3g} rad or m at most")
+        passed, (lines, facts) = found.equal, _compared(loaded, found)
         if not as_json:
             lines.append(_checked(found.recording))
-        if found.failure:
-            lines.append(f"the replay ends early: {found.failure}")
-        facts = {
-            "equal": passed, "ticks": ticks,
-            "first_difference": None if found.first is None else str(found.first),
-            "largest": largest, "failure": found.failure or None,
-            "other_versions": found.other_versions, "trusted": found.recording.trusted,
-        }  # fmt: skip
     if out is not None:
         lines.append(found.recording.save(out))
     if as_json:
@@ -227,6 +208,29 @@ def replay(
     else:
         say(*lines)
     sys.exit(0 if passed else 1)
+
+
+def _compared(loaded: Recording, found: Replay) -> tuple[list[str], dict[str, Any]]:
+    """What a replay says of a recording, in lines and as JSON."""
+    import numpy as np
+
+    largest = float(np.nanmax(found.apart)) if len(found.apart) else 0.0
+    lines = [repr(loaded)]
+    for name in found.other_versions:
+        lines.append(f"{name} has another version here; last bits may differ")
+    if found.equal:
+        lines.append(f"{len(loaded) - 1} time steps replayed, every state bit-identical")
+    if found.first is not None:
+        lines.append(f"first difference: {found.first}")
+        lines.append(f"positions differ by {largest:.3g} rad or m at most")
+    if found.failure:
+        lines.append(f"the replay ends early: {found.failure}")
+    return lines, {
+        "equal": found.equal, "ticks": len(loaded) - 1,
+        "first_difference": None if found.first is None else str(found.first),
+        "largest": largest, "failure": found.failure or None,
+        "other_versions": found.other_versions, "trusted": found.recording.trusted,
+    }  # fmt: skip
 
 
 def _checked(recording: Recording) -> str:
