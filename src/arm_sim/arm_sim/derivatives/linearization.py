@@ -13,8 +13,8 @@ Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
 from arm_sim.stepping.python_step import unanswered
 from arm_sim.stepping.rollout import natural_width, repeated, widths
+from arm_sim.stepping.stepper import Stepper
 
 
 @sealed
@@ -41,8 +42,11 @@ class Linearizer(TickDerivatives):
     """Derivatives of ticks of many arms; arguments as of ``TickDerivatives``."""
 
     @one_at_a_time
-    def __init__(self, plant: Plant, choice: Choice, *others: Any) -> None:
-        super().__init__(plant, choice, *others)
+    def __init__(
+        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
+        tuned: Sequence[int] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(plant, choice, stepper, backend, tuned)
         self._coarse_steps = CoarseSteps(plant, choice)
         self._of_speed = dict[float, Tangents]()  # with smooth friction
 
