@@ -144,12 +144,13 @@ class Stepper:
         arm = self._arm(x, command, acted, notes)
         return partial(self.compiled.engine.arm_tick, ctypes.byref(arm)), arm
 
-    def _arm(self, *arrays: Array) -> Arm:
+    def _arm(self, *arrays: Array | None) -> Arm:
         assert self.compiled is not None
         control = None if self._control is None else ctypes.addressof(self._control)
         tick = ctypes.cast(self.compiled.engine.arm_tick, ctypes.c_void_p).value
         arm = Arm(
-            tick, self.compiled.scene.value, *map(address, arrays), address(self.p),
+            tick, self.compiled.scene.value,
+            *(None if array is None else address(array) for array in arrays), address(self.p),
             self._choice.dt, control, ctypes.addressof(self.report),
         )  # fmt: skip
         arm.keeps = arrays, self
@@ -173,7 +174,7 @@ class Stepper:
         if self.compiled is None:
             return partial(self._by_call, x, command, trace, effort, notes)
         stride = command.shape[-1] if command.ndim == 2 else 0
-        arm, outputs = self._arm(x, command, effort, notes), (trace, effort, notes)
+        arm, outputs = self._arm(x, None, None, None), (trace, effort, notes)
         entry = self.compiled.engine.arm_ticks
         entry.restype = ctypes.c_longlong
         return partial(
@@ -376,8 +377,11 @@ def pointer(array: Array) -> ctypes.c_void_p:
 
 def address(array: NDArray[Any]) -> int:
     """Address of an array for a C function with ``argtypes``; the caller keeps the array."""
-    place: int = array.__array_interface__["data"][0]
-    return place
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+    except (TypeError, ValueError):  # read-only, empty, or not contiguous
+        place: int = array.__array_interface__["data"][0]
+        return place
 
 
 def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
