@@ -32,8 +32,9 @@ from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
+from arm_sim.stepping.arm_table import repeated
+from arm_sim.stepping.lanes import natural_width, widths
 from arm_sim.stepping.python_step import unanswered
-from arm_sim.stepping.rollout import natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
 
 

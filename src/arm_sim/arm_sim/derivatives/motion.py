@@ -25,7 +25,8 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
-from arm_sim.stepping.rollout import Engine, alike
+from arm_sim.stepping.arm_table import Engine
+from arm_sim.stepping.lanes import alike
 from arm_sim.stepping.stepper import Stepper
 
 # Ticks without events that are differentiated at a time.
