@@ -167,8 +167,8 @@ class Linearizer(TickDerivatives):
         arms, p = len(x), self._stepper.p
         held = repeated(dr[None, None], (arms, ticks, *dr.shape))
         commands = repeated(r[:, None], (arms, ticks, r.shape[1]))
-        given = repeated(dx[None], (arms, *dx.shape))
-        return Arms(x, commands, repeated(p[None], (arms, len(p))), given, held)
+        initial = repeated(dx[None], (arms, *dx.shape))
+        return Arms(x, commands, repeated(p[None], (arms, len(p))), initial, held)
 
     def prepare(self) -> None:
         """Compile what ticks need, unless that is done."""

@@ -10,8 +10,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.header import Header
+from arm_sim.stepping.addresses import address
 from arm_sim.stepping.engine import NATIVE
-from arm_sim.stepping.stepper import Stepper, address
+from arm_sim.stepping.stepper import Stepper
 
 
 class Engine(ctypes.Structure):
