@@ -12,7 +12,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import postures
 from arm_sim.servo.law import Gains, flexibility, rigid_model
 
 # Postures besides the initial one, and growth of the errors in a tick that is rounding.
