@@ -20,6 +20,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
@@ -155,7 +156,7 @@ class EnergyAccount:
 
     def _quadrature(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """See ``flows``, of smooth ticks."""
-        pushed = self._plant.parameters.place("external")
+        pushed = self._plant.parameters.place(EXTERNAL)
         acting = u if pushed is None else u + p[:, pushed]
         way = self._parts(after)[0] - self._parts(x)[0]
         work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick

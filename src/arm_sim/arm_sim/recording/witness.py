@@ -131,7 +131,7 @@ class Witness:
                 done = _under(stepper, state, motion.command[row:end], out)
             else:
                 done = _controlled(stepper, state, control, row, motion.command.shape[1], out)
-            if how == WINDOWS and end - row > 1 and self._parts(motion, row, out):
+            if how == WINDOWS and end - row > 1 and self._separate(ended[row + 1 : end + 1], out):
                 middle = (row + end) // 2
                 spans += [(middle, end), (row, middle)]
             elif done < end - row and how != WINDOWS:
@@ -142,12 +142,11 @@ class Witness:
         )
         return SecondRun(read_only(there), read_only(carried), how, means)
 
-    def _parts(self, motion: Contents, row: int, out: Array) -> bool:
+    def _separate(self, ended: Array, out: Array) -> bool:
         """Whether what arises in a window may be the arm's answer to commands of another state."""
-        n, dt = 2 * len(motion.joint_names), self._first.dt
-        ended = motion.ended[row + 1 : row + 1 + len(out), :n]
-        off = abs(out[:, :n] - ended) / (1.0 + abs(ended))
-        most = self._plant.model.scene.sim.accuracy * max(len(out) * dt, SHORTEST)
+        there, here = (x[:, : 2 * self._plant.model.n] for x in (ended, out))
+        off = abs(here - there) / (1.0 + abs(there))
+        most = self._plant.model.scene.sim.accuracy * max(len(out) * self._first.dt, SHORTEST)
         return not (off <= most).all()
 
 

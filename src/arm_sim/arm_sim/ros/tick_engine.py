@@ -17,6 +17,7 @@ from arm_dynamics.ros.common.background import Background
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.stopping import Servos, Stopping
@@ -24,7 +25,6 @@ from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
 from arm_sim.servo import JointCommand
-from arm_sim.simulation.compiled_scene import EXTERNAL
 from arm_sim.simulation.energy_meter import Account, EnergyMeter
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator

@@ -15,7 +15,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_sim.figures import units
 from arm_sim.recording import Recording
-from arm_sim.recording.figure import LONG
+from arm_sim.recording.figure import LONG, QUANTITIES
 from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view.charts import Charts
 from arm_sim.view.marks import Instant, contacts_of
@@ -139,11 +139,10 @@ def instant(recording: Recording, time: float) -> Instant:
 def _curves(recording: Recording) -> Iterator[tuple[str, tuple[Sequence[str], Array, Array]]]:
     """Titles of plots, with names, times and values of their curves."""
     model = recording.dynamics.model
-    for title, unit, values in (
-        ("torque", ("N m", "N"), recording.tau), ("position", ("rad", "m"), recording.q),
-        ("velocity", ("rad/s", "m/s"), recording.v),
-    ):  # fmt: skip
-        if np.isfinite(values).any():
+    titles = {"torque": "effort", "position": "position", "velocity": "velocity"}
+    for title, quantity in titles.items():
+        attribute, *unit = QUANTITIES[quantity]
+        if np.isfinite(values := getattr(recording, attribute)).any():
             full = f"{title} [{units(model.joint_types, *unit)}]"
             yield full, (model.joint_names, recording.time, values)
     if recording.of_robot:
