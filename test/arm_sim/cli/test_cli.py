@@ -158,6 +158,7 @@ def test_points(tmp_path: Path) -> None:
         "a=",
         "=1",
         "a=b",
+        "a=1 b=2 a=3",
         "[1, [2]]",
         "[[1], [2, 3]]",
         "[true]",

@@ -24,9 +24,9 @@ from arm_sim.simulation.energy_meter import EnergyMeter
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.view.charts import RollingCharts
+from arm_sim.view.drawn_arm import MOUSE, DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
-from arm_sim.view.stage import MOUSE, DrawnArm
 
 if TYPE_CHECKING:
     import viser
@@ -90,7 +90,7 @@ class InteractiveArm:
         energies = np.array([x.kinetic, x.potential, x.total, *flows])
         return self.simulation.effort, self.error, energies
 
-    def look(self) -> Instant:
+    def instant(self) -> Instant:
         """The picture of the current state, under the torque of the last tick."""
         simulation, scene = self.simulation, self.simulation.model.scene
         return Instant(
@@ -237,7 +237,7 @@ class Interactive(View):
         """Draw the current state of the arms."""
         with self._server.atomic():
             for rig, actor in self._pairs:
-                actor.draw(rig.look(), leave_path=True)
+                actor.draw(rig.instant(), leave_path=True)
         for rig, sliders in zip(self.rigs, self._sliders, strict=True):
             if rig.control != SLIDERS:
                 model, q = rig.simulation.model, rig.simulation.state.q

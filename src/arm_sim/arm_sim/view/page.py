@@ -21,9 +21,9 @@ from arm_dynamics.exceptions import ArmError
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
+from arm_sim.view.drawn_arm import DrawnArm, Row, around, legend
 from arm_sim.view.framing import fitted
 from arm_sim.view.server import address, close_server
-from arm_sim.view.stage import DrawnArm, Row, around, legend
 
 if TYPE_CHECKING:
     import viser

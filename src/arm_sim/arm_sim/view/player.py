@@ -18,9 +18,9 @@ from arm_sim.recording import Recording
 from arm_sim.recording.figure import LONG, QUANTITIES
 from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view.charts import Charts
+from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
-from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
     import viser

@@ -22,8 +22,8 @@ from arm_sim.exceptions import ViewError
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.view import View
 from arm_sim.view.charts import RollingCharts
+from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
-from arm_sim.view.stage import DrawnArm
 from arm_sim.view.view import opened
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class RunningArm:
 
 @sealed
 class Follower(View):
-    """A page that follows running arms; times count from the first data."""
+    """A page that follows running arms; times count from the first data, or from a restart."""
 
     def __init__(
         self, server: viser.ViserServer, actors: Sequence[DrawnArm], arms: Sequence[RunningArm],
@@ -169,6 +169,7 @@ class Follower(View):
             (stamp, q, *values), name = newest, actor.name
             at = stamp - self._began.setdefault(name, stamp)
             if at < self._times.get(name, at):  # it was restarted
+                self._began[name], at = stamp, 0.0
                 self._charts.clear(name)
                 actor.forget_way()
             self._heard[name], self._times[name] = time.monotonic(), at
