@@ -111,13 +111,15 @@ class Witness:
         step = max(1, round(WINDOW / self._first.dt)) if how == WINDOWS else CHUNK
         n, x, ended, stepper = len(motion.joint_names), motion.x, motion.ended, self.stepper
         there, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))
-        there[0], free, placed = x[0], _free(motion), _placed(motion)
+        placed = (x != ended).any(axis=1)  # states that were set, rather than reached
+        placed[[0, *motion.gaps]] = True
+        there[0], free = x[0], _free(motion)
         there[0, :n] += nudge
         stepper.restart()
         spans = list(_spans(motion, step))[::-1]
         while spans:
             row, end = spans.pop()
-            if placed[row] or not row:
+            if placed[row]:
                 state, error = x[row] if row else there[0], np.zeros(2 * n)
             elif how == WINDOWS or not free[row - 1]:
                 off = abs(there[row] - ended[row])[: 2 * n]
@@ -153,13 +155,6 @@ class Witness:
 def _free(motion: Contents) -> NDArray[np.bool_]:
     """Whether the arm made the tick from each time by itself, shape (k,)."""
     return motion.moved if motion.hold is None else motion.moved & (motion.hold[:-1] == FREE)
-
-
-def _placed(motion: Contents) -> NDArray[np.bool_]:
-    """Whether the state at each time was set, rather than reached, shape (k+1,)."""
-    placed: NDArray[np.bool_] = (motion.x != motion.ended).any(axis=1)
-    placed[list(motion.gaps)] = True
-    return placed
 
 
 def _spans(motion: Contents, step: int) -> Iterator[tuple[int, int]]:

@@ -50,6 +50,8 @@ _log = logging.getLogger(__name__)
 class InteractiveArm:
     """A simulation with its controller, external forces and energies; for one thread."""
 
+    _step: int  # up to which the energies are known
+
     def __init__(self, simulation: Simulator) -> None:
         self.simulation, model = simulation, simulation.model
         simulation.arm.use(simulation.arm.compiled.pushable())
@@ -72,7 +74,7 @@ class InteractiveArm:
             self._metered = False
         self.control, self.target = WEIGHT, simulation.state.q.copy()
         self._reference = self.target.copy(), np.zeros(simulation.n)
-        self._meter, self._seen = self._opened_account()
+        self._open_account()
 
     @property
     def error(self) -> Array:
@@ -149,13 +151,13 @@ class InteractiveArm:
     def tick(self) -> None:
         """Make a tick."""
         simulation, state = self.simulation, self.simulation.state
-        if state.step != self._seen:
-            self._meter, _ = self._opened_account()  # the state was changed from elsewhere
+        if state.step != self._step:
+            self._open_account()  # the state was changed from elsewhere
         if self.wrenches.active or self._pull or self._pushed:
             simulation.set_parameter("external", self.external)
             self._pushed = bool(self.wrenches.active or self._pull)
         simulation.arm.advance(self._commanded(state).tolist())
-        self._seen = state.step + 1
+        self._step = state.step + 1
         if self._meter is not None:
             self._meter.note()
 
@@ -164,7 +166,7 @@ class InteractiveArm:
         self.let_go()
         self.simulation.reset()
         self.choose(self.control)
-        self._meter, self._seen = self._opened_account()
+        self._open_account()
 
     def let_go(self) -> None:
         """End all external forces."""
@@ -177,11 +179,11 @@ class InteractiveArm:
         """Set its position, at rest."""
         self.simulation.set_state(q, np.zeros(self.simulation.n))
         self.choose(self.control)
-        self._meter, self._seen = self._opened_account()
+        self._open_account()
 
-    def _opened_account(self) -> tuple[EnergyMeter | None, int]:
-        meter = EnergyMeter(self.simulation.arm) if self._metered else None
-        return meter, self.simulation.state.step
+    def _open_account(self) -> None:
+        self._meter = EnergyMeter(self.simulation.arm) if self._metered else None
+        self._step = self.simulation.state.step
 
     def _commanded(self, state: State) -> Array:
         if self.control == NOTHING:
