@@ -250,13 +250,14 @@ def _joined(
         place in the file.
     """
     scene, n = origin.scene, len(names)
-    (change_places, told), tick_places = zip(*changes, strict=True), [place for place, *_ in ticks]
-    rows = msg.tick_layout(told[0].state.size, n).read([raw for *_, raw in ticks])
+    change_places, states = zip(*changes, strict=True)
+    places = np.array([*change_places, *(place for place, *_ in ticks)])
+    order = np.argsort(places)
+    rows = msg.tick_layout(states[0].state.size, n).read([raw for *_, raw in ticks])
     seconds = rows["stamp"][:, 0] + 1e-9 * rows["stamp"][:, 1]
-    stamps = np.concatenate([[1e-9 * change.stamp for change in told], seconds])
-    order = np.argsort(np.array([*change_places, *tick_places]))
-    places = np.array([*change_places, *tick_places])[order]
-    own, ticked = np.round(stamps / origin.dt).astype(np.int64)[order], order >= len(told)
+    stamps = np.concatenate([[1e-9 * change.stamp for change in states], seconds])
+    places = places[order]
+    own, ticked = np.round(stamps / origin.dt).astype(np.int64)[order], order >= len(states)
     # A tick ends one step after what precedes it, and a change is at the same time. A change that
     # is earlier is a reset; everything else is a gap. Ticks and changes after gaps begin a row.
     ahead = np.diff(own, prepend=own[0])
@@ -266,18 +267,11 @@ def _joined(
     row, first = np.cumsum(begins) - 1, np.flatnonzero(begins)
     last = np.append(first[1:], len(order)) - 1
 
-    def complete(change: Any) -> Array:
-        """The vector p with external torques, which may have become tunable later."""
-        p: Array = change.parameters
-        if EXTERNAL in change.tunable or EXTERNAL not in scene.tunable:
-            return p
-        return np.insert(p, _external_place(scene, p), np.zeros(n))
-
-    p = np.array([complete(change) for change in told])
-    x = np.concatenate([[change.state for change in told], rows["state"]])[order]
+    p = np.array([_complete(change, scene, n) for change in states])
+    x = np.concatenate([[change.state for change in states], rows["state"]])[order]
     q, v, z = np.split(x[last], (n, 2 * n), axis=1)
     error, time_stepped = (
-        np.append([getattr(change, name) for change in told], rows[name])[order][first]
+        np.append([getattr(change, name) for change in states], rows[name])[order][first]
         for name in ("error", "time_stepped")
     )
     # The effective command from a time is that of the tick that begins there, else of the last.
@@ -294,7 +288,7 @@ def _joined(
         Jump(int(row[at]), read_only(x[at - 1].copy()), read_only(before), earlier.tunable,
              max(change.substep, 0.0))
         for at, before, (earlier, change) in zip(
-            np.flatnonzero(~ticked)[1:], p, pairwise(told), strict=False
+            np.flatnonzero(~ticked)[1:], p[:-1], pairwise(states), strict=True
         )
         if change.substep != UNCHANGED
     ]  # fmt: skip
@@ -306,9 +300,17 @@ def _joined(
     made = Contents(
         **kept, joint_names=names, origin=origin, jumps=tuple(jumps),
         held=held_of(scene.constraints, kept["p"][-1]), hold=hold if hold.any() else None,
-        gaps=tuple(row[begins & (ahead != ticked)].tolist()), substep=max(told[0].substep, 0.0),
+        gaps=tuple(row[begins & (ahead != ticked)].tolist()), substep=max(states[0].substep, 0.0),
     )  # fmt: skip
     return made, offset_at
+
+
+def _complete(change: Any, scene: Scene, n: int) -> Array:
+    """The vector p of a change with external torques, which may have become tunable later."""
+    p: Array = change.parameters
+    if EXTERNAL in change.tunable or EXTERNAL not in scene.tunable:
+        return p
+    return np.insert(p, _external_place(scene, p), np.zeros(n))
 
 
 def _measured(path: Path, made: Contents, offset_at: Callable[[int], int]) -> Measured | None:
