@@ -215,9 +215,9 @@ class RecordedMotion(Contents):
         last = len(self) - 1
         if self.control is None or self.edges != [0, last]:
             return None
-        rows = np.unique(np.linspace(0, last - 1, SAMPLES, dtype=int))
-        for row in rows:
-            if self.control(self.x[row], row).tobytes() != self.command[row].tobytes():
+        x = self.x
+        for row in np.unique(np.linspace(0, last - 1, SAMPLES, dtype=int)):
+            if self.control(x[row], row).tobytes() != self.command[row].tobytes():
                 return None
         return self.control
 

@@ -60,7 +60,7 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     with (
         tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch,
         # A separate thread that refreshes it would disturb the measurement.
-        progress(sys.stdout, _Lines(out).tell, *columns, refresh=True) as tell,
+        progress(sys.stdout, _PrintedProgress(out).tell, *columns, refresh=True) as tell,
     ):
         observed, clock = _run(motion, output, Path(scratch), tell, view)
         tell(description="checking the simulated motion by a second run")
@@ -69,19 +69,19 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     _report(output, motion, observed, numbers(motion, observed, clock), verdict, out)
 
 
-class _Lines:
+class _PrintedProgress:
     """Prints, without a terminal, what goes on, and every two seconds for how long it has."""
 
     def __init__(self, out: Console) -> None:
-        self._out, self._began, self._told = out, 0.0, 0.0
+        self._out, self._began, self._printed = out, 0.0, 0.0
 
     def tell(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
         now = time.monotonic()
         if description:
-            self._began = self._told = now
+            self._began = self._printed = now
             self._out.print(f"{description} …")
-        elif now > self._told + _TELL:
-            self._told = now
+        elif now > self._printed + _TELL:
+            self._printed = now
             self._out.print(f"  {now - self._began:.0f} s")
 
 
