@@ -282,7 +282,7 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         page = live.Follower(server, actors, [left, right], listener)
         assert page._status.content == "waiting"
         for _ in times[:2]:
-            page._beat(0.1)
+            page._update(0.1)
         curves = page._charts._charts._curves
         for title, values in (("torque [N m]", effort), ("error [rad]", error),
                               ("energy [J]", energy)):  # fmt: skip
@@ -295,10 +295,10 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         for frame, place in zip(actors[0]._joints.values(), expected, strict=True):
             np.testing.assert_array_equal(frame.position, place)
         for _ in times[2:]:
-            page._beat(0.1)
+            page._update(0.1)
         np.testing.assert_array_equal(curves["left: torque [N m]"][0], [0.0])
         monkeypatch.setattr(live, "OLD", -1.0)
-        page._complain("no luck")
+        page._report("no luck")
         assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")
         assert page._status.content.endswith("\n\n**no luck**")
     finally:

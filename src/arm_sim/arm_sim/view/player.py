@@ -85,13 +85,13 @@ class Player(View):
                 actor.draw(instant(recording, self.time))
         self._slider.value = self.time
         self._charts.read(self.time)
-        self._complain("")
+        self._report("")
 
     def _seek(self, time: float) -> None:
         self.play(False)
         self.seek(time)
 
-    def _beat(self, passed: float) -> None:
+    def _update(self, passed: float) -> None:
         if not self._playing:
             return
         time = self.time + passed * float(self._speed.value)
@@ -102,7 +102,7 @@ class Player(View):
         else:
             self._seek(self._end)
 
-    def _complain(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         text = f"t = {self.time:.3f} s of {self._end:.3f} s"
         self._status.content = f"{text}\n\n**{trouble}**" if trouble else text
 

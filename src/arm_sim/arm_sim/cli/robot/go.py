@@ -101,11 +101,11 @@ def go(
         else:
             start = points.start
             if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
-                _lead(controller, _joint_motion(controller, start, duration), tolerance)
+                _follow(controller, _joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
             say(f"{len(points.points)} points in {seconds} s")
             send = partial(controller.send_points, points)
-        _lead(controller, send, tolerance, no_wait)
+        _follow(controller, send, tolerance, no_wait)
 
 
 def _joint_motion(
@@ -120,7 +120,7 @@ def _joint_motion(
     return partial(controller.send_joints, there, seconds)
 
 
-def _lead(
+def _follow(
     controller: Controller, send: Callable[[], None], tolerance: float, no_wait: bool = False
 ) -> None:
     """Send a goal and follow the motion to its end."""

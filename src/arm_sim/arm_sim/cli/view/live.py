@@ -161,7 +161,7 @@ class Follower(View):
         self._followed = tuple(zip(arms, actors, strict=True))
         self._began, self._times, self._heard = (dict[str, float]() for _ in range(3))
 
-    def _beat(self, passed: float) -> None:
+    def _update(self, passed: float) -> None:
         self._listener.until(self._ended.is_set, HEARD)
         for arm, actor in self._followed:
             if (newest := arm.newest()) is None:
@@ -177,9 +177,9 @@ class Follower(View):
                 actor.draw(Instant(q), leave_path=True)
             self._charts.add(name, at, lambda values=values: values)  # type: ignore[misc]
         if self._charts.draw(CHARTED):
-            self._complain("")
+            self._report("")
 
-    def _complain(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         lines = []
         for name in (actor.name for actor in self.actors):
             silence, state = time.monotonic() - self._heard.get(name, np.nan), ""
