@@ -153,6 +153,15 @@ def test_a_mask_of_another_length_selects_no_part(size: int) -> None:
         run.part(np.arange(size) == 3)
 
 
+@pytest.mark.parametrize("scene", ["two_link", "flexible_arm"])
+def test_a_part_without_states_has_no_energies_and_no_figure(scene: str) -> None:
+    run = models.simulator(scene).run(0.01)
+    nothing = run.part(run.time > 1.0)
+    assert nothing.energy.shape == nothing.stored.shape == (0,) and not len(nothing.multipliers)
+    with pytest.raises(InvalidInput, match="without states has nothing to draw"):
+        nothing.plot()
+
+
 def test_a_figure_marks_changes_and_says_units() -> None:
     sim = Simulator("slider_crank_motor")
     units = [axis.get_ylabel() for axis in sim.run(0.01).plot().axes]

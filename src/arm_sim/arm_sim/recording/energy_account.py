@@ -87,7 +87,7 @@ class EnergyAccount:
 
     def stored(self, x: Array) -> Array:
         """Energy stored in drives and friction at states of shape (k, nx), in [J], shape (k,)."""
-        if not self._plant.laws:
+        if not self._plant.laws or not len(x):
             return np.zeros(len(x))
         return np.array(self._stored(x.T)).ravel()
 
@@ -109,7 +109,7 @@ class EnergyAccount:
             np.transpose(self._dynamics(p[run.start]).energy(q[run], v[run]))
             for run in self._present.runs(p)
         ]
-        return np.column_stack([np.concatenate(parts), self.stored(x)])
+        return np.column_stack([np.concatenate([np.zeros((0, 2)), *parts]), self.stored(x)])
 
     def multipliers(self, x: Array, tau: Array, p: Array) -> Array:
         """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
@@ -129,7 +129,7 @@ class EnergyAccount:
             )[1]
             for run in self._present.runs(p, "constraints")
         ]
-        return np.concatenate(parts)
+        return np.concatenate(parts) if parts else np.zeros((0, 0))
 
     def flows(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """Work supplied and heat lost in each tick, whatever other ticks there are.

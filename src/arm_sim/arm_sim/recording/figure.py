@@ -84,6 +84,8 @@ def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[
             raise InvalidInput(
                 f"plot: {other!r} is no recording; joints are chosen by plot(joints=[…])"
             )
+        if not len(other):
+            raise InvalidInput("plot: a recording without states has nothing to draw")
     if isinstance(asked, str):
         raise InvalidInput(f"joints = '{asked}'; a list of names is expected, ['{asked}']")
     shared = [
