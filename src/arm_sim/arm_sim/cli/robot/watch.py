@@ -196,10 +196,5 @@ def _line(arm: WatchedArm) -> str:
 
 def _json(arm: WatchedArm) -> str:
     names, *columns = zip(*arm.rows(), strict=True)
-    about = {
-        "time": arm.stamp,
-        "rate": arm.rate,
-        "remarks": arm.remarks(),
-        "names": names,
-    }
+    about = {"time": arm.stamp, "rate": arm.rate, "remarks": arm.remarks(), "names": names}
     return to_json(about | dict(zip(("position", "velocity", "effort"), columns, strict=True)))
