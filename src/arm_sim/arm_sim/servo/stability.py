@@ -19,7 +19,7 @@ from arm_sim.servo.law import Gains, flexibility, rigid_model
 POSTURES, ROUNDING = 16, 1e-6
 
 
-def danger(model: ArmModel, dt: float) -> str:
+def instability(model: ArmModel, dt: float) -> str:
     """Which servo is unstable in ticks of ``dt`` in [s], and what would do; empty if none is."""
     if not any(joint.servo.stiffness for joint in map(model.scene.joint, model.joint_names)):
         return ""
