@@ -32,14 +32,9 @@ class EnergyTopic:
     """
 
     def __init__(
-        self,
-        node: Node,
-        engine: TickEngine,
-        period: float,
-        wanted: Callable[[], bool],
-        stamp: Callable[[int], int],
-        send: Callable[[Topic, Any, Energy, int], None],
-    ) -> None:
+        self, node: Node, engine: TickEngine, period: float, wanted: Callable[[], bool],
+        stamp: Callable[[int], int], send: Callable[[Topic, Any, Energy, int], None],
+    ) -> None:  # fmt: skip
         """Advertise the topic, and build what the first account needs.
 
         Args:

@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.diagnostics import Alarm, publishers, two_publish
+from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
 from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES

@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from arm_dynamics.exceptions import InvalidInput, NoAnswer
-from arm_dynamics.ros.common.privileges import arrange_middleware_threads
+from arm_dynamics.ros.common.scheduling import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
@@ -28,14 +28,9 @@ _LOOK = 0.01  # [s] between checks for a server
 
 
 class Asker:
-    """A client of a service that needs no executor.
-
-    Attributes:
-        name: Full name of the service.
-    """
+    """A client of a service that needs no executor; its node must not be spun elsewhere."""
 
     def __init__(self, node: Node, service: Service, name: str) -> None:
-        """Create the client; ``node`` must not be spun elsewhere."""
         client = node.create_client(service.type, name)
         self.name: str = client.service_name
         self._response, self._handle = service.type.Response, client.handle
@@ -50,11 +45,7 @@ class Asker:
         return int(self._handle.send_request(request))
 
     def answer(self, asked: Collection[int], timeout: float) -> Any | None:
-        """Wait for the answer to any of the given requests, by number; others are ignored.
-
-        Returns:
-            The first answer, or None if none arrives within ``timeout`` in [s].
-        """
+        """The first answer to any of the requests of these numbers within ``timeout`` in [s]."""
         end = time.monotonic_ns() + int(1e9 * timeout)
         while (left := end - time.monotonic_ns()) > 0:
             self._waiting.clear_entities()
@@ -67,11 +58,9 @@ class Asker:
 
 
 class TemporaryNode:
-    """A node with a context of its own, which joins the ROS graph for a while.
+    """A node with a context of its own, which joins a domain of the ROS graph for a while.
 
-    Args:
-        name: The beginning of its name.
-        domain: ROS domain; None for that of the environment.
+    Its name begins with ``name``; the domain None is that of the environment.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:
@@ -119,12 +108,7 @@ class TemporaryNode:
 
 
 class Caller(TemporaryNode):
-    """A node that calls services of other nodes.
-
-    Args:
-        timeout: How long to wait for a node, and for each of its answers, in [s].
-        domain: ROS domain; None for that of the environment.
-    """
+    """A node that calls services; it waits ``timeout`` in [s] for a node, and for each answer."""
 
     def __init__(self, timeout: float, domain: int | None = None) -> None:
         super().__init__("arm_call", domain)
@@ -139,16 +123,9 @@ class Caller(TemporaryNode):
         super().close()
 
     def ask(self, node: str, service: Service, request: Any, repeatable: bool = True) -> Any:
-        """Call a service; a request without an answer is repeated.
+        """The response of a node, given by its name with its namespace, if it has one.
 
-        Args:
-            node: Name of the node, with its namespace if it has one.
-            service: The service.
-            request: The request.
-            repeatable: Whether the request may be sent twice.
-
-        Returns:
-            The response.
+        A request without an answer is repeated if it is ``repeatable``.
 
         Raises:
             InvalidInput: If no node can have that name.

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,12 +67,6 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
     ``robot_description``, the topic. A description is URDF text, never the name of a file, so no
     message makes a node read files.
 
-    Args:
-        node: The node.
-        given: Argument of the constructor: anything ``load_scene`` accepts, or None.
-        scene: The parameter ``scene``.
-        params: The parameters about the description.
-
     Raises:
         ArmError: If there is none, or it cannot be used.
     """
@@ -87,11 +82,7 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
 
 
 def described_scene(text: str, limits: DescriptionLimits) -> Scene:
-    """The scene of a robot description, which is refused if it is too large.
-
-    Args:
-        text: URDF as XML.
-        limits: The node's limits.
+    """The scene of a robot description, which is URDF as XML.
 
     Raises:
         ModelError: If it exceeds them or cannot be used.
@@ -114,19 +105,15 @@ def tell_unused(node: Node, description: str) -> None:
 
 
 def _awaited(node: Node, timeout: float) -> str:
-    topic, newest = node.resolve_topic_name(ROBOT_DESCRIPTION.name), None
-    end = time.monotonic() + timeout
+    topic = node.resolve_topic_name(ROBOT_DESCRIPTION.name)
     if timeout:
         node.get_logger().info(f"no scene: waiting for a robot description on {topic}")
-        newest = PolledSubscription(node, ROBOT_DESCRIPTION)
-    try:
-        while newest is not None and time.monotonic() < end:
-            if (taken := newest.take()) is not None:
-                return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
-            time.sleep(_GLANCE)
-    finally:
-        if newest is not None:
-            newest.close()
+        end = time.monotonic() + timeout
+        with closing(PolledSubscription(node, ROBOT_DESCRIPTION)) as newest:
+            while time.monotonic() < end:
+                if (taken := newest.take()) is not None:
+                    return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
+                time.sleep(_GLANCE)
     raise InvalidInput(
         "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "
         f"parameter 'robot_description' or on {topic}, where none arrived within {timeout:g} s"

@@ -6,8 +6,6 @@ from __future__ import annotations
 import time
 from ctypes import addressof, byref
 
-from rclpy.node import Node
-
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.joint_state import address
@@ -43,11 +41,6 @@ class AnswerLog:
         repeated = library().is_repeated(byref(self._last), raw, len(raw))
         return self._command if repeated else None
 
-    def pass_over(self, why: str) -> None:
-        """Count a state that could not be used."""
-        self.passed_over += 1
-        self.unusable = why
-
     def note(self, raw: bytes, command: bytes) -> None:
         """Store an answer."""
         if len(raw) > self._last.room:
@@ -67,13 +60,7 @@ class AnswerLog:
         self._last.raw, self._last.room = address(self._memory), size
 
     def add(self, count: int, seen: float, command: bytes) -> None:
-        """Log answers given by C.
-
-        Args:
-            count: Their number.
-            seen: Time of the last one in [s], of the monotonic clock.
-            command: The last answer.
-        """
+        """Log answers of C: their number, the monotonic time of the last one in [s], and it."""
         self._answers += count
         self._seen, self._command = seen, command
 
@@ -82,24 +69,15 @@ class AnswerLog:
         self._last.length = 0
 
     def finding(
-        self, node: Node, controller: str, cut: list[str], goals: dict[str, str | int],
+        self, controller: str, cut: list[str], goals: dict[str, str | int],
         answers: dict[str, str | int | float],
     ) -> Finding:  # fmt: skip
-        """Condition of the controller, for ``/diagnostics``.
-
-        Args:
-            node: The controller.
-            controller: Name of the active controller.
-            cut: Joints whose torque was clipped at its limit.
-            goals: Outcome of the newest goal, and the number of ``goals refused``.
-            answers: Values about answers in C.
-        """
+        """Condition of the controller, for ``/diagnostics``; ``cut``: joints at effort limits."""
         now, found = time.monotonic(), Finding("controller")
-        executor = type(node.executor).__name__ if node.executor is not None else "none"
         found.values = {
             "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
-            "jumps of time": self.jumps, **goals, "executor": executor, **answers,
+            "jumps of time": self.jumps, **goals, **answers,
         }  # fmt: skip
         found.add(ERROR, self.failure)
         if now - self._seen > SILENCE:

@@ -7,7 +7,8 @@ import time
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import PERIOD, Alarm, publishers, two_publish
+from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
+from arm_dynamics.ros.common.diagnostics import PERIOD
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.controller.controller_library import HEADER
 from arm_dynamics.ros.interfaces import JOINT_STATES

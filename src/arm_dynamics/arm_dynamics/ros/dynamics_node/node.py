@@ -73,15 +73,10 @@ class DynamicsNode(Node):
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
             watch(self, params, self._redescribe, renewed=["robot_description"])
-        self._offer()
-        self._diagnosis = Diagnosis(self, self.diagnostics)
-
-    def _offer(self) -> None:
-        """Offer the services, by C where it is available and supports them, else by Python."""
         answers = {
             service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
         }
-        with suppress(KernelError):  # without compiled code
+        with suppress(KernelError):  # without compiled code, Python answers all
             self._compiled = CompiledServices(
                 self, native(), lambda service, *said: answers[service](*said),
                 lambda: self._dynamics, self._lock,
@@ -90,6 +85,7 @@ class DynamicsNode(Node):
         for service, callback in answers.items():
             if service not in in_c:
                 self.create_service(service.type, service.name, callback)
+        self._diagnosis = Diagnosis(self, self.diagnostics)
 
     def destroy_node(self) -> None:
         """End the services, and the node."""
@@ -153,7 +149,7 @@ class DynamicsNode(Node):
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
         in_c = None if self._compiled is None else self._compiled.counts
-        return [self._counts.finding(self, in_c)]
+        return [self._counts.finding(in_c)]
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; errors are reported in the response."""

@@ -36,12 +36,7 @@ class TopicRecorder(Node):
     _complete = False  # a node that could not be built is destroyed, too, by Kilted's rclpy
 
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
-        """Create the file.
-
-        Args:
-            path: ``.mcap``, or a bag's folder.
-            topics: Their names; all topics, including later ones, if none is named.
-            **node_kwargs: For ``rclpy.node.Node``.
+        """Create the file, ``.mcap`` or a bag's folder, for all topics if none is named.
 
         Raises:
             InvalidInput: If the path has another suffix, or exists already, or a name is not that
@@ -101,9 +96,9 @@ class TopicRecorder(Node):
                 DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
             ),
         )
-        definition, self.count[topic] = definition_of(kind), 0
         about = LATCHED if latched else ""
-        channel = self.thread.channel(topic, kind, definition, about)
+        channel = self.thread.channel(topic, kind, definition_of(kind), about)
+        self.count[topic] = 0
         take = partial(self._take, topic, channel)
         self.create_subscription(type_, topic, take, profile, raw=True)
 

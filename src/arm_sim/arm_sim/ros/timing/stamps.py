@@ -66,12 +66,9 @@ class NodeTime(Structure):
     name = ROS
 
     def __init__(
-        self,
-        clock: Any,
-        tick: int,
-        system: Callable[[], int] = time.time_ns,
+        self, clock: Any, tick: int, system: Callable[[], int] = time.time_ns,
         steady: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(tick=tick, simulated=-1, free=True)
         self._clock, self._system, self._steady = clock, system, steady
         self.follow(c_int64())
