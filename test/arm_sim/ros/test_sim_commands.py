@@ -174,26 +174,28 @@ def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
     np.testing.assert_array_equal(acting(node), [0.5, 0.7])
 
 
-BAD = [
-    ({"name": ["nobody"], "effort": [1.0]}, "unknown joints nobody"),
-    ({"name": list(NAMES), "effort": [1.0]}, "effort has 1 numbers for 2 joints"),
-    ({"name": list(NAMES), "effort": [1.0, np.nan]}, "is nan; allowed: finite numbers"),
-    ({"name": list(NAMES), "effort": [np.inf, 1.0]}, "is inf; allowed: finite numbers"),
-    ({"name": list(NAMES), "position": [1.0]}, "position has 1 numbers for 2 joints"),
-    ({"name": list(NAMES), "velocity": [np.inf, 1.0]}, "is inf; allowed: finite numbers"),
-    ({"name": list(NAMES)}, "effort has 0 numbers"),
-    ({}, "are missing"),
-]
-
-
-def test_bad_commands_are_passed_over(node: SimNode, capfd: pytest.CaptureFixture[str]) -> None:
-    for fields, complaint in BAD:
-        node.inputs.on_joint_commands(command(name=list(NAMES), effort=TAU))
-        node.inputs.on_joint_commands(command(**fields))
-        np.testing.assert_array_equal(acting(node), TAU)
-        said = capfd.readouterr().err
-        assert "command ignored" in said
-        assert complaint in said
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"name": ["nobody"], "effort": [1.0]}, "unknown joints nobody"),
+        ({"name": list(NAMES), "effort": [1.0]}, "effort has 1 numbers for 2 joints"),
+        ({"name": list(NAMES), "effort": [1.0, np.nan]}, "is nan; allowed: finite numbers"),
+        ({"name": list(NAMES), "effort": [np.inf, 1.0]}, "is inf; allowed: finite numbers"),
+        ({"name": list(NAMES), "position": [1.0]}, "position has 1 numbers for 2 joints"),
+        ({"name": list(NAMES), "velocity": [np.inf, 1.0]}, "is inf; allowed: finite numbers"),
+        ({"name": list(NAMES)}, "effort has 0 numbers"),
+        ({}, "are missing"),
+    ],
+)
+def test_bad_commands_are_passed_over(
+    node: SimNode, fields: dict[str, Any], complaint: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node.inputs.on_joint_commands(command(name=list(NAMES), effort=TAU))
+    node.inputs.on_joint_commands(command(**fields))
+    np.testing.assert_array_equal(acting(node), TAU)
+    said = capfd.readouterr().err
+    assert "command ignored" in said
+    assert complaint in said
 
 
 def test_mimic_joints_may_be_commanded_as_they_follow(

@@ -284,7 +284,9 @@ def clock_owner(ros: Ros, namespace: str) -> SimNode:
 
 
 @pytest.mark.ros
-def test_the_clock_is_where_use_sim_time_listens(ros: Ros) -> None:
+def test_the_clock_is_on_request_where_use_sim_time_listens(ros: Ros) -> None:
+    by_hand(ros)
+    assert not ros.peer.count_publishers("/clock")
     node = clock_owner(ros, "left")
     heard = ros.listen(Clock, "/clock")
     ros.spin_until(lambda: ros.peer.count_publishers("/clock") == 1)

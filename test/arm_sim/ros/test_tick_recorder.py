@@ -110,20 +110,6 @@ def test_a_change_while_brakes_hold_counts_once(tmp_path: Path) -> None:
     assert np.ptp(loaded.energy) > 1.0 and not loaded.balance.round(12).any()
 
 
-def test_a_scene_without_tunable_quantities_may_be_reset_and_moved(tmp_path: Path) -> None:
-    engine, path = engine_of(scene(tunable=[])), tmp_path / "run.mcap"
-    recorder = TickRecorder(path, engine)
-    run(engine, 20)
-    engine.change(lambda: engine.simulator.set_state([0.4, -0.3], [0.0, 0.5]))
-    run(engine, 20)
-    engine.reset()
-    run(engine, 20)
-    recorder.close()
-    loaded = Recording.load(path)
-    assert [jump.row for jump in loaded.jumps] == [20, 40]
-    assert replay(loaded).equal
-
-
 def test_an_event_after_a_reset_is_at_the_time_of_the_recording(tmp_path: Path) -> None:
     engine, path = engine_of(scene()), tmp_path / "run.mcap"
     recorder = TickRecorder(path, engine)
