@@ -121,7 +121,7 @@ def test_a_state_is_published_again_once_for_each_time_of_waiting(ros: Ros) -> N
     for count in 1, 2:
         sim.lockstep.waiting.asked -= 100 * 10**9
         for _ in range(3):
-            sim.lockstep.look()
+            sim.lockstep.watch()
         assert sim.lockstep.asked_again == count
     ros.spin_until(lambda: len(heard) == 2)
     answer(sim, 5_000_000)
@@ -185,7 +185,7 @@ def test_paused_it_does_not_wait_for_commands(ros: Ros) -> None:
     sim.lockstep.waiting.first = sim.lockstep.waiting.asked = 0  # long ago
     heard = ros.listen(JointState, "/joint_states")
     for _ in range(5):
-        sim.lockstep.look()
+        sim.lockstep.watch()
     ros.spin_until(lambda: heard)
     assert 1 <= len(heard) <= 2  # each time that 0.1 s have passed, of 0.04 s
     assert not sim.lockstep.gone and sim.lockstep.asked_again == 0

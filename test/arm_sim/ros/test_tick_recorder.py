@@ -322,7 +322,7 @@ def test_messages_larger_than_a_chunk_are_recorded(tmp_path: Path) -> None:
 def test_whatever_goes_wrong_in_the_thread_is_said(tmp_path: Path) -> None:
     said: list[str] = []
     engine = engine_of(scene())
-    recorder = TickRecorder(tmp_path / "run.mcap", engine, tell=said.append)
+    recorder = TickRecorder(tmp_path / "run.mcap", engine, on_failure=said.append)
     recorder.thread.mcap.flush = lambda: 1 / 0
     run(engine, 10)
     recorder.close()
@@ -379,7 +379,7 @@ PROGRAM = """
 
     engine = engine_of(scene())
     said = []
-    recorder = TickRecorder(Path({path!r}), engine, tell=said.append)
+    recorder = TickRecorder(Path({path!r}), engine, on_failure=said.append)
     if {limit}:
         resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
     print("begun", flush=True)

@@ -24,7 +24,7 @@ from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _RSP = "robot_state_publisher"
-_GLANCE, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
+_PERIOD, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
 
 
 class AllJointStates:
@@ -81,17 +81,17 @@ class Display:
             if (topics := frames_topics()) is not None:
                 about = Links(model), joints.names, params.frame_prefix
                 self._tf, self.frames = Frames(node, *about, *topics), "published"
-        self._looks, self._heard, self._wanted = count(), False, False
+        self._updates, self._heard, self._wanted = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
         self._timer.cancel()
-        self._watch = steady_timer(node, _GLANCE, self.look)
+        self._update_timer = steady_timer(node, _PERIOD, self.update)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Check for subscribers, and start or stop publishing."""
         idle = not (self._heard or self._wanted)
         self._heard, self._wanted = self._states.heard, False
         if self._tf is not None:
-            if next(self._looks) % _SELDOM == 0:
+            if next(self._updates) % _SELDOM == 0:
                 self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
             self._wanted = self.frames == "published" and self._tf.heard
         if not (self._heard or self._wanted):

@@ -49,11 +49,11 @@ class Inputs:
         self._model = engine.simulator.model
         self._limit = self._model.command_limit.tolist()
         self._joints = JointCommands(self._model, engine.arbiter.admit)
-        ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
+        options = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **ways)
+        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **options)
         self.reader = JointStateReader(
-            names, ("effort",), other=references, admit=self._joints.admit, **ways
+            names, ("effort",), other=references, admit=self._joints.admit, **options
         )
         self._newest: PolledSubscription | None = None
         self._again: Callable[[], tuple[bytes, int] | None] = lambda: None

@@ -42,13 +42,13 @@ class Lockstep:
         self._log = node.get_logger()
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
-        self._glance = 0.5 * params.lockstep_retry
+        self._period = 0.5 * params.lockstep_retry
         self.asked_again = 0
         self.gone = False
         self.waiting = LOOP.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.read_from(self._subscription.handle.pointer, self._take)
-        steady_timer(node, self._glance, self.look)
+        steady_timer(node, self._period, self.watch)
         engine.on_jump.append(self.wait)
         engine.on_pause += [outputs.publish, self.wait]
 
@@ -81,10 +81,10 @@ class Lockstep:
         self.waiting.stamp = -1 if self._engine.paused else self._engine.stamp
         self.waiting.asked = self.waiting.first = time.monotonic_ns()
 
-    def look(self) -> None:
+    def watch(self) -> None:
         """Publish the state again, or report the partner gone, when it is time."""
         if self._engine.paused:
-            self._outputs.repeat(self._glance)
+            self._outputs.repeat(self._period)
             return
         now = time.monotonic_ns()
         if not self.gone and now - self.waiting.first > self._timeout:

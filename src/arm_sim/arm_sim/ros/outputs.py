@@ -31,7 +31,7 @@ from arm_sim.ros.timing.stamps import ROS, NodeTime, SimulatedTime
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
-_GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics
+_POLL = 0.5  # [s] between checks for subscribers of infrequent topics
 
 
 class DriveTorques:
@@ -120,7 +120,7 @@ class Outputs:
         self.energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
         if self._by_the_clock:
             self.energy.watch(period / (params.realtime_factor or 1.0))
-            steady_timer(node, _GLANCE, self._look)
+            steady_timer(node, _POLL, self._update)
         self.tap: Callable[[Topic, int, bytes], None] | None = None
         self._share(params.publish_every)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))
@@ -141,10 +141,10 @@ class Outputs:
             self._engine.on_seldom.append(self._publish_seldom)
         ticks.answer(fill=self._fill, unsent=self._unsent)
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         """Prepare for readers and clocks that came or went; not in the ticking thread."""
-        self.stamps.see()
-        self.energy.look()
+        self.stamps.update_source()
+        self.energy.update()
 
     def publish(self) -> None:
         """Publish the current state, and the clock."""

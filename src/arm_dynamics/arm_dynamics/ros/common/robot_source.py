@@ -23,7 +23,7 @@ FROM_SCENE, FROM_PARAMETER, FROM_TOPIC = "scene", "parameter", "topic"
 MOST_JOINTS = 200
 """Largest limit of ``max_joints``: Pinocchio's memory grows with the cube of the joints, and it
 needs 0.1 s and 0.1 GB for 128, 0.2 s and 0.3 GB for 200."""
-_GLANCE = 0.02  # [s] between polls for a description
+_POLL = 0.02  # [s] between polls for a description
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
         ArmError: If there is none, or it cannot be used.
     """
     if given is not None or scene:
-        tell_unused(node, params.robot_description)
+        warn_unused(node, params.robot_description)
         found, source = load_scene(given if given is not None else scene), FROM_SCENE
     elif params.robot_description:
         found, source = described_scene(params.robot_description, params), FROM_PARAMETER
@@ -96,7 +96,7 @@ def described_scene(text: str, limits: DescriptionLimits) -> Scene:
     return scene_from_urdf(text, most_joints=limits.max_joints)
 
 
-def tell_unused(node: Node, description: str) -> None:
+def warn_unused(node: Node, description: str) -> None:
     """Warn that a description given at start is not used, because there is a scene."""
     if description:
         node.get_logger().warning(
@@ -113,7 +113,7 @@ def _awaited(node: Node, timeout: float) -> str:
             while time.monotonic() < end:
                 if (taken := newest.take()) is not None:
                     return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
-                time.sleep(_GLANCE)
+                time.sleep(_POLL)
     raise InvalidInput(
         "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "
         f"parameter 'robot_description' or on {topic}, where none arrived within {timeout:g} s"

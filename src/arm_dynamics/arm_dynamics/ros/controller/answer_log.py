@@ -30,14 +30,14 @@ class AnswerLog:
     def __init__(self) -> None:
         self._last, self._command = HEADER.structure("last_t")(), b""
         self._make_room(_ROOM)
-        self._seen = self._since = time.monotonic()
+        self._last_state = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
         self.failure = self.unusable = ""
         self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
         """The answer to this state if it is the last one, else None."""
-        self._seen = time.monotonic()
+        self._last_state = time.monotonic()
         repeated = library().is_repeated(byref(self._last), raw, len(raw))
         return self._command if repeated else None
 
@@ -59,10 +59,10 @@ class AnswerLog:
         self._memory = bytearray(size)
         self._last.raw, self._last.room = address(self._memory), size
 
-    def add(self, count: int, seen: float, command: bytes) -> None:
+    def add(self, count: int, at: float, command: bytes) -> None:
         """Log answers of C: their number, the monotonic time of the last one in [s], and it."""
         self._answers += count
-        self._seen, self._command = seen, command
+        self._last_state, self._command = at, command
 
     def forget(self) -> None:
         """Compute the answer to the next state even if it repeats the last one."""
@@ -76,12 +76,12 @@ class AnswerLog:
         now, found = time.monotonic(), Finding("controller")
         found.values = {
             "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
-            "last state [s]": now - self._seen, "states passed over": self.passed_over,
+            "last state [s]": now - self._last_state, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, **answers,
         }  # fmt: skip
         found.add(ERROR, self.failure)
-        if now - self._seen > SILENCE:
-            found.add(ERROR, f"no joint state for {now - self._seen:.1f} s")
+        if now - self._last_state > SILENCE:
+            found.add(ERROR, f"no joint state for {now - self._last_state:.1f} s")
         if grown := self._growth.of("passed over", self.passed_over):
             found.add(WARN, f"{grown} joint states ignored: {self.unusable}")
         self._growth.warn(found, int(goals["goals refused"]), "goals refused")

@@ -39,7 +39,7 @@ class Jumps:
         longest, self._before.longest = self._before.longest, 0
         return float(1e-9 * longest)
 
-    def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
+    def detect(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
         """Describe a jump of time or of the arm since the last state; empty if there is none.
 
         The ``longest`` time in [s] is allowed, and the ``farthest`` displacement of a joint beyond

@@ -105,7 +105,7 @@ class ControllerSelection:
 
     def watch(self) -> None:
         """Follow the parameters from now on."""
-        self._tell_overreach()
+        self._check_overreach()
         self._go_back = watch(self._node, self.params, self._apply)
 
     def obstacle(self) -> str:
@@ -162,7 +162,7 @@ class ControllerSelection:
                 switch()
             else:
                 self.builder.start(job, lambda built: self._finish_switch(built, switch))
-            self._tell_overreach()
+            self._check_overreach()
 
     def _finish_switch(self, built: Callable[[], object], switch: Callable[[], None]) -> None:
         try:
@@ -172,11 +172,11 @@ class ControllerSelection:
             self._node.get_logger().error(f"{kept}: {plain(error)}")
             self.params = self.active_params
             self._go_back(self.active_params)
-            self._tell_overreach()
+            self._check_overreach()
         else:
             switch()
 
-    def _tell_overreach(self) -> None:
+    def _check_overreach(self) -> None:
         """Warn of gains that the loop, as late as it is now, does not carry."""
         settings, chosen = self._settings(self.params), self._loaded.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)

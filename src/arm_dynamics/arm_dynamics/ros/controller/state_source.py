@@ -49,10 +49,10 @@ class StateSource:
 
     def check_conflict(self) -> None:
         """Look whether both were heard within the last half second."""
-        shared, words = self.shared, ""
+        shared, message = self.shared, ""
         if time.monotonic_ns() - min(shared.heard, shared.ignored) < SILENCE // 2:
             names = publishers(self._node, self._topic)
             one, other = (names.get(bytes(x), "unknown") for x in (shared.who, shared.other))
             one, other = f"'{one}', which is followed", f"'{other}', which is not"
-            words = two_publish(self._topic, one, other)
-        self.alarm.set(words)
+            message = two_publish(self._topic, one, other)
+        self.alarm.set(message)

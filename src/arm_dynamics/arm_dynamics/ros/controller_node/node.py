@@ -243,7 +243,7 @@ class ControllerNode(Node):
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         goals, params = self.goals, self.params
-        jump = self._jumps.look(stamp, state, params.gap_limit, params.jump_limit)
+        jump = self._jumps.detect(stamp, state, params.gap_limit, params.jump_limit)
         if jump:
             self._log.jumps += 1
             self.control.restart()

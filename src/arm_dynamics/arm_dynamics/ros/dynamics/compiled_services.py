@@ -78,8 +78,7 @@ class _Known:
     def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
         self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
-        said = service.type.Response(success=True, joint_names=names)
-        self._response = CMessage.of(said)
+        self._response = CMessage.of(service.type.Response(success=True, joint_names=names))
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.answer = _Answer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
@@ -194,8 +193,8 @@ class CompiledServices:
                     self._builder.deliver()
                     self._compile(k)
             except Exception as error:
-                said = f"a request was ignored after an unexpected failure: {error!r}"
-                self._log.error(plain(said))
+                text = f"a request was ignored after an unexpected failure: {error!r}"
+                self._log.error(plain(text))
 
     def _compile(self, k: int) -> None:
         """Start compiling the answer to a service, once that is worth it."""

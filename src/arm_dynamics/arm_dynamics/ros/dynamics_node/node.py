@@ -21,7 +21,7 @@ from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
-from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, tell_unused
+from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, warn_unused
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 
@@ -65,7 +65,7 @@ class DynamicsNode(Node):
         self._params = params = declare(self, DynamicsParams)
         scene = scene if scene is not None else params.scene or None
         if scene is not None:
-            tell_unused(self, params.robot_description)
+            warn_unused(self, params.robot_description)
             self.load(scene)
             watch(self, params, _refuse)
         else:
@@ -78,7 +78,7 @@ class DynamicsNode(Node):
         }
         with suppress(KernelError):  # without compiled code, Python answers all
             self._compiled = CompiledServices(
-                self, native(), lambda service, *said: answers[service](*said),
+                self, native(), lambda service, *call: answers[service](*call),
                 lambda: self._dynamics, self._lock,
             )  # fmt: skip
         in_c = [service for service, *_ in COMPILED] if self._compiled else []

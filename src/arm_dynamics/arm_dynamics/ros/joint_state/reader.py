@@ -213,13 +213,13 @@ class JointStateReader:
         oldest, layout = self._learned % _KINDS, kind.layout
         self._kinds[oldest : oldest + 1] = [kind]
         self._learned += 1
-        told = self._state.kinds[oldest]
-        told.size, told.place = len(layout.fixed), kind.order.ctypes.data
-        told.follows, told.followers = kind.followers.ctypes.data, len(kind.followers)
-        told.fixed, told.expected = (
+        shared = self._state.kinds[oldest]
+        shared.size, shared.place = len(layout.fixed), kind.order.ctypes.data
+        shared.follows, shared.followers = kind.followers.ctypes.data, len(kind.followers)
+        shared.fixed, shared.expected = (
             ctypes.cast(part, c_void_p).value for part in (layout.fixed, layout.expected)
         )
-        told.at[: len(self._fields)] = [
+        shared.at[: len(self._fields)] = [
             layout.places[FIELDS.index(f)] if getattr(message, f) else -1 for f in self._fields
         ]
 

@@ -71,7 +71,7 @@ class Chunk(Structure):
 
 
 class ChunkThread:
-    """Writes messages to a file, which it closes; ``tell`` gets the message of a failure.
+    """Writes messages to a file, which it closes; ``on_failure`` gets the message of a failure.
 
     Attributes:
         lock: Held while ``chunk`` and ``room`` are used.
@@ -83,8 +83,10 @@ class ChunkThread:
         failure: Reason why writing has stopped; empty while it has not.
     """
 
-    def __init__(self, mcap: McapWriter, tell: Callable[[str], None] = lambda text: None) -> None:
-        self.mcap, self._tell = mcap, tell
+    def __init__(
+        self, mcap: McapWriter, on_failure: Callable[[str], None] = lambda text: None
+    ) -> None:
+        self.mcap, self._on_failure = mcap, on_failure
         self.lost, self.trouble, self.failure = 0, "the disk is slow", ""
         self._closed = False
         self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
@@ -215,7 +217,7 @@ class ChunkThread:
             f"recording stopped after {self.written} bytes, which remain readable: "
             f"{f'{full} ({why})' if full else why}"
         )
-        self._tell(self.failure)
+        self._on_failure(self.failure)
 
     def _end(self) -> None:
         try:

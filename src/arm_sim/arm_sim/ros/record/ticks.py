@@ -74,12 +74,12 @@ class TickRecorder:
         prefix: str = "/sim",
         states: str = "/joint_states",
         topics: Mapping[str, tuple[str, str]] = MappingProxyType({}),
-        tell: Callable[[str], None] = lambda text: None,
+        on_failure: Callable[[str], None] = lambda text: None,
     ) -> None:
         """Create the file, ``.mcap`` or a bag's folder, and attach to the engine.
 
         ``prefix`` is that of the suite's topics, ``topics`` are types and definitions of those
-        passed to ``message``; another thread calls ``tell`` with the message of a failure.
+        passed to ``message``; another thread calls ``on_failure`` with the message of a failure.
 
         Raises:
             InvalidInput: If the path has another suffix, or exists already.
@@ -92,7 +92,7 @@ class TickRecorder:
         begin = self.file.channel
         self.channels = {topic: begin(topic, *about) for topic, about in topics.items()}
         self.channels[states] = self.file.states
-        self.thread = ChunkThread(self.file, tell)
+        self.thread = ChunkThread(self.file, on_failure)
         self._copy = TickCopy(arm, self.file.ticks, self.file.states)
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()

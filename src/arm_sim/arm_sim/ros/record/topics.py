@@ -19,7 +19,7 @@ from arm_sim.recording.files.messages import LATCHED
 from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.definitions import definition_of, type_of
 
-_LOOK = 0.5  # [s] between checks for new topics
+_PERIOD = 0.5  # [s] between checks for new topics
 _DEPTH = 1000  # length of the message queue
 
 
@@ -49,8 +49,8 @@ class TopicRecorder(Node):
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
         self._complete = True
-        self.look()
-        self.create_timer(_LOOK, self.look)
+        self.discover()
+        self.create_timer(_PERIOD, self.discover)
 
     def _resolved(self, topic: str) -> str:
         try:
@@ -62,7 +62,7 @@ class TopicRecorder(Node):
             ) from None
         return str(self.resolve_topic_name(topic))
 
-    def look(self) -> None:
+    def discover(self) -> None:
         """Subscribe to topics that are new."""
         for topic, kinds in self.get_topic_names_and_types():
             if topic in self.count or topic in self.passed_over:
