@@ -42,9 +42,9 @@ class RequestCounts:
     def finding(self, in_c: Any | None) -> Finding:
         """The counts, for ``/diagnostics``, with ``counts_t`` of services.h if C answers, too."""
         now, found = time.monotonic(), Finding("services")
-        answered, lost, by_c = (
-            (in_c.answered, in_c.lost, 1e-9 * in_c.busy) if in_c else (0, 0, 0.0)
-        )
+        answered, lost, by_c = 0, 0, 0.0
+        if in_c is not None:
+            answered, lost, by_c = in_c.answered, in_c.lost, 1e-9 * in_c.busy
         busy, self._before = self._busy + by_c - self._before, by_c
         found.values = {
             "requests": self._asked + answered, "refused": self._refused,
