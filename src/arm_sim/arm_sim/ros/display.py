@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics for visualization: joint states of all joints, and frames, at a low rate."""
+"""Topics for visualization: joint states of all joints, locked and mimic ones too, and frames."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 
@@ -16,14 +17,34 @@ from arm_dynamics.model.description import AllJoints, Links
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics
-from arm_sim.ros.robot.all_joints import AllJointStates
-from arm_sim.ros.robot.robot_params import RobotParams
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _RSP = "robot_state_publisher"
-_GLANCE, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
+_PERIOD, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
+
+
+class AllJointStates:
+    """Arrays for all joints, filled from those of the arm's joints.
+
+    Attributes:
+        arrays: Positions, velocities and efforts, each of shape (len(joints.names),).
+    """
+
+    def __init__(self, joints: AllJoints, own: Sequence[Array]) -> None:
+        """Use these joints, and the published arrays of the arm's own joints."""
+        self._joints, self._own = joints, tuple(own)
+        self.arrays = tuple(np.zeros(len(joints.names)) for _ in own)
+
+    def fill(self) -> None:
+        """Copy the current contents of the arm's arrays."""
+        (q, v, tau), (all_q, all_v, all_tau) = self._own, self.arrays
+        all_q[:] = self._joints.positions(q)
+        all_v[:] = self._joints.velocities(v)
+        all_tau[: tau.size] = tau
 
 
 class Display:
@@ -37,21 +58,13 @@ class Display:
     """
 
     def __init__(
-        self,
-        node: Node,
-        engine: TickEngine,
-        params: RobotParams,
-        arrays: Sequence[Array],
+        self, node: Node, engine: TickEngine, params: SimParams, arrays: Sequence[Array],
         stamp: Callable[[], int],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Advertise the topics.
 
-        Args:
-            node: The node.
-            engine: The engine.
-            params: Rate and names.
-            arrays: Positions, velocities and efforts of ``joint_states``, each of shape (n,).
-            stamp: Returns the stamp of the current state in [ns]; for the ticking thread.
+        ``arrays`` are positions, velocities and efforts of ``joint_states``, each of shape (n,);
+        ``stamp`` returns the stamp of the current state in [ns], in the ticking thread.
         """
         self._engine, self._own, self._stamp = engine, arrays, stamp
         model = engine.simulator.model
@@ -64,17 +77,23 @@ class Display:
         writer = JointStateWriter(joints.names, frame_id=params.frame_id)
         self._states = JointStateSink(node, ALL_JOINT_STATES, writer, self._all.arrays)
         if params.publish_tf:
-            self._tf = Frames.where_possible(node, Links(model), joints.names, params.frame_prefix)
-            self.frames = "published" if self._tf else "not published: tf2_msgs is not installed"
-        self._looks, self._heard, self._wanted = count(), False, False
+            self.frames = "not published: tf2_msgs is not installed"
+            if (topics := frames_topics()) is not None:
+                about = Links(model), joints.names, params.frame_prefix
+                self._tf, self.frames = Frames(node, *about, *topics), "published"
+        self._updates, self._heard, self._wanted = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
         self._timer.cancel()
-        self._watch = steady_timer(node, _GLANCE, self.look)
+        self._update_timer = steady_timer(node, _PERIOD, self.update)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Check for subscribers, and start or stop publishing."""
         idle = not (self._heard or self._wanted)
-        self._heard, self._wanted = self._states.heard, self._frames_wanted()
+        self._heard, self._wanted = self._states.heard, False
+        if self._tf is not None:
+            if next(self._updates) % _SELDOM == 0:
+                self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
+            self._wanted = self.frames == "published" and self._tf.heard
         if not (self._heard or self._wanted):
             self._timer.cancel()
         elif idle:
@@ -89,7 +108,7 @@ class Display:
         self._all.fill()
         if self._heard:
             self._states.send(stamp)
-        if self._wanted and self._tf is not None:
+        if self._wanted:
             self._tf.publish(stamp, self._all.arrays[0])
 
     def _copy(self) -> int:
@@ -97,23 +116,16 @@ class Display:
             copy[:] = array
         return self._stamp()
 
-    def _frames_wanted(self) -> bool:
-        if self._tf is None:
-            return False
-        if next(self._looks) % _SELDOM == 0:
-            self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
-        return self.frames == "published" and self._tf.heard
-
 
 class Frames:
     """Transforms of the links: the fixed ones once (latched), the others on request."""
 
     def __init__(
-        self, node: Node, links: Links, names: Sequence[str], prefix: str, topics: Any
-    ) -> None:
+        self, node: Node, links: Links, names: Sequence[str], prefix: str, moving: Topic,
+        still: Topic,
+    ) -> None:  # fmt: skip
         """Advertise, and publish the fixed ones; ``names`` are the joints of later positions."""
         self._node, self._links, self._names = node, links, names
-        moving, still = topics
         self._publisher, static = advertise(node, moving), advertise(node, still)
         self._topic = node.resolve_topic_name(moving.name)
         links.place({})
@@ -122,14 +134,6 @@ class Frames:
         _fill(fixed.transforms, links.fixed_transforms(), now)
         static.publish(fixed)
         self._message = moving.type(transforms=_named(links.moving, prefix))
-
-    @classmethod
-    def where_possible(
-        cls, node: Node, links: Links, names: Sequence[str], prefix: str
-    ) -> Frames | None:
-        """Create them if the package tf2_msgs is installed, else return None."""
-        topics = frames_topics()
-        return None if topics is None else cls(node, links, names, prefix, topics)
 
     @property
     def heard(self) -> bool:
