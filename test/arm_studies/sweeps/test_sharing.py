@@ -97,7 +97,7 @@ def test_runs_and_the_building_of_their_world_are_timed_apart(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     World(monkeypatch)
-    result = sharing.work(sharing.Task(recipe=None, jobs=(), kind="any"))  # type: ignore[arg-type]
+    result = sharing.work(sharing.Task(recipe=None, jobs=(), compiled=False))  # type: ignore[arg-type]
     assert (result.seconds, result.making) == (3.0, 2.0)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from arm_dynamics.exceptions import InvalidInput, plain
-from arm_studies.sweeps.world import Row
+from arm_studies.sweeps.runs import Row
 
 NAME = "runs.jsonl"
 _FORMAT = 1

@@ -18,8 +18,8 @@ from arm_dynamics.scene import Scene
 from arm_sim.plant.parameters import Parameters
 from arm_studies.sweeps import keys
 from arm_studies.sweeps.design import Point, distinct, noise_seed
+from arm_studies.sweeps.runs import Job, Recipe
 from arm_studies.sweeps.study import Study
-from arm_studies.sweeps.world import Job, Recipe
 
 _PROBE = 1e-3
 _SOME_FRICTION = 1.0  # [N m] or [N], in equations whose levels are inputs
@@ -119,8 +119,10 @@ class Planner:
             "controller": self.study.controller.model_dump(mode="json"),
             "motion": self.study.motion.model_dump(mode="json"),
         }
+        if isinstance(values.get("controller"), str):  # whose settings stay
+            values = {"controller.name" if k == "controller" else k: v for k, v in values.items()}
         with _about("vary"):
-            return keys.with_values(loop, {_spelled(k, v): v for k, v in values.items()})
+            return keys.with_values(loop, values)
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
         """The content of a scene file with the study's changes merged into it."""
@@ -154,11 +156,6 @@ class Planner:
                 if places := _places(content, key, name):
                     found[key] = places
         return found
-
-
-def _spelled(key: str, value: Any) -> str:
-    """The full key of a value; a controller given by name alone keeps its settings."""
-    return "controller.name" if key == "controller" and isinstance(value, str) else key
 
 
 @contextmanager

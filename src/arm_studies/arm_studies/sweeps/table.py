@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.exceptions import InvalidInput, choices
 from arm_studies.sweeps.design import Point
+from arm_studies.sweeps.runs import DONE, Row
 from arm_studies.sweeps.study import Study
-from arm_studies.sweeps.world import DONE, Row
 
 
 @dataclass(frozen=True)
