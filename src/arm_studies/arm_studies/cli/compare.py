@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.arguments import BagTopic, Band, Figure, Json, Pair, Pairs, Positive, Share
 from arm_sim.cli.command import command
 from arm_sim.cli.output import number, say, table, to_json
@@ -50,7 +51,7 @@ def compare(
         names: Name of a joint in the recording; may be repeated.
     """
     from arm_studies.identification import compare as set_beside
-    from arm_studies.identification.files import read_joint_record
+    from arm_studies.identification.data import read_joint_record
 
     record = read_joint_record(recording, topic)
     scenes, found = [name for name in (scene, scene2) if name is not None], []
@@ -60,9 +61,10 @@ def compare(
             set_beside(name, record, band=band, window=window, last=last, names=dict(names))
         )
     if figure is not None:
-        from arm_studies.cli.comparison_figure import draw
+        from arm_studies.identification.figures import draw_comparison
 
-        draw(found, scenes, figure)
+        warn_if_replaced(figure)
+        draw_comparison(found, scenes, figure)
     if as_json:
         results = [_result(name, made) for name, made in zip(scenes, found, strict=True)]
         click.echo(to_json({"recording": recording, "scenes": results}))

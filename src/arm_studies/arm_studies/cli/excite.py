@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import click
 
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.arguments import (
     Figure,
     Json,
@@ -87,9 +88,9 @@ def excite(
         raise click.UsageError("--box and --frame must be given together")
     from arm_dynamics import Dynamics
     from arm_dynamics.trajectory import JointTrajectory
-    from arm_studies.cli.excitation_figure import draw
     from arm_studies.identification.excitation import Box, Room
     from arm_studies.identification.excitation import excite as find
+    from arm_studies.identification.figures import draw_excitation
 
     dynamics = Dynamics(scene)
     inside = Box(box.rows[0][:3], box.rows[0][3:], frames) if box else None
@@ -110,7 +111,8 @@ def excite(
     out = out or Path("exciting.yaml")
     JointTrajectory.of(best.motion, best.joint_names, turns).save(out)
     figure = figure or out.with_suffix(".png")
-    draw(best.motion, room, figure)
+    warn_if_replaced(figure)
+    draw_excitation(best.motion, room, figure)
     if as_json:
         names = ("condition", "information", "masses", "parameters", "attempts")
         facts = {name: getattr(best, name) for name in names}

@@ -65,12 +65,12 @@ def identify(
             "--total-mass and --mass are not allowed with it"
         )
     from arm_studies.identification import identify as find
-    from arm_studies.identification.files import read_joint_record
+    from arm_studies.identification.data import read_joint_record
     from arm_studies.identification.report import write
 
     records = [read_joint_record(path, topic) for path in recordings]
     if payload is not None:
-        facts, files = _payload(records, scene, payload, out, band, dict(names), as_json)
+        facts, lines, files = _payload(records, scene, payload, out, band, dict(names))
     else:
         found = find(
             scene, records, band=band, effort=dict(units) or effort, names=dict(names),
@@ -85,19 +85,19 @@ def identify(
             "torque_error": found.torque_error, **{name: getattr(found, name) for name in same},
             "scales": dict(zip(found.joint_names, found.scales, strict=True)),
         }  # fmt: skip
-        if not as_json:
-            _show(found)
+        lines = _lines(found)
     if as_json:
         click.echo(to_json({"files": files, **facts}))
     else:
+        say(*lines)
         say(*files)
 
 
 def _payload(
     records: list[JointRecord], scene: str, frame: str, out: Path, band: float | None,
-    names: Mapping[str, str], as_json: bool,
-) -> tuple[dict[str, Any], list[Path]]:  # fmt: skip
-    """Identify only the payload, and write the scene with it."""
+    names: Mapping[str, str],
+) -> tuple[dict[str, Any], list[Any], list[Path]]:  # fmt: skip
+    """Identify only the payload, and write the scene: facts, lines to print, and files."""
     from arm_dynamics import load_scene
     from arm_studies.identification import estimate_payload
     from arm_studies.identification.report import write_scene
@@ -118,16 +118,17 @@ def _payload(
     head = f"# Payload on {frame}, with 95 % intervals:\n{head}"
     carrying = arm.model_copy(update={"payloads": (*arm.payloads, found.payload)})
     files = write_scene(carrying, out, head)
-    if not as_json:
-        columns = ["", "value", "", "95 % interval", ""]
-        say(f"payload on {frame}", table(columns, rows, text=(0, 2, 3, 4)))
-    return {
+    columns = ["", "value", "", "95 % interval", ""]
+    lines = [f"payload on {frame}", table(columns, rows, text=(0, 2, 3, 4))]
+    facts = {
         "payload": found.payload.model_dump(mode="json"), "intervals": found.intervals,
         "scatter": found.scatter, "missing": found.missing,
-    }, files  # fmt: skip
+    }  # fmt: skip
+    return facts, lines, files
 
 
-def _show(found: Identification) -> None:
+def _lines(found: Identification) -> list[Any]:
+    """A table and lines about an identification, to print."""
     from arm_studies.identification.report import joint_rows, share
 
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
@@ -144,4 +145,4 @@ def _show(found: Identification) -> None:
             "errors of the model, not noise, cause most of their width"
         )
     notes = [f"note: {note}" for note in found.notes]
-    say(table(columns, joint_rows(found, 1), text=(0, 4)), *lines, *notes)
+    return [table(columns, joint_rows(found, 1), text=(0, 4)), *lines, *notes]

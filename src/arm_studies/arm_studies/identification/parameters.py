@@ -12,7 +12,7 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.checks import MOVED
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB, EXCESS, VISCOUS, JointFit
-from arm_studies.identification.regression.intervals import Estimates, estimated
+from arm_studies.identification.regression.uncertainty import Estimates, estimated
 
 # Smallest value of a friction term beside viscous and Coulomb, over half its interval.
 SURELY = 1.5

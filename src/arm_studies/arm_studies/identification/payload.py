@@ -18,7 +18,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
-from arm_studies.identification.described import central_inertia
+from arm_studies.identification.identified_scene import central_inertia
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.bandwidth import noise_above
 from arm_studies.identification.regression.efforts import with_age
@@ -26,12 +26,12 @@ from arm_studies.identification.regression.estimation import (
     Mask,
     Prior,
     Problem,
+    consistent_solution,
     deviations,
-    made_possible,
     solved,
 )
-from arm_studies.identification.regression.intervals import STRICT, Estimate, unbiased
 from arm_studies.identification.regression.rows import Rows, Sampled, steady_friction
+from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, Estimate, unbiased
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
@@ -205,8 +205,8 @@ def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
     ball = bodies.numbers_of(np.diag([GUESS**2 / 5.0] * 3 + [1.0]))
     T, z = Prior.near(ball, LOOSE, LOOSE).combined(count * flat, count * y)
     x = solved(T, z)
-    if not bodies.possible(x, 1e-9):
-        x = made_possible(T, z, ball, ball, ())
+    if not bodies.consistent(x, 1e-9):
+        x = consistent_solution(T, z, ball, ball, ())
     return _Fit(rows, places, moved, columns, torque, weights, x)
 
 
@@ -216,7 +216,7 @@ def _without_sticking(fit: _Fit) -> _Fit:
     rest, friction = np.full_like(rows.v, 1e-9), SteadyFriction.of(rows.regressor.model)
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
-    return _fitted(rows.cleared(STRICT * levels, sizes), fit.places, fit.moved)
+    return _fitted(rows.cleared(UNKNOWN_FRICTION * levels, sizes), fit.places, fit.moved)
 
 
 def _alone(rows: Rows) -> Array:

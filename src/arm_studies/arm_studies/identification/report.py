@@ -131,15 +131,9 @@ def joint_rows(found: Identification, digits: int) -> list[list[str]]:
     """Of each joint: name, nominal error and error, residual in [N m] or [N], friction."""
     return [
         [name, share(found.nominal_error[name], digits), share(found.torque_error[name], digits),
-         residual(found, name), friction_words(found, j)]
-        for j, name in enumerate(found.joint_names)
+         "unknown" if math.isnan(left) else f"{left:.3g}", friction_words(found, j)]
+        for j, (name, left) in enumerate(found.torque_residual.items())
     ]  # fmt: skip
-
-
-def residual(found: Identification, joint: str) -> str:
-    """The root mean square residual of a joint on held-out data in [N m] or [N]."""
-    left = found.torque_residual[joint]
-    return "unknown" if math.isnan(left) else f"{left:.3g}"
 
 
 def friction_words(found: Identification, j: int) -> str:

@@ -11,7 +11,7 @@ once, each by an arm in a SIMD lane.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -70,7 +70,7 @@ class Trajectory:
     feedback: Array
     costs: tuple[float, ...] = ()
     damping: float = FIRST
-    verdict: str = field(default="")
+    verdict: str = ""
 
 
 @sealed
@@ -301,10 +301,12 @@ def _check(phases: tuple[Phase, ...]) -> None:
         raise InvalidInput("no phase is given; at least one is expected")
     for phase in phases:
         whole("nodes", phase.nodes, 1)
-    sizes = [_size(phase.simulator) for phase in phases]
-    if len(set(sizes)) > 1:
-        raise InvalidInput(f"phases have states of {[size[0] for size in sizes]} numbers; arms of "
-                           "the same joints and states are expected")  # fmt: skip
+    sizes = [phase.simulator.arm.plant.nx for phase in phases]
+    if len({*zip(sizes, (phase.simulator.joint_names for phase in phases), strict=True)}) > 1:
+        raise InvalidInput(
+            f"phases have states of {sizes} numbers; arms of the same joints and states are "
+            "expected"
+        )
 
 
 def _smoothing(given: float | None, phases: tuple[Phase, ...]) -> float | None:
@@ -316,7 +318,3 @@ def _smoothing(given: float | None, phases: tuple[Phase, ...]) -> float | None:
             f"smoothing is {speed:g}, but the arm has contacts, which it leaves out; allowed: None"
         )
     return speed
-
-
-def _size(simulator: Simulator) -> tuple[int, tuple[str, ...]]:
-    return simulator.arm.plant.nx, simulator.joint_names

@@ -67,9 +67,8 @@ def spread(
     W = densities(model, turning)
     size = W.size2_out(0)
     bodies = size - 3 * n
-    own = [model.armature, model.viscous, model.friction.coulomb.mean, np.ones(bodies)]
-    nominal = ca.DM(np.concatenate([np.broadcast_to(x, bodies if i == 3 else n)
-                                    for i, x in enumerate(own)]))  # fmt: skip
+    own = model.armature, model.viscous, model.friction.coulomb.mean, np.ones(bodies)
+    nominal = ca.DM(np.concatenate(own))
     table = W.map(count)(*motion)
     H = ca.MX(_before(model, size - bodies))
     for j in range(n):

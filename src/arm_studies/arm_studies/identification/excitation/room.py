@@ -143,13 +143,13 @@ class Room:
             found.append(height - self.clearance)
             names.append(f"the distance of '{name}' from its plane")
         box = self.box
-        for frame in () if box is None else box.frames:
+        for frame in box.frames if box else ():
             if not model.has_frame(frame):
                 raise InvalidInput(
                     f"box: unknown frame '{frame}'; allowed: {known_names(model.frame_names)}"
                 )
             place, _ = placement(tree, frame_of(model, frame), q)
-            assert box is not None
+            assert box  # it has the frame
             found += [place - ca.DM(box.lower), ca.DM(box.upper) - place]
             names += [f"the distance of '{frame}' from the {end} side of the box in {axis}"
                       for end in ("lower", "upper") for axis in "xyz"]  # fmt: skip

@@ -42,7 +42,7 @@ def numbers_of(J: Array) -> Array:
     return np.concatenate([[J[3, 3]], J[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
 
 
-def possible(theta: Array, least: float = 0.0) -> bool:
+def consistent(theta: Array, least: float = 0.0) -> bool:
     """Whether the parameters are physically consistent: all eigenvalues of J above ``least``."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(theta)).min() > least)
 

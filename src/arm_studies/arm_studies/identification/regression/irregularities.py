@@ -9,9 +9,9 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB
-from arm_studies.identification.regression.intervals import besides
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.uncertainty import added_coefficients
 
 # Angle in [rad], and standard deviations, above which a tilt of the base is reported.
 TILT, SURELY = 0.01, 5.0
@@ -112,7 +112,7 @@ def ripples(fit: Fit) -> list[str]:
     for j in np.flatnonzero(rows.regressor.turning):
         q, way = rows.q[:, j], np.sign(rows.v[:, j])
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = way * np.sin(q), way * np.cos(q)
-    found, doubt = besides(fit, rows.of_joints(waves))
+    found, doubt = added_coefficients(fit, rows.of_joints(waves))
     sizes, doubts = np.hypot(*found.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
     dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
     return [
@@ -139,7 +139,7 @@ def tilts(fit: Fit) -> list[str]:
     theta, still = fit.theta + regressor.payload, np.zeros_like(rows.q)
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
     torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
-    turn, doubt = besides(fit, rows.of_joints(torques))
+    turn, doubt = added_coefficients(fit, rows.of_joints(torques))
     if (abs(turn) < np.maximum(SURELY * doubt, TILT)).all():
         return []
     better = gravity + turn @ across

@@ -16,8 +16,8 @@ from arm_studies.identification.regression.friction import (
     VISCOUS,
     JointFit,
 )
-from arm_studies.identification.regression.intervals import CERTAIN
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.uncertainty import NORMAL_95
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
 EXACT = 0.1  # Relative residual that is as unlikely as one standard deviation of the bodies.
@@ -172,7 +172,7 @@ def scaled(problem: Problem) -> list[Scale]:
         if gain <= 0.0 or deviation > VAGUE:
             continue
         if abs(np.log(gain)) > max(LIKELY * deviation, np.log(FACTOR)):
-            wide = np.exp(CERTAIN * deviation)
+            wide = np.exp(NORMAL_95 * deviation)
             found.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
     return found
 

@@ -26,18 +26,16 @@ from arm_studies.identification.regression.rows import Rows
 SINGULAR = 1e-7
 # Largest torque, relative to those that are measured, that the standard deviation of a parameter
 # may cause: beyond it, the motion does not determine the parameter.
-VAGUE = 0.1
-
-
+LARGEST_TORQUE = 0.1
 WIDEST = 50.0  # Largest half width of an interval of a logarithm, beyond which numbers overflow.
 # Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
 # explains.
-BY_CHANCE = 1.5
+CHANCE_RATIO = 1.5
 # Width of an interval over that by white noise of the sensors beyond which it is scatter.
-CLEARLY = 2.0
-CERTAIN = 1.96  # Standard deviations on either side of a 95 % interval.
-STRICT = 10.0  # Size of unknown friction over dry friction of which nothing is assumed.
-NOTHING = 1e-9  # Standard deviation below which even a zero is identified.
+SCATTER_RATIO = 2.0
+NORMAL_95 = 1.96  # Standard deviations on either side of a 95 % interval.
+UNKNOWN_FRICTION = 10.0  # Size of unknown friction over dry friction of which nothing is assumed.
+ZERO = 1e-9  # Standard deviation below which even a zero is identified.
 
 
 @dataclass(frozen=True)
@@ -60,19 +58,19 @@ class Estimate:
     @classmethod
     def of(cls, value: float, deviation: float, scatter: bool = False) -> Estimate:
         """With a normal error."""
-        half = CERTAIN * deviation
+        half = NORMAL_95 * deviation
         return cls(value, value - half, value + half, scatter)
 
     @classmethod
     def of_positive(cls, value: float, deviation: float, scatter: bool = False) -> Estimate:
         """With a normal error of its logarithm."""
-        factor = math.exp(min(CERTAIN * deviation, WIDEST))
+        factor = math.exp(min(NORMAL_95 * deviation, WIDEST))
         return cls(value, value / factor, value * factor, scatter)
 
     @property
     def significant(self) -> bool:
         """Whether its sign is known, or that it is zero."""
-        return not self.low <= 0.0 <= self.high or self.high - self.low < 2.0 * CERTAIN * NOTHING
+        return not self.low <= 0.0 <= self.high or self.high - self.low < 2.0 * NORMAL_95 * ZERO
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,7 @@ def unbiased(
             last, unless it is zero.
         noise: Weighted standard deviation of the sensors' white noise, shape (n,).
         torque: Norm of the weighted torques; an unknown is not determined if its deviation makes
-            more than ``VAGUE`` of them.
+            more than ``LARGEST_TORQUE`` of them.
 
     Returns:
         Values, deviations, which are inf where the motion does not determine an unknown, whether
@@ -153,14 +151,14 @@ def unbiased(
     hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
     left = y - (own @ solved(R, z)).T
     doubt = np.sqrt(_variances(rows, own[:, :, shown], left))
-    doubt[hidden | (doubt * lengths[shown] > VAGUE * torque)] = np.inf
+    doubt[hidden | (doubt * lengths[shown] > LARGEST_TORQUE * torque)] = np.inf
     found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
     found[shown], deviations[shown] = solved(R[:, shown], z), doubt
     # By the white noise of sensors alone.
     H, inverse = _information(own)
     white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
     by_noise = np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0))
-    scatter = deviations > CLEARLY * by_noise
+    scatter = deviations > SCATTER_RATIO * by_noise
     return found, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
 
 
@@ -199,10 +197,10 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
         cross = scores[back:].T @ scores[:-back]
         S += min(1.0, 2.0 * (1.0 - back / (rows.lag + 1.0))) * (cross + cross.T)
     plain, any_residuals = (np.diag(inverse @ each @ inverse) for each in (white, S))
-    return np.where(any_residuals > BY_CHANCE * plain, any_residuals, plain)
+    return np.where(any_residuals > CHANCE_RATIO * plain, any_residuals, plain)
 
 
-def besides(fit: Fit, more: Array) -> tuple[Array, Array]:
+def added_coefficients(fit: Fit, more: Array) -> tuple[Array, Array]:
     """Coefficients of additional columns of a fit, and their standard deviations.
 
     Args:
