@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from arm_sim.integrators.methods import METHODS
-from benchmarks.accuracy import friction, motors, sweep
+from benchmarks.accuracy import sweep, wheels
 from benchmarks.accuracy.page import at_1_ms, write
 from benchmarks.accuracy.problems import ROOT, Problem, all_problems
 from benchmarks.reporting.progress import Bar
@@ -63,12 +63,10 @@ def run(problems: list[Problem], console: Console) -> dict[str, Any]:
                     bar.advance()
             found["scipy"] += sweep.scipy_runs(problem)
             found["orders"] += sweep.orders(problem, found["fixed"])
-        bar.stage("motors", 1)
-        found["motors"] = list(motors.rows())
-        bar.advance()
-        bar.stage("friction", 1)
-        found["friction"] = list(friction.rows())
-        bar.advance()
+        for name, rows in (("motors", wheels.motors()), ("friction", wheels.friction())):
+            bar.stage(name, 1)
+            found[name] = list(rows)
+            bar.advance()
     return {"about": about(problems, bar.elapsed), **found}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import friction, motors
+from benchmarks.accuracy import wheels
 from benchmarks.accuracy.figure import draw
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
@@ -39,9 +39,9 @@ def page(results: Results) -> str:
         "Error delivered ÷ tolerance: least, middle, largest": _delivered(results),
         "Error estimated ÷ delivered: least, middle, largest": _estimated(results),
         "Errors of DOP853 by tolerance": _asked(results),
-        "Motors": motors.page(results["motors"]),
-        "Dry friction": friction.page(results["friction"], "dry"),
-        "LuGre friction": friction.page(results["friction"], "LuGre"),
+        "Motors": wheels.motor_table(results["motors"]),
+        "Dry friction": wheels.friction_table(results["friction"], "dry"),
+        "LuGre friction": wheels.friction_table(results["friction"], "LuGre"),
     }
     tables = (f"## {title}\n\n{part}\n" for title, part in parts.items())
     return "\n".join(["# Accuracy\n", *tables])

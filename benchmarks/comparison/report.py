@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from benchmarks.comparison import figures, scoreboard, sections
+from benchmarks.comparison import figures, sections
 from benchmarks.comparison.claims import MET, MISSED, OPEN
 from benchmarks.reporting.markdown import quantity
 from benchmarks.studies.bench import Record
@@ -29,13 +29,6 @@ def save(results: Record, out: Path) -> None:
     """Write ``report.json`` only."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
-
-
-def write_scoreboard(results: Record, out: Path) -> Path:
-    """Write ``scoreboard.md``."""
-    path = out / "scoreboard.md"
-    path.write_text(scoreboard.page(results, sections.about(results)))
-    return path
 
 
 def summary(results: Record) -> Table:
