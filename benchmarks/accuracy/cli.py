@@ -50,7 +50,7 @@ def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
 
 def run(problems: list[Problem], console: Console) -> dict[str, Any]:
     """Run everything."""
-    found: dict[str, list[Any]] = {name: [] for name in KINDS}
+    results: dict[str, list[Any]] = {name: [] for name in KINDS}
     with Bar(console) as bar:
         for problem in problems:
             bar.stage(problem.name, sweep.count(problem))
@@ -59,15 +59,15 @@ def run(problems: list[Problem], console: Console) -> dict[str, Any]:
                 ("controlled", sweep.controlled(problem)),
             ):
                 for row in rows:
-                    found[kind].append(row)
+                    results[kind].append(row)
                     bar.advance()
-            found["scipy"] += sweep.scipy_runs(problem)
-            found["orders"] += sweep.orders(problem, found["fixed"])
+            results["scipy"] += sweep.scipy_runs(problem)
+            results["orders"] += sweep.orders(problem, results["fixed"])
         for name, rows in (("motors", wheels.motors()), ("friction", wheels.friction())):
             bar.stage(name, 1)
-            found[name] = list(rows)
+            results[name] = list(rows)
             bar.advance()
-    return {"about": about(problems, bar.elapsed), **found}
+    return {"about": about(problems, bar.elapsed), **results}
 
 
 def about(problems: list[Problem], elapsed: float) -> dict[str, Any]:

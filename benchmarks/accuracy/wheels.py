@@ -166,7 +166,7 @@ def friction() -> Iterator[Row]:
         yield _row(key, 2.0 * half, law="LuGre", **figures)
 
 
-def friction_table(found: list[Row], law: str) -> str:
+def friction_table(rows: list[Row], law: str) -> str:
     """The table of one law, ``dry`` or ``LuGre``."""
     heads = ["", "method", "step", "error [rad]", "creep [rad]", "ms for a second"]
     if law == "LuGre":
@@ -177,7 +177,7 @@ def friction_table(found: list[Row], law: str) -> str:
             _error(row["error" if law == "dry" else "median"]),
             _error(row["creep" if law == "dry" else "error"]), number(row["second_s"] * 1e3, 2),
         )
-        for row in found if row["law"] == law
+        for row in rows if row["law"] == law
     ])  # fmt: skip
 
 
@@ -231,7 +231,7 @@ def motors() -> Iterator[Row]:
         yield _row(key, times[key], current=current, speed=speed)
 
 
-def motor_table(found: list[Row]) -> str:
+def motor_table(rows: list[Row]) -> str:
     """The table of motors."""
     heads = ["", "method", "step", "current", "speed", "ms for a second"]
     return table(heads, [
@@ -239,7 +239,7 @@ def motor_table(found: list[Row]) -> str:
             row["engine"], row["method"], f"{row['step_s'] * 1e3:g} ms",
             number(row["current"], 1), number(row["speed"], 1), number(row["second_s"] * 1e3, 2),
         )
-        for row in found
+        for row in rows
     ])  # fmt: skip
 
 

@@ -128,10 +128,10 @@ def lockstep(ticks: int, older: str, folder: Path) -> list[Line]:
             [sys.executable, "-P", "-c", ACROSS, *words],
             env=surroundings(tree, domain), capture_output=True, text=True, check=False,
         )  # fmt: skip
-        _, there, found = done.stdout.partition("found ")
+        _, there, result = done.stdout.partition("found ")
         if not there:
             raise click.ClickException(f"lockstep of {tree}: {done.stderr[-2000:]}")
-        own.append(json.loads(found)["rate"])
+        own.append(json.loads(result)["rate"])
     new, old = map(float, np.median(rates, axis=1))
     click.echo(f"lockstep, median of 3: {new:,.0f} ticks/s, of the older tree {old:,.0f}\n")
     return [("lockstep: ticks per second of the older tree, of this one's", ALLOWED, old / new)]
