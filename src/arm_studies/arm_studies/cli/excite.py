@@ -142,8 +142,8 @@ def _show(best: Excitation, room: Room) -> None:
         for name, q0, start in zip(best.joint_names, room.model.q0, room.start, strict=True)
         if q0 != start
     ]
-    found = "log det" if best.masses is None else "mean of masses"
-    said = [
+    gain = "log det" if best.masses is None else "mean of masses"
+    remarks = [
         ("start", f"not the scene's: {', '.join(moved)}" if moved else "the scene's"),
         ("period", f"{best.motion.duration:g} s, from rest to rest"),
         ("parameters", f"{best.parameters} identifiable, including drive inertia, viscous and "
@@ -153,11 +153,11 @@ def _show(best: Excitation, room: Room) -> None:
     if best.masses is not None:  # the motion was optimized for them
         bodies = zip(list(room.model.pin.names)[1:], best.masses, strict=True)
         each = ", ".join(f"{name} {deviation:.2%}" for name, deviation in bodies)
-        said.append(("masses", "standard deviations after one period, with 5 % of noise at 1 kHz "
-                               f"and the total mass known: {each}"))  # fmt: skip
-    said += [
-        ("attempts", f"{found} {', '.join(f'{x:.4g}' for x in best.attempts)}"),
+        remarks.append(("masses", "standard deviations after one period, with 5 % of noise at "
+                                  f"1 kHz and the total mass known: {each}"))  # fmt: skip
+    remarks += [
+        ("attempts", f"{gain} {', '.join(f'{x:.4g}' for x in best.attempts)}"),
         ("not checked", "collisions between links"),
     ]
     say(table(columns, rows))
-    console().print(facts(said))
+    console().print(facts(remarks))

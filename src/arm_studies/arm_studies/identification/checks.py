@@ -92,15 +92,15 @@ def check_record(record: JointRecord, model: ArmModel) -> None:
         )
     limits = zip(model.position_lower, model.position_upper, strict=True)
     for j, (name, (lower, upper)) in enumerate(zip(record.joint_names, limits, strict=True)):
-        known = record.effort[np.isfinite(record.effort[:, j]), j]
-        if not known.size:
+        efforts = record.effort[np.isfinite(record.effort[:, j]), j]
+        if not efforts.size:
             raise InvalidInput(
                 f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
                 "identified without torques"
             )
-        if np.ptp(known) == 0.0:
+        if np.ptp(efforts) == 0.0:
             raise InvalidInput(
-                f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
+                f"{record.name}: the effort of joint '{name}' is constantly {efforts[0]:g}: it is "
                 "not measured, or the drive is off"
             )
         reach = record.q[np.isfinite(record.q[:, j]), j]
@@ -149,11 +149,11 @@ def check_count(rows: Rows, notes: Sequence[str]) -> None:
     counts = rows.valid[rows.train].sum(axis=0) * rows.independent
     for name, count, share in zip(rows.names, counts, rows.valid.mean(axis=0), strict=True):
         if count < LEAST_ROWS:
-            known = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
+            remarks = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
             raise InvalidInput(
                 f"joint '{name}': {share:.0%} of the samples can be used, which is {count:.0f} "
                 f"independent measurements; at least {LEAST_ROWS} are expected (its effort is "
-                f"saturated, missing or frozen, or the recording is too short){known}"
+                f"saturated, missing or frozen, or the recording is too short){remarks}"
             )
 
 
@@ -272,11 +272,11 @@ def check_better(error: float, nominal: float, excess: float) -> None:
         )
 
 
-def check_masses(found: Array, nominal: Array, names: Sequence[str], scales: Array) -> None:
+def check_masses(masses: Array, nominal: Array, names: Sequence[str], scales: Array) -> None:
     """Refuse bodies many times heavier or lighter than the nominal ones.
 
     Args:
-        found: Masses in [kg], shape (bodies,).
+        masses: Masses in [kg], shape (bodies,).
         nominal: Those of the nominal scene.
         names: Joint names.
         scales: Efforts over the torques of the nominal scene, by joint; 1 where unknown.
@@ -285,7 +285,7 @@ def check_masses(found: Array, nominal: Array, names: Sequence[str], scales: Arr
         InvalidInput: With possible causes.
     """
     there = nominal > 0.0
-    ratio = float(np.median(found[there] / nominal[there])) if there.any() else 1.0
+    ratio = float(np.median(masses[there] / nominal[there])) if there.any() else 1.0
     if 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
         return
     raise InvalidInput(

@@ -192,10 +192,10 @@ class MeasuredMotion:
 
     def filtered(self, values: Array) -> Array:
         """Low-pass filter values with one row for each time, stretch by stretch; shape (k, …)."""
-        found = np.empty_like(values, dtype=float)
+        smooth = np.empty_like(values, dtype=float)
         for stretch in self.stretches:
-            found[stretch] = self.low_pass(values[stretch])
-        return found
+            smooth[stretch] = self.low_pass(values[stretch])
+        return smooth
 
     def parts(self) -> Iterator[MeasuredMotion]:
         """Each stretch as a motion of its own."""

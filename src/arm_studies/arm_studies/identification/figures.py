@@ -59,69 +59,75 @@ def torque_panels(
         yield axes
 
 
-def draw_torques(found: Identification, path: Path) -> None:
+def draw_torques(identification: Identification, path: Path) -> None:
     """Draw measured and predicted torques of each joint, and the residuals.
 
     Args:
-        found: The identification.
+        identification: The identification.
         path: The figure, in any format of Matplotlib.
     """
-    shown = found.torques
+    shown = identification.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
     torques = {"identified": shown.predicted[rows], "nominal": shown.nominal[rows]}
-    with torque_panels(path, found.scene, order[rows], shown.measured[rows], torques) as made:
-        for name, (left, right) in zip(found.joint_names, made, strict=True):
-            error = found.torque_error[name]
-            known = "unknown" if np.isnan(error) else f"{error:.1%}"
-            right.set_title(f"{known} on held-out data", **_NOTE)
+    with torque_panels(
+        path, identification.scene, order[rows], shown.measured[rows], torques
+    ) as panels:
+        for name, (left, right) in zip(identification.joint_names, panels, strict=True):
+            error = identification.torque_error[name]
+            percent = "unknown" if np.isnan(error) else f"{error:.1%}"
+            right.set_title(f"{percent} on held-out data", **_NOTE)
             for axis in (left, right):
                 for first, end in runs(shown.held_out):
                     axis.axvspan(order[first], order[end - 1], color="0.93", zorder=0)
-        made[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
+        panels[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
 
 
-def draw_comparison(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
+def draw_comparison(comparisons: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
     """Draw measured torques, those computed by each scene, and their difference."""
-    first, names = found[0], [Path(scene).stem for scene in scenes]
-    torques = {name: each.computed for name, each in zip(names, found, strict=True)}
+    first, names = comparisons[0], [Path(scene).stem for scene in scenes]
+    torques = {name: each.computed for name, each in zip(names, comparisons, strict=True)}
     with torque_panels(path, load_scene(scenes[0]), first.time, first.measured, torques) as axes:
         for i, right in enumerate(axes[:, 1]):
-            each = zip(names, found, strict=True)
+            each = zip(names, comparisons, strict=True)
             shares = [f"{name} {one.relative[i]:.1%}" for name, one in each]
             right.set_title(", ".join(shares), **_NOTE)
 
 
-def draw_friction(found: Identification, path: Path) -> None:
+def draw_friction(identification: Identification, path: Path) -> None:
     """Draw torques minus those of links and drives over speed, and the identified friction law.
 
     Args:
-        found: The identification.
+        identification: The identification.
         path: The figure.
     """
-    shown, n, types = found.torques, len(found.joint_names), ArmModel(found.scene).joint_types
+    shown, n, types = (
+        identification.torques,
+        len(identification.joint_names),
+        ArmModel(identification.scene).joint_types,
+    )
     columns = min(4, n)
     lines = -(-n // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
         for j, (at, name) in enumerate(
-            zip(axes.flat, joint_words(found.joint_names), strict=False)
+            zip(axes.flat, joint_words(identification.joint_names), strict=False)
         ):
             at.plot(
                 shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", ms=2, label="measured"
             )
-            fit = found.friction[j]
+            fit = identification.friction[j]
             if fit is not None and fit.kinds:
-                at.plot(*_law(found, j), color=COLORS[1], label="identified law")
+                at.plot(*_law(identification, j), color=COLORS[1], label="identified law")
             at.set_title(name)
         whole = axes[0, 0].figure
         whole.supylabel(f"friction [{units(types, 'N m', 'N')}]", fontsize=9.0)
         whole.supxlabel(f"velocity [{units(types, 'rad/s', 'm/s')}]", fontsize=9.0)
 
 
-def _law(found: Identification, j: int) -> tuple[Array, Array]:
+def _law(identification: Identification, j: int) -> tuple[Array, Array]:
     """Friction over velocity under the joint's typical load, with a gap at rest."""
-    fit, shown = found.friction[j], found.torques
+    fit, shown = identification.friction[j], identification.torques
     assert fit is not None
     most = float(np.nanmax(abs(shown.v[:, j])))
     half = np.geomspace(1e-4 * most, most, 200)

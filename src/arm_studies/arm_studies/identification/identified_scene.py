@@ -161,7 +161,7 @@ def _friction(
         )
         offset = float(np.clip(offset, -coulomb, coulomb))
     highest = coulomb + abs(offset)
-    found: dict[str, Any] = {
+    friction: dict[str, Any] = {
         "viscous": _sides(viscous, float(np.clip(viscous_skew, -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
     }
@@ -176,16 +176,16 @@ def _friction(
         most = level if excess > 0.0 else (1.0 - HELD) * level
         skew = float(np.clip(offset, -most, most))
         highest = max(highest, level + abs(skew))
-        found["static"] = _sides(level, skew)
-        found["stribeck_velocity"] = fit.shape.stribeck_velocity
+        friction["static"] = _sides(level, skew)
+        friction["stribeck_velocity"] = fit.shape.stribeck_velocity
     if fit.shape.load is not None and coulomb > 0.0:
-        found["load"] = _growth(name, fit.shape, highest, notes)
+        friction["load"] = _growth(name, fit.shape, highest, notes)
     elif fit.refused and fit.shape.load is None:
         notes.append(
             f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
             f"it; at most {IDENTIFIED} is identified, so its growth is left out"
         )
-    return found
+    return friction
 
 
 def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:

@@ -71,14 +71,14 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     cause; intervals count these.
     """
     estimates = iter(_estimated(fit).linear[fit.rows.regressor.base.count :])
-    found = []
+    laws = []
     for own in fit.friction:
         sure = {kind: not abs(each.value) < SURELY * (each.high - each.value) < np.inf
                 for kind, each in zip(own.kinds, estimates, strict=False)}  # fmt: skip
         kinds = tuple(kind for kind in own.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
         fall = own.shape.stribeck_velocity if EXCESS in kinds else None
-        found.append(replace(own, kinds=kinds, shape=replace(own.shape, stribeck_velocity=fall)))
-    return tuple(found)
+        laws.append(replace(own, kinds=kinds, shape=replace(own.shape, stribeck_velocity=fall)))
+    return tuple(laws)
 
 
 def _without_friction(fit: Fit, ranges: Array) -> dict[str, str]:

@@ -99,12 +99,12 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
     moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
     resting = (moving < MOVING * known) & (known > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
-    for found, why in (
+    for which, why in (
         (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
                   "what follows it"),
         (known == 0, f"without an effort in {part}"),
     ):  # fmt: skip
-        names = [f"'{name}'" for name, there in zip(rows.names, found, strict=True) if there]
+        names = [f"'{name}'" for name, there in zip(rows.names, which, strict=True) if there]
         if names:
             notes.append(f"no error is known of {known_names(names)}: {why}")
     return np.asarray(rows.valid & test & ~resting), notes

@@ -159,14 +159,14 @@ def _known_masses(
     regressor: RigidRegressor, total: float | None, masses: Mapping[str, float]
 ) -> list[tuple[list[int], float]]:
     """Places of masses, and their sums in [kg]."""
-    bodies, found = regressor.bodies, []
+    bodies, sums = regressor.bodies, []
     if total is not None:
-        found.append(([EACH * i for i in range(len(bodies))], float(total)))
+        sums.append(([EACH * i for i in range(len(bodies))], float(total)))
     for name, mass in masses.items():
         if name not in bodies:
             raise InvalidInput(f"masses: unknown '{name}'; allowed: {known_names(bodies)}")
-        found.append(([EACH * bodies.index(name)], float(mass)))
-    return found
+        sums.append(([EACH * bodies.index(name)], float(mass)))
+    return sums
 
 
 def _first(

@@ -19,7 +19,7 @@ from arm_dynamics.control.law import Law
 from arm_dynamics.exceptions import choices
 from arm_studies.sweeps.keys import below, with_values
 from arm_studies.sweeps.runs import Job, Recipe
-from arm_studies.sweeps.study import ControllerChoice, part_of_run
+from arm_studies.sweeps.study import ControllerChoice, validated
 
 # Controllers without memory that are compiled into the simulation, and the settings that they
 # support; with others a run uses the Python controller.
@@ -41,7 +41,7 @@ def chosen(recipe: Recipe, job: Job) -> ControllerChoice:
 @lru_cache(maxsize=64)
 def _chosen(controller: str, values: str) -> ControllerChoice:
     given = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
-    choice = part_of_run(ControllerChoice, "controller", given)
+    choice = validated(ControllerChoice, given, "controller")
     if choice.name not in NAMES and not is_own(choice.name):
         allowed = choices(choice.name, NAMES)
         raise InvalidInput(f"controller = {choice.name!r}; allowed: {allowed}")
@@ -80,5 +80,5 @@ def gains(name: str, dynamics: Dynamics, settings: Settings) -> Array:
 
 
 def _law(name: str, dynamics: Dynamics, settings: Settings) -> Law:
-    found: Law = make_controller(name, dynamics, settings).law  # type: ignore[attr-defined]
-    return found
+    law: Law = make_controller(name, dynamics, settings).law  # type: ignore[attr-defined]
+    return law

@@ -34,7 +34,7 @@ class Pace:
         kind, runs = result.compiled, len(result.rows)
         self._left[kind] -= runs
         self._done[kind] += runs
-        cost = result.seconds + result.making
+        cost = result.seconds + result.building
         if self._began is None:
             self._began, cost = now, result.seconds
         else:

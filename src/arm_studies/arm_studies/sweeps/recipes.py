@@ -62,7 +62,7 @@ class Planner:
     def groups(self, points: Sequence[Point]) -> list[Group]:
         """The runs grouped by worlds, in order."""
         slots: dict[str, Slots] = {}
-        found: dict[str, Group] = {}
+        by_key: dict[str, Group] = {}
         for point in points:
             scene = point.values.get("scene", self.study.scene)
             name = repr(scene)
@@ -74,9 +74,9 @@ class Planner:
                 for key, value in point.values.items()
                 if key != "scene" and key not in free and not self._of_run(scene, key)
             }
-            group = found.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
+            group = by_key.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
             group.points.append(point)
-        return list(found.values())
+        return list(by_key.values())
 
     def recipe(self, group: Group) -> Recipe:
         """The recipe of a group's world."""
@@ -93,7 +93,7 @@ class Planner:
         commands = content.get("commands") or {}
         return Recipe(
             scene=json.dumps(content),
-            known=json.dumps(base if known is None else _content(load_scene(known))),
+            controller_scene=json.dumps(base if known is None else _content(load_scene(known))),
             controller=json.dumps(about["controller"]),
             motion=json.dumps(about["motion"]),
             duration=study.duration,
@@ -141,7 +141,7 @@ class Planner:
         if keys.below(key, ("initial",)):
             constraints = self.content(scene).get("constraints", ())
             return all(each["type"] == "contact" for each in constraints)
-        return keys.of_run(key)
+        return keys.below(key, keys.OF_RUN) and not keys.below(key, keys.IN_EQUATIONS)
 
     def _slots(self, content: dict[str, Any], points: Sequence[Point]) -> Slots:
         """Keys that are entries of the vector p, and their indices.
@@ -149,13 +149,13 @@ class Planner:
         This does not depend on the values that a key takes, otherwise results would depend on
         them.
         """
-        found = {}
+        slots = {}
         for key in self.study.vary:
             name = keys.tunable(key)
             if name is not None and all(map(_is_number, distinct(points, key))):
                 if places := _places(content, key, name):
-                    found[key] = places
-        return found
+                    slots[key] = places
+        return slots
 
 
 @contextmanager

@@ -59,7 +59,7 @@ class Recipe:
 
     Attributes:
         scene: Content of the scene file, as JSON with the text of the robot description.
-        known: That of the controller's scene.
+        controller_scene: That of the controller's scene.
         controller: The study's choice, as JSON.
         motion: Likewise.
         duration: Duration of a run in [s].
@@ -70,7 +70,7 @@ class Recipe:
     """
 
     scene: str
-    known: str
+    controller_scene: str
     controller: str
     motion: str
     duration: float

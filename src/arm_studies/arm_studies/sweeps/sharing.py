@@ -20,8 +20,8 @@ from arm_sim.inputs import whole
 from arm_studies.sweeps.runs import Job, Recipe, Row
 from arm_studies.sweeps.world import world_of
 
-_PATIENCE = 10  # [s] timeout of a scheduler
-_GLANCE = 0.5  # [s] between checks of a worker for its parent
+_TIMEOUT = 10  # [s] timeout of a scheduler
+_WATCHED = 0.5  # [s] between checks of a worker for its parent
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Result:
         rows: One row for each run.
         compiled: As of the task.
         seconds: Duration of its runs in [s], without building their world.
-        making: Duration of building the world in [s]; zero if it was cached.
+        building: Duration of building the world in [s]; zero if it was cached.
     """
 
     rows: tuple[Row, ...]
     compiled: bool
     seconds: float
-    making: float
+    building: float
 
 
 def work(task: Task, parent: int | None = None) -> Result:
@@ -82,7 +82,7 @@ def work(task: Task, parent: int | None = None) -> Result:
 def _end_with(parent: int) -> None:
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(_GLANCE)
+            time.sleep(_WATCHED)
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
@@ -106,7 +106,7 @@ def check_libraries(workers: int | None, cluster: str | None) -> None:
 
 
 @contextmanager
-def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
+def started(workers: int | None, cluster: str | None) -> Iterator[Workers]:
     """The workers, for the duration of the context.
 
     Args:
@@ -125,22 +125,22 @@ def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
             threads = sum(client.nthreads().values())
             if not threads:
                 raise InvalidInput(f"cluster '{cluster}' has no workers; at least one is expected")
-            yield Crew(threads, {"backend": "dask", "client": client, "n_jobs": threads})
+            yield Workers(threads, {"backend": "dask", "client": client, "n_jobs": threads})
         return
     count = cores() if workers is None else workers
     if count == 1:
-        yield Crew(1, None)
+        yield Workers(1, None)
         return
     from joblib.externals.loky import get_reusable_executor
 
     try:
-        yield Crew(count, {"backend": "loky", "n_jobs": count})
+        yield Workers(count, {"backend": "loky", "n_jobs": count})
     finally:
         get_reusable_executor(max_workers=count).shutdown(wait=True, kill_workers=True)
 
 
 @dataclass(frozen=True)
-class Crew:
+class Workers:
     """Workers.
 
     Attributes:
@@ -178,7 +178,7 @@ def _client(address: str) -> AbstractContextManager[Any]:
 
     try:
         client: AbstractContextManager[Any] = distributed.Client(
-            address, timeout=_PATIENCE, set_as_default=False
+            address, timeout=_TIMEOUT, set_as_default=False
         )
     except (OSError, ValueError, TimeoutError) as error:
         raise InvalidInput(

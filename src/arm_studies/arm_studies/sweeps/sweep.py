@@ -19,7 +19,6 @@ import numpy as np
 
 import arm_sim
 from arm_dynamics.attributes import frozen
-from arm_dynamics.exceptions import InvalidInput
 from arm_studies.sweeps.controllers import runs_compiled
 from arm_studies.sweeps.design import points
 from arm_studies.sweeps.journal import Journal
@@ -27,7 +26,7 @@ from arm_studies.sweeps.metrics import check_joints
 from arm_studies.sweeps.pace import Pace
 from arm_studies.sweeps.recipes import Group, Planner
 from arm_studies.sweeps.runs import Row
-from arm_studies.sweeps.sharing import Task, check_libraries, shared_out
+from arm_studies.sweeps.sharing import Task, check_libraries, started
 from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import world_of
@@ -148,7 +147,10 @@ def sweep(
     groups = planner.groups(runs)
     tell = told or (lambda progress: None)
     tell(Progress(0, len(runs), None, "building the first arm"))
-    _check_first(planner, groups[0])
+    # An error of the first run is raised, since the others would fail in the same way.
+    world = world_of(planner.recipe(groups[0]))
+    world.check(planner.job(groups[0], groups[0].points[0]))
+    check_joints(study.metrics, world.joint_names)
     compiled = _compiled(planner, groups)
     tunable = tuple(dict.fromkeys(key for group in groups for key in group.slots))
     plan = Plan(len(runs), len(groups), sum(compiled.values()), tunable)
@@ -161,14 +163,14 @@ def sweep(
         missing = [replace(g, points=[p for p in g.points if p.index not in rows]) for g in groups]
         missing = [group for group in missing if group.points]
         if missing:
-            crew = stack.enter_context(shared_out(workers, cluster))
+            pool = stack.enter_context(started(workers, cluster))
             # Code that several workers share is compiled once, before they start.
-            shared = [g for g in missing if len(g.points) > 1 and crew.size > 1]
+            shared = [g for g in missing if len(g.points) > 1 and pool.size > 1]
             first = [Task(planner.recipe(g), (), compiled[g.points[0].index]) for g in shared]
-            for k, _ in enumerate(crew.results(first)):
+            for k, _ in enumerate(pool.results(first)):
                 tell(Progress(len(rows), len(runs), None, f"compiling, {k + 1} of {len(first)}"))
             pace = Pace(Counter(compiled[point.index] for g in missing for point in g.points))
-            for result in crew.results(_tasks(planner, missing, compiled, crew.size)):
+            for result in pool.results(_tasks(planner, missing, compiled, pool.size)):
                 if journal is not None:
                     journal.add(result.rows)
                 rows.update((row.index, row) for row in result.rows)
@@ -194,19 +196,9 @@ def _tasks(
                 yield Task(recipe, tuple(planner.job(group, point) for point in part), kind)
 
 
-def _check_first(planner: Planner, group: Group) -> None:
-    """Raise an error of the first run, since the others would fail in the same way."""
-    world = world_of(planner.recipe(group))
-    world.check(planner.job(group, group.points[0]))
-    try:
-        check_joints(planner.study.metrics, world.joint_names)
-    except ValueError as error:
-        raise InvalidInput(f"study: {error}") from None
-
-
 def _compiled(planner: Planner, groups: Sequence[Group]) -> dict[int, bool]:
     """Of each run, whether it is simulated entirely in compiled code."""
-    found, known = dict[int, bool](), dict[tuple[int, str], bool]()
+    by_point, known = dict[int, bool](), dict[tuple[int, str], bool]()
     for number, group in enumerate(groups):
         recipe = planner.recipe(group)
         for point in group.points:
@@ -214,8 +206,8 @@ def _compiled(planner: Planner, groups: Sequence[Group]) -> dict[int, bool]:
             key = number, repr(settings)
             if key not in known:
                 known[key] = runs_compiled(recipe, planner.job(group, point))
-            found[point.index] = known[key]
-    return found
+            by_point[point.index] = known[key]
+    return by_point
 
 
 def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:

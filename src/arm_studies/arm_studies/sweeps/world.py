@@ -37,11 +37,11 @@ from arm_studies.sweeps.controllers import IMPERFECT, chosen, gains, law, runs_c
 from arm_studies.sweeps.keys import below, tunable, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
 from arm_studies.sweeps.runs import DONE, Job, Recipe, Row
-from arm_studies.sweeps.study import ControllerChoice, MotionChoice, part_of_run
+from arm_studies.sweeps.study import ControllerChoice, MotionChoice, validated
 
 OF_LOOP = ("initial", "motion", "controller")
-_FEW = 3  # smallest number of runs for which SIMD is worthwhile
-_ROOM = 4_000_000  # largest number of values of runs that are simulated together
+_FEWEST = 3  # smallest number of runs for which SIMD is worthwhile
+_MOST_VALUES = 4_000_000  # largest number of values of runs that are simulated together
 _CACHED = 64  # number of courses, and of gains, of a world that are kept
 
 
@@ -59,7 +59,7 @@ class World:
         self._recipe, self._content = recipe, json.loads(recipe.scene)
         self._scene = load_scene(self._content)
         self._simulator = Simulator(self._scene)
-        self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.known))))
+        self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.controller_scene))))
         simulator, dynamics = self._simulator, self._dynamics
         if simulator.joint_names != dynamics.joint_names:
             raise InvalidInput(
@@ -114,8 +114,8 @@ class World:
             alike.setdefault(json.dumps(given) if together else f"{job.index}", []).append(run)
         size = (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
         for group in alike.values():
-            for part in batched(group, max(1, _ROOM // size)):
-                if len(part) >= _FEW:
+            for part in batched(group, max(1, _MOST_VALUES // size)):
+                if len(part) >= _FEWEST:
                     rows |= self._side_by_side(part)
                 for run in part:
                     if run.job.index not in rows:
@@ -146,7 +146,7 @@ class World:
         x0 = self._start({k: v for k, v in given.items() if below(k, ("initial",))})
         own = {k: v for k, v in given.items() if below(k, ("motion",))}
         motion = with_values({"motion": json.loads(self._recipe.motion)}, own)["motion"]
-        choice = part_of_run(MotionChoice, "motion", motion)
+        choice = validated(MotionChoice, motion, "motion")
         course = self._motion(choice, x0[: len(self.joint_names)])
         if course.torques is not None:
             raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")

@@ -191,9 +191,9 @@ def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
     J, B, C = Kt * np.array([J if J > 0.0 else 1e-4 / Kt, B, C])
     small = 1e-3 * J / max((r.time[-1] - r.time[0]) for r in records)
     dt = min(record.dt for record in records)
-    found = {
+    guess = {
         "resistance": R, "inductance": max(L, R * dt / 20.0), "torque_constant": Kt,
         "back_emf_constant": Ke, "rotor_inertia": J, "rotor_damping": max(B, small),
         "coulomb": max(C, small),
     }  # fmt: skip
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in guess.items()}

@@ -84,9 +84,9 @@ def _before(model: ArmModel, others: int) -> Array:
     part = masses / masses.sum()
     sure = np.eye(len(masses)) / _BEFORE**2 + np.outer(part, part) / _TOTAL**2
     size = others + len(masses)
-    found = _FREE * np.eye(size)
-    found[others:, others:] = sure
-    return found
+    information = _FREE * np.eye(size)
+    information[others:, others:] = sure
+    return information
 
 
 @one_at_a_time

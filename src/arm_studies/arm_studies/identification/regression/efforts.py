@@ -41,15 +41,15 @@ def with_age[T](
         band: Of the low-pass filter in [Hz].
     """
     age, farthest = 0.0, OLDEST / band
-    found, step, doubt = fit_at(age)
+    fit, step, doubt = fit_at(age)
     for _ in range(CORRECTIONS):
         if not abs(step) > SETTLED * doubt:
             break
         age = float(np.clip(age + step, -farthest, farthest))
-        found, step, doubt = fit_at(age)
+        fit, step, doubt = fit_at(age)
     if not abs(age) > NORMAL_95 * doubt:
-        return found, []
-    return found, [
+        return fit, []
+    return fit, [
         f"efforts are {1e3 * age:.2g} ± {1e3 * NORMAL_95 * doubt:.1g} ms older than the positions "
         "beside them; they are compared with the motion at that time"
     ]

@@ -89,11 +89,11 @@ class Columns:
 
     def predicted(self, x: Array) -> Array:
         """A x of shape (k, n)."""
-        found = []
+        torques = []
         for common, own, place in zip(self.common, self.own, self.places, strict=True):
             m = common.columns.shape[1]
-            found.append(common.columns @ x[place[:m]] + own @ x[place[m:]])
-        return np.column_stack(found)
+            torques.append(common.columns @ x[place[:m]] + own @ x[place[m:]])
+        return np.column_stack(torques)
 
     def own_predicted(self, x: Array) -> Array:
         """The part of it that is the joints' own friction, shape (k, n)."""
@@ -133,14 +133,14 @@ class Columns:
 
 def deviations(y: Array, predicted: Array, use: Mask) -> Array:
     """Standard deviation of each joint's residual, above rounding, shape (n,)."""
-    found = np.ones(y.shape[1])
+    noise = np.ones(y.shape[1])
     for j in range(y.shape[1]):
         rows = use[:, j]
         if rows.any():
             size = float(np.sqrt(np.mean(y[rows, j] ** 2)))
             left = float(np.sqrt(np.mean((y - predicted)[rows, j] ** 2)))
-            found[j] = max(left, NOISELESS * size, 1e-300)
-    return found
+            noise[j] = max(left, NOISELESS * size, 1e-300)
+    return noise
 
 
 @dataclass(frozen=True)

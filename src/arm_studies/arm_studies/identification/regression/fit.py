@@ -123,15 +123,15 @@ def fitted(
     load, weights = np.zeros_like(target), 1.0 / deviations(target, np.zeros_like(target), use)
     fastest = abs(problem.rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
-        found = _settled(problem, laws, load, weights, settled)
-        laws = [_without_inadmissible(law, fastest[j]) for j, law in enumerate(found.friction)]
+        fit = _settled(problem, laws, load, weights, settled)
+        laws = [_without_inadmissible(law, fastest[j]) for j, law in enumerate(fit.friction)]
         if all(
             (a.kinds, a.bends) == (b.kinds, b.bends)
-            for a, b in zip(laws, found.friction, strict=True)
+            for a, b in zip(laws, fit.friction, strict=True)
         ):
             break
-        load, weights = found.load, found.weights
-    return _consistent(found) if consistent else found
+        load, weights = fit.load, fit.weights
+    return _consistent(fit) if consistent else fit
 
 
 def _kept(v: Array, law: JointFit) -> JointFit:
@@ -178,12 +178,12 @@ def _settled(
 
 def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
     """The laws with the coefficients at the end of x."""
-    place, found = size - sum(len(law.kinds) for law in laws), []
+    place, updated = size - sum(len(law.kinds) for law in laws), []
     for law in laws:
         values = x[place : place + len(law.kinds)].tolist()
-        found.append(replace(law, coefficients=dict(zip(law.kinds, values, strict=True))))
+        updated.append(replace(law, coefficients=dict(zip(law.kinds, values, strict=True))))
         place += len(law.kinds)
-    return tuple(found)
+    return tuple(updated)
 
 
 def _stepped(fit: Fit, damping: float) -> list[JointFit]:
@@ -221,15 +221,15 @@ def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
     def torque(shape: Shape) -> Array:
         return np.asarray(rows.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
-    h, now, found = 1e-6, torque(law.shape), []
+    h, now, slopes = 1e-6, torque(law.shape), []
     for name in law.bends:
         shape, span = law.shape.moved(name, h), h
         if shape == law.shape:  # at its upper bound
             shape, span = law.shape.moved(name, -h), -h
         if name == friction.LOAD:
             span = (shape.load or 0.0) - (law.shape.load or 0.0)
-        found.append((torque(shape) - now) / span)
-    return rows.filtered(np.column_stack(found), j)
+        slopes.append((torque(shape) - now) / span)
+    return rows.filtered(np.column_stack(slopes), j)
 
 
 def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:

@@ -104,11 +104,11 @@ def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
         own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
     y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
     noise = fit.weights * rows.noise(fit.theta, fit.armature)
-    found, deviations, scatter, condition = unbiased(
+    values, deviations, scatter, condition = unbiased(
         rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y))
     )
     first = len(places) - len(names)
-    triples = list(zip(found.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
+    triples = list(zip(values.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
     shapes = {}
     for (j, name), (by, *more) in zip(names, triples[first : len(places)], strict=True):
         shape = fit.friction[j].shape.moved(name, by)
@@ -152,14 +152,14 @@ def unbiased(
     left = y - (own @ solved(R, z)).T
     doubt = np.sqrt(_variances(rows, own[:, :, shown], left))
     doubt[hidden | (doubt * lengths[shown] > LARGEST_TORQUE * torque)] = np.inf
-    found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
-    found[shown], deviations[shown] = solved(R[:, shown], z), doubt
+    values, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
+    values[shown], deviations[shown] = solved(R[:, shown], z), doubt
     # By the white noise of sensors alone.
     H, inverse = _information(own)
     white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
     by_noise = np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0))
     scatter = deviations > SCATTER_RATIO * by_noise
-    return found, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
+    return values, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
 
 
 def _independent(rows: Rows) -> float:
@@ -214,8 +214,8 @@ def added_coefficients(fit: Fit, more: Array) -> tuple[Array, Array]:
     wide = fit.columns.wider(list(np.moveaxis(more, 1, 0)), [np.arange(count)] * n, count)
     R, z = fit.problem.combined(wide, fit.weights)
     size = np.linalg.norm(R, axis=0)
-    seen = size > 1e-12 * size.max()
-    inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
+    present = size > 1e-12 * size.max()
+    inverse = np.linalg.pinv(R[:, present] / size[present], rcond=1e-14)
     doubt = np.full(len(size), np.inf)
-    doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
+    doubt[present] = np.linalg.norm(inverse, axis=1) / size[present]
     return solved(R, z)[fit.columns.size :], doubt[fit.columns.size :]
