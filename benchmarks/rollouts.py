@@ -14,7 +14,7 @@ import numpy as np
 from arm_dynamics import load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.stepping.rollout import natural_width
+from arm_sim.stepping.lanes import natural_width
 from benchmarks.measurement.intervals import of_median
 from benchmarks.measurement.timing import Noise, cpu, interleaved
 from benchmarks.reporting.markdown import table

@@ -24,7 +24,6 @@ from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
 from arm_sim.servo import JointCommand
-from arm_sim.simulation.compiled_scene import EXTERNAL
 from arm_sim.simulation.energy_meter import Account, EnergyMeter
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
@@ -229,7 +228,7 @@ class TickEngine:
         if self._pushed:
             tau = self._wrenches.torque(self._q, step)
             self._note()  # with the quantities that acted
-            self.simulator.set_parameter(EXTERNAL, tau)
+            self.simulator.set_parameter("external", tau)
             self._pushing = bool(self._wrenches.active)
 
     @property

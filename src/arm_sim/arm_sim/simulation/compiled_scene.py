@@ -23,11 +23,9 @@ if TYPE_CHECKING:
     from arm_sim.derivatives import Derivatives
     from arm_sim.servo import Rest, Servo
 
-EXTERNAL = "external"
-
 
 class CompiledScene:
-    """Everything built from one plant and one choice of method; immutable, replaced as a whole.
+    """What is built from a plant and a choice of method; replaced as a whole if one changes.
 
     Args:
         plant: The equation of motion.
@@ -55,9 +53,9 @@ class CompiledScene:
         Scenes without them compute nothing for them; the equations are rebuilt here.
         """
         scene = self.plant.model.scene
-        if EXTERNAL in scene.tunable:
+        if "external" in scene.tunable:
             return self
-        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
+        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, "external")}))
         return CompiledScene(Plant(model), self.choice, self.backend)
 
     def restart(self) -> None:
