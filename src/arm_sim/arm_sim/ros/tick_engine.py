@@ -17,6 +17,7 @@ from arm_dynamics.ros.common.background import Background
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.stopping import Servos, Stopping

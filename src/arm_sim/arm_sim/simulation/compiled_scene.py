@@ -10,6 +10,7 @@ from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount

@@ -14,7 +14,7 @@ from typing import Any
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
-from arm_sim.recording.files.ticks import UNCHANGED, log_message, tunable_names
+from arm_sim.recording.files.ticks import UNCHANGED, log_message
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.node_library import RECORD
 from arm_sim.ros.record.chunks import ChunkThread
@@ -199,7 +199,7 @@ class TickRecorder:
     def _change(self, why: str, substep: float) -> bool:
         arm, stamp = self._arm, self._engine.stamp
         self._plant, p = arm.plant, arm.parameters
-        tunable, self._p = tunable_names(self._plant.model.scene), p.tobytes()
+        tunable, self._p = self._plant.parameters.names, p.tobytes()
         error, stepped = arm.notes.tolist()
         change = written(
             CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,

@@ -18,10 +18,10 @@ import pytest
 import models
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
+from arm_sim.view.drawn_arm import KEPT, DrawnArm, _cones, _glb, lay_ground
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import METAL, PIVOT, RAIL, Visual, visuals_of
-from arm_sim.view.stage import KEPT, DrawnArm, _cones, _glb, lay_ground
 
 pytestmark = pytest.mark.group("view")
 
@@ -71,7 +71,7 @@ def test_a_friction_cone_holds_the_directions_of_forces_that_stick() -> None:
 def test_contacts_are_drawn_with_their_cones(server: Any) -> None:
     sim = Simulator("panda_table")
     sim.run(0.2)
-    instant, actor = InteractiveArm(sim).look(), DrawnArm(server, sim.model, "arm")
+    instant, actor = InteractiveArm(sim).instant(), DrawnArm(server, sim.model, "arm")
     ((_, contact),), (force,) = sim.model.scene.contacts, sim.contact_forces()
     np.testing.assert_array_equal(instant.contacts[0, :2], [force.point, force.force])
     np.testing.assert_allclose(instant.contacts[0, 2], [0.0, 0.0, contact.sticking], atol=1e-12)
@@ -149,7 +149,7 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
 def test_what_is_over_is_not_drawn_when_its_kind_is_shown_again(server: Any) -> None:
     sim = Simulator("panda_table")
     sim.run(0.2)
-    instant, actor = InteractiveArm(sim).look(), DrawnArm(server, sim.model, "arm")
+    instant, actor = InteractiveArm(sim).instant(), DrawnArm(server, sim.model, "arm")
     actor.draw(instant)
     arrows = actor._marks["contact forces"]
     assert arrows.visible

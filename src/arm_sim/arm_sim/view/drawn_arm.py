@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import ArmModel, postures
 from arm_sim.view.framing import keep_framed
 from arm_sim.view.marks import Instant, Marker, Marks
 from arm_sim.view.shapes import (

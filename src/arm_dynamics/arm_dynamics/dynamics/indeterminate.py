@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints at rest that hold together: sets whose holding torques statics does not determine.
+"""Statically indeterminate sets of joints at rest: statics does not determine what each holds.
 
 Where bilateral constraints connect held joints, their torques are determined up to self-stresses,
 combinations that constraint forces balance. The joints hold while any of these distributions is
@@ -35,8 +35,8 @@ REGULAR = 1e-14
 
 
 @dataclass(frozen=True)
-class HeldTogether:
-    """Joints that hold together.
+class IndeterminateSet:
+    """Joints that hold, or give way, together.
 
     Attributes:
         joints: Their indices, shape (k,).
@@ -53,10 +53,10 @@ class HeldTogether:
     multipliers: Array
 
 
-def held_together(
+def indeterminate_sets(
     A: Array, held: NDArray[np.bool_], reaction: Array, bears: Array
-) -> Iterator[HeldTogether]:
-    """Sets of joints that hold together, one of which is beyond its level.
+) -> Iterator[IndeterminateSet]:
+    """Statically indeterminate sets of joints, one of which is beyond its level.
 
     Args:
         A: Rows of the constraints, shape (m, n).
@@ -75,7 +75,7 @@ def held_together(
         rank = round(float(np.sum(stress[members] ** 2)))
         change, way = _settled(own[:, :rank], r, limits)
         balance = forces @ (amounts[:rank].T @ change)
-        yield HeldTogether(joints, not way.any(), way, -balance)
+        yield IndeterminateSet(joints, not way.any(), way, -balance)
 
 
 def _self_stresses(A: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ import models
 from arm_dynamics import InvalidInput, load_scene
 from arm_dynamics.control import Settings
 from arm_dynamics.control.factory import overreach, refuse_unsteady
-from arm_dynamics.control.margin import MARGIN, largest_delay
+from arm_dynamics.control.pole_placement import MARGIN, largest_delay
 from arm_sim import ClosedLoop
 
 TICK = Settings().dt
