@@ -26,18 +26,16 @@ from arm_studies.identification.regression.rows import Rows
 SINGULAR = 1e-7
 # Largest torque, relative to those that are measured, that the standard deviation of a parameter
 # may cause: beyond it, the motion does not determine the parameter.
-VAGUE = 0.1
-
-
+LARGEST_TORQUE = 0.1
 WIDEST = 50.0  # Largest half width of an interval of a logarithm, beyond which numbers overflow.
 # Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
 # explains.
-BY_CHANCE = 1.5
+CHANCE_RATIO = 1.5
 # Width of an interval over that by white noise of the sensors beyond which it is scatter.
-CLEARLY = 2.0
-CERTAIN = 1.96  # Standard deviations on either side of a 95 % interval.
-STRICT = 10.0  # Size of unknown friction over dry friction of which nothing is assumed.
-NOTHING = 1e-9  # Standard deviation below which even a zero is identified.
+SCATTER_RATIO = 2.0
+NORMAL_95 = 1.96  # Standard deviations on either side of a 95 % interval.
+UNKNOWN_FRICTION = 10.0  # Size of unknown friction over dry friction of which nothing is assumed.
+ZERO = 1e-9  # Standard deviation below which even a zero is identified.
 
 
 @dataclass(frozen=True)
@@ -60,19 +58,19 @@ class Estimate:
     @classmethod
     def of(cls, value: float, deviation: float, scatter: bool = False) -> Estimate:
         """With a normal error."""
-        half = CERTAIN * deviation
+        half = NORMAL_95 * deviation
         return cls(value, value - half, value + half, scatter)
 
     @classmethod
     def of_positive(cls, value: float, deviation: float, scatter: bool = False) -> Estimate:
         """With a normal error of its logarithm."""
-        factor = math.exp(min(CERTAIN * deviation, WIDEST))
+        factor = math.exp(min(NORMAL_95 * deviation, WIDEST))
         return cls(value, value / factor, value * factor, scatter)
 
     @property
     def significant(self) -> bool:
         """Whether its sign is known, or that it is zero."""
-        return not self.low <= 0.0 <= self.high or self.high - self.low < 2.0 * CERTAIN * NOTHING
+        return not self.low <= 0.0 <= self.high or self.high - self.low < 2.0 * NORMAL_95 * ZERO
 
 
 @dataclass(frozen=True)
@@ -106,11 +104,11 @@ def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
         own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
     y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
     noise = fit.weights * rows.noise(fit.theta, fit.armature)
-    found, deviations, scatter, condition = unbiased(
+    values, deviations, scatter, condition = unbiased(
         rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y))
     )
     first = len(places) - len(names)
-    triples = list(zip(found.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
+    triples = list(zip(values.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
     shapes = {}
     for (j, name), (by, *more) in zip(names, triples[first : len(places)], strict=True):
         shape = fit.friction[j].shape.moved(name, by)
@@ -136,7 +134,7 @@ def unbiased(
             last, unless it is zero.
         noise: Weighted standard deviation of the sensors' white noise, shape (n,).
         torque: Norm of the weighted torques; an unknown is not determined if its deviation makes
-            more than ``VAGUE`` of them.
+            more than ``LARGEST_TORQUE`` of them.
 
     Returns:
         Values, deviations, which are inf where the motion does not determine an unknown, whether
@@ -153,15 +151,15 @@ def unbiased(
     hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
     left = y - (own @ solved(R, z)).T
     doubt = np.sqrt(_variances(rows, own[:, :, shown], left))
-    doubt[hidden | (doubt * lengths[shown] > VAGUE * torque)] = np.inf
-    found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
-    found[shown], deviations[shown] = solved(R[:, shown], z), doubt
+    doubt[hidden | (doubt * lengths[shown] > LARGEST_TORQUE * torque)] = np.inf
+    values, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
+    values[shown], deviations[shown] = solved(R[:, shown], z), doubt
     # By the white noise of sensors alone.
     H, inverse = _information(own)
     white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
     by_noise = np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0))
-    scatter = deviations > CLEARLY * by_noise
-    return found, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
+    scatter = deviations > SCATTER_RATIO * by_noise
+    return values, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
 
 
 def _independent(rows: Rows) -> float:
@@ -199,10 +197,10 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
         cross = scores[back:].T @ scores[:-back]
         S += min(1.0, 2.0 * (1.0 - back / (rows.lag + 1.0))) * (cross + cross.T)
     plain, any_residuals = (np.diag(inverse @ each @ inverse) for each in (white, S))
-    return np.where(any_residuals > BY_CHANCE * plain, any_residuals, plain)
+    return np.where(any_residuals > CHANCE_RATIO * plain, any_residuals, plain)
 
 
-def besides(fit: Fit, more: Array) -> tuple[Array, Array]:
+def added_coefficients(fit: Fit, more: Array) -> tuple[Array, Array]:
     """Coefficients of additional columns of a fit, and their standard deviations.
 
     Args:
@@ -216,8 +214,8 @@ def besides(fit: Fit, more: Array) -> tuple[Array, Array]:
     wide = fit.columns.wider(list(np.moveaxis(more, 1, 0)), [np.arange(count)] * n, count)
     R, z = fit.problem.combined(wide, fit.weights)
     size = np.linalg.norm(R, axis=0)
-    seen = size > 1e-12 * size.max()
-    inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
+    present = size > 1e-12 * size.max()
+    inverse = np.linalg.pinv(R[:, present] / size[present], rcond=1e-14)
     doubt = np.full(len(size), np.inf)
-    doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
+    doubt[present] = np.linalg.norm(inverse, axis=1) / size[present]
     return solved(R, z)[fit.columns.size :], doubt[fit.columns.size :]

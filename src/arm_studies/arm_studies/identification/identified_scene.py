@@ -122,11 +122,6 @@ def scene_with(
     return written
 
 
-def _of_drive(model: ArmModel, j: int, what: str) -> float:
-    drive = model.drives[j]
-    return 0.0 if drive is None else float(getattr(drive, what))
-
-
 def _joint(
     model: ArmModel, j: int, armature: float, fit: JointFit | None, notes: list[str]
 ) -> dict[str, Any]:
@@ -140,7 +135,8 @@ def _joint(
         if "table" in before:
             notes.append(f"'{name}': its table of friction is replaced by coefficients")
     if np.isfinite(armature):
-        entry["armature"] = max(armature - _of_drive(model, j, "armature"), 0.0)
+        drive = model.drives[j]
+        entry["armature"] = max(armature - (drive.armature if drive else 0.0), 0.0)
     gear = entry.get("actuator", {})
     if fit is not None and gear.get("efficiency", 1.0) != 1.0:
         entry["actuator"] = {**gear, "efficiency": 1.0}
@@ -156,7 +152,8 @@ def _friction(
         fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0
         for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
     )
-    viscous = max(viscous - _of_drive(model, j, "viscous"), 0.0)
+    drive = model.drives[j]
+    viscous = max(viscous - (drive.viscous if drive else 0.0), 0.0)
     if abs(offset) > coulomb:
         notes.append(
             f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
@@ -164,7 +161,7 @@ def _friction(
         )
         offset = float(np.clip(offset, -coulomb, coulomb))
     highest = coulomb + abs(offset)
-    found: dict[str, Any] = {
+    friction: dict[str, Any] = {
         "viscous": _sides(viscous, float(np.clip(viscous_skew, -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
     }
@@ -179,16 +176,16 @@ def _friction(
         most = level if excess > 0.0 else (1.0 - HELD) * level
         skew = float(np.clip(offset, -most, most))
         highest = max(highest, level + abs(skew))
-        found["static"] = _sides(level, skew)
-        found["stribeck_velocity"] = fit.shape.stribeck_velocity
+        friction["static"] = _sides(level, skew)
+        friction["stribeck_velocity"] = fit.shape.stribeck_velocity
     if fit.shape.load is not None and coulomb > 0.0:
-        found["load"] = _growth(name, fit.shape, highest, notes)
+        friction["load"] = _growth(name, fit.shape, highest, notes)
     elif fit.refused and fit.shape.load is None:
         notes.append(
             f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
             f"it; at most {IDENTIFIED} is identified, so its growth is left out"
         )
-    return found
+    return friction
 
 
 def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:

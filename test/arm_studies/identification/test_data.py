@@ -10,7 +10,7 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_sim import Recording, Simulator
 from arm_sim.recording.contents import Event
 from arm_studies.identification import JointRecord
-from arm_studies.identification.files import read_joint_record
+from arm_studies.identification.data import read_joint_record
 
 
 @pytest.fixture(scope="module")

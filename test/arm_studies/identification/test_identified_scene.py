@@ -10,7 +10,7 @@ import models
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.checks import check_model
-from arm_studies.identification.described import scene_with
+from arm_studies.identification.identified_scene import scene_with
 from arm_studies.identification.regression.friction import (
     COULOMB,
     COULOMB_SKEW,

@@ -24,7 +24,7 @@ BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Validation:
     """Errors on the part held out.
 
     Attributes:
@@ -42,8 +42,8 @@ class Judgement:
     notes: list[str]
 
 
-def judged(trial: Fit, ranges: Array, held_out: float) -> Judgement:
-    """Judge a fit by the rows that it was not fitted to.
+def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
+    """Compare a fit and the nominal scene by the rows that it was not fitted to.
 
     Args:
         trial: Of the rows that are not held out.
@@ -58,7 +58,7 @@ def judged(trial: Fit, ranges: Array, held_out: float) -> Judgement:
     model, predicted = rows.regressor.model, trial.predicted(rows)
     load = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
     nominal = np.asarray(load + steady_friction(rows, load))
-    test, notes = _shown(rows, ranges, held_out)
+    test, notes = _test_rows(rows, ranges, held_out)
     sums = [
         (rows.effort[u, j] @ nominal[u, j], nominal[u, j] @ nominal[u, j])
         for j, u in enumerate(train.T)
@@ -82,10 +82,10 @@ def judged(trial: Fit, ranges: Array, held_out: float) -> Judgement:
             f"{error:.3%}; beyond what noise in the estimates explains, that is {worse:.1f} "
             "standard errors"
         )
-    return Judgement(errors, nominal, ratios, worse, notes)
+    return Validation(errors, nominal, ratios, worse, notes)
 
 
-def _shown(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]:
+def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]:
     """Rows by which the prediction of each joint is judged: none if it rests in most of them.
 
     Those that are held out, or all of them if none is.
@@ -99,12 +99,12 @@ def _shown(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]
     moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
     resting = (moving < MOVING * known) & (known > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
-    for found, why in (
+    for which, why in (
         (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
                   "what follows it"),
         (known == 0, f"without an effort in {part}"),
     ):  # fmt: skip
-        names = [f"'{name}'" for name, there in zip(rows.names, found, strict=True) if there]
+        names = [f"'{name}'" for name, there in zip(rows.names, which, strict=True) if there]
         if names:
             notes.append(f"no error is known of {known_names(names)}: {why}")
     return np.asarray(rows.valid & test & ~resting), notes
@@ -119,7 +119,7 @@ def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list
     return float(whole), each.tolist()
 
 
-def excess(fit: Fit, judged: Mask, nominal: Array) -> float:
+def excess(fit: Fit, use: Mask, nominal: Array) -> float:
     """How much worse a fit predicts than the nominal scene, in standard errors.
 
     Squared residuals of both are compared in pairs, which is sharp, since they share their noise
@@ -132,7 +132,7 @@ def excess(fit: Fit, judged: Mask, nominal: Array) -> float:
 
     Args:
         fit: Of other rows.
-        judged: Rows that are compared, shape (k, n).
+        use: Rows that are compared, shape (k, n).
         nominal: Torques of the nominal scene, shape (k, n).
 
     Returns:
@@ -140,18 +140,18 @@ def excess(fit: Fit, judged: Mask, nominal: Array) -> float:
     """
     rows = fit.rows
     worse = (rows.effort - fit.drives) ** 2 - (rows.effort - nominal) ** 2
-    each = np.where(judged, worse, 0.0).sum(axis=1)[judged.any(axis=1)]
+    each = np.where(use, worse, 0.0).sum(axis=1)[use.any(axis=1)]
     period = 1.0 if not np.isfinite(rows.band) else 1.0 / (rows.band * rows.motions[0].dt)
     count = max(FEWEST, min(BLOCKS, int(len(each) / (PERIODS * period))))
     if len(each) < count:
         return 0.0
     means = np.array([block.mean() for block in np.array_split(each, count)])
-    expected, spread = _loss(fit, judged)
+    expected, spread = _loss(fit, use)
     error = float(np.hypot(means.std(ddof=1) / np.sqrt(count), spread / len(each)))
     return float((each.mean() - expected / len(each)) / max(error, 1e-300))
 
 
-def _loss(fit: Fit, judged: Mask) -> tuple[float, float]:
+def _loss(fit: Fit, use: Mask) -> tuple[float, float]:
     """Sum of squares of errors of predictions that noise in the estimates causes.
 
     Returns:
@@ -163,7 +163,7 @@ def _loss(fit: Fit, judged: Mask) -> tuple[float, float]:
     size[size == 0.0] = 1.0
     inverse = np.linalg.pinv(R / size, rcond=1e-14) / size[:, None]
     parts = [
-        columns.all_of(j)[judged[:, j]] @ inverse[place] for j, place in enumerate(columns.places)
+        columns.all_of(j)[use[:, j]] @ inverse[place] for j, place in enumerate(columns.places)
     ]
     squares = np.sum([part.T @ part for part in parts], axis=0)
     return float(np.trace(squares)), float(np.sqrt(2.0) * np.linalg.norm(squares))
