@@ -50,11 +50,19 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 ONE_BY_ONE = ("test/docs/test_pages_run.py", "test/docs/test_examples.py")
 # Where tests start processes and wait for them.
 WAITING = (*ONE_BY_ONE, "test/packages/", "test/benchmarks/", "test/arm_sim/cli/", "test/docs/")
+# What goes by the clock and shares the machine with no other test: it comes last, when nothing is
+# left that would wait for it.
+ALONE = (
+    "test/docs/test_paths.py",
+    "test/arm_sim/cli/test_demo.py::test_the_loop_closes_on_a_panda",
+)
 
 
 def scope(nodeid: str) -> str:
     """What stays in one process: the tests of a file, which share what they have built."""
     file = nodeid.split("::", 1)[0]
+    if nodeid.startswith(ALONE):
+        return "alone"
     return nodeid if file in ONE_BY_ONE else file
 
 
@@ -84,7 +92,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             computes = rank(item)[0] > len(WAITING)
             turns[part] = counts[computes]
             counts[computes] += 1
-    items.sort(key=lambda item: turns[scope(item.nodeid)])
+    items.sort(key=lambda item: (scope(item.nodeid) == "alone", turns[scope(item.nodeid)]))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -114,11 +122,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def room(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[None]:
-    """Where several processes run tests, one marked ``alone`` waits until the others are idle."""
+    """Where several processes run tests, one that is alone waits until the others are idle."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
         yield
         return
-    alone = request.node.get_closest_marker("alone") is not None
+    alone = scope(request.node.nodeid) == "alone"
     folder = tmp_path_factory.getbasetemp().parent  # what the processes of a run share
     with (folder / "gate").open("w") as gate, (folder / "room").open("w") as inside:
         fcntl.flock(gate, fcntl.LOCK_EX)  # nobody goes in while one waits for the room to empty

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pages
 import pytest
+from samples import covering
 
 import models
 from arm_dynamics.task_space import TaskSpace
@@ -34,14 +35,16 @@ def test_an_arm_stays_where_its_weight_is_carried(name: str) -> None:
     assert abs(run.q - run.q[0]).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", (*models.REAL, "puma560", *models.ARMS, *models.REAL_DRIVES))
-@pytest.mark.parametrize("kind", ["Gentle", "Soft"])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    covering((*models.REAL, "puma560", *models.ARMS, *models.REAL_DRIVES), ["Gentle", "Soft"]),
+)
 def test_controllers_of_the_page_are_stable_on_every_arm(name: str, kind: str) -> None:
     made: dict[str, Any] = {}
     for step in pages.steps(pages.ROOT / "docs/how-to/own-controller.md"):
         if step.kind == "python":
             exec(step.text, made)
-    sim = models.simulator(name, integrator="rk4")
+    sim = models.simulator(name)
     run = sim.run(0.3, made[kind](sim.dynamics), reference=hold(sim.state.q + 0.05))
     assert abs(run.v).max() < 0.25 and abs(run.q[-1] - run.q[0] - 0.05).max() < 0.051
 

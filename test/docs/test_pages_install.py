@@ -24,7 +24,6 @@ BY_PIP = re.compile(
     r"python tools/save_space\.py my_env"
 )
 INTO_VENV = re.compile(r"git clone .*|\.venv/bin/.*")
-OF_THE_SUITE = re.compile(r'pip install (?:"?(?:\.|src/)\S* ?)+')
 GOES_ON = {"jupyter lab": "is running at"}  # until Ctrl-C, and what it says
 
 
@@ -62,22 +61,29 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_what_the_suite_is_installed_by(project: Path) -> None:
-    """pip warns where a page names an extra that there is not."""
+    """From its parts and as a whole; pip warns where a line names an extra that there is not."""
     here = [p for p in sys.path if p.endswith("-packages") and "/workspace/" not in p]
     (project / "here.pth").write_text("\n".join(here))
-    make, *then = (x for x in lines(BY_PIP) if OF_THE_SUITE.fullmatch(x) or "my_env" in x)
+    in_parts, whole = (
+        'pip install src/arm_dynamics "src/arm_sim[robots]"',
+        'pip install ".[teaching]"',
+    )
+    make, *then = (x for x in lines(BY_PIP) if "my_env" in x or x in (in_parts, whole))
+    assert {in_parts, whole} < set(then)
     link = "cp here.pth my_env/lib/python3.12/site-packages"  # instead of the network
     said = typed([make, link, *then, "arm describe pendulum"], project, **OFFLINE)
     assert "WARNING" not in said and "continuous" in said
-    assert {'pip install ".[notebook]"', 'pip install ".[jax]"'} < set(then)
 
 
-def test_every_extra_is_on_the_page_that_lists_them() -> None:
+def test_extras_are_on_the_page_that_lists_them_and_those_that_pages_name_exist() -> None:
     text = (pages.ROOT / "docs/how-to/install.md").read_text()
     listed = re.findall(r"`([\w-]+)`", " ".join(re.findall(r"^\| (`[^|]+) \|", text, re.M)))
     project = (pages.ROOT / "pyproject.toml").read_text()
     extras = project.partition("[project.optional-dependencies]")[2].partition("\n[")[0]
-    assert set(re.findall(r"^([\w-]+) = \[", extras, re.M)) <= set(listed)
+    there = set(re.findall(r"^([\w-]+) = \[", extras, re.M))
+    assert there <= set(listed)
+    named = set(re.findall(r'"\.\[([\w-]+)\]"', " ".join(lines(BY_PIP))))
+    assert {"jax", "notebook", "teaching", "view"} <= named <= there
 
 
 @pytest.mark.nightly

@@ -26,7 +26,7 @@ import pytest
 from harness import Ros, surroundings
 from installed import OFFLINE, bare_environment, copied
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.ros
 
 README = (pages.ROOT / "README.md").read_text()
 ROWS = re.findall(r"^\| (.+?) \| (`.+`) \|$", README.split("It does five things")[0], re.M)

@@ -31,7 +31,7 @@ def known() -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("arm", "chosen"), sampled(solutions.jobs([*features.ARMS]), 4))
+@pytest.mark.parametrize(("arm", "chosen"), sampled(solutions.jobs([*features.ARMS]), 3))
 def test_features_together(arm: str, chosen: tuple[str, ...]) -> None:
     """A second of a set under its command, under error control."""
     scene = features.scene(arm, chosen)

@@ -24,6 +24,7 @@ OFFLINE = {
     "PIP_NO_DEPS": "1",
     "PIP_NO_BUILD_ISOLATION": "0",  # which is how pip wants to be told not to isolate
     "PIP_DISABLE_PIP_VERSION_CHECK": "1",
+    "PIP_NO_COMPILE": "1",  # most modules are never imported
 }
 KEPT = ("HOME", "XDG_CACHE_HOME", "ARM_CACHE", "TMPDIR", "LANG")
 

@@ -91,7 +91,6 @@ def gone(ids: dict[str, int], timeout: float = 10.0) -> bool:
     return True
 
 
-@pytest.mark.alone
 def test_the_loop_closes_on_a_panda(start: Start, tmp_path: Path) -> None:
     demo = start("--duration", "2")
     demo.until("following the trajectory")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import always
 
 import models
 from arm_dynamics import InvalidInput
@@ -67,7 +68,10 @@ def _at(tau: np.ndarray, some: np.ndarray) -> np.ndarray:
     return whole
 
 
-@pytest.mark.parametrize("method", ["euler", "semi_implicit_euler", "rk4", "nystrom4", "dopri5"])
+METHODS = ("euler", "semi_implicit_euler", "rk4", "nystrom4", "dopri5")
+
+
+@pytest.mark.parametrize("method", always(METHODS, "semi_implicit_euler", "nystrom4", "dopri5"))
 def test_methods(method: str) -> None:
     compare(models.simulator("skew_axes", stops=False, integrator=method, dt=0.02))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import covering
+from samples import always, covering
 
 import models
 from arm_dynamics.exceptions import CompilerMissing
@@ -259,7 +259,10 @@ TUNABLE: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.parametrize("name", TUNABLE)
+@pytest.mark.parametrize(
+    "name",
+    always(TUNABLE, "rebounds", "comes to rest", "ball on an arm lands and slides", "lifts off"),
+)
 def test_by_tunable_quantities_across_events(name: str) -> None:
     """Loads change blows, instants and forces; gravity and friction the instants."""
     build, dt, (q, v, tau), *_ = (CASES | KEPT)[name]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled derivatives of ticks, for every method and feature: against differences of ticks."""
+"""Compiled derivatives of ticks, of a panda and of many arms: against differences of ticks."""
 
 from __future__ import annotations
 
@@ -41,12 +41,6 @@ def check(sim: Simulator, tau: Any, h: float = 2e-3) -> None:
     state, x, tau = sim.state, sim.arm.x.copy(), np.array(tau, dtype=float)
     found = np.hstack(sim.linearize(state, tau))
     assert_close(found, slopes(sim, x, tau, h), SLOPE)
-
-
-"""Features, and steps of differences in which they are smooth.
-
-Bristles bend by tenths of a milliradian, which leaves no such step: ``test_exact_derivatives``.
-"""
 
 
 def test_a_panda() -> None:

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from exported import said_by
+from samples import covering
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
@@ -244,9 +245,7 @@ def test_a_unit_that_is_reset_is_as_new(made: dict[str, Path], version: str) -> 
         one.close()
 
 
-@pytest.mark.parametrize("version", ["3", "2"])
-@pytest.mark.parametrize("kind", SLOPED)
-@pytest.mark.parametrize("ticks", [1, 4])
+@pytest.mark.parametrize(("kind", "version", "ticks"), covering(SLOPED, ["3", "2"], [1, 4]))
 def test_directional_derivatives_are_those_of_the_last_step(
     differentiable: dict[str, Path], kind: str, version: str, ticks: int
 ) -> None:

@@ -86,7 +86,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
     return cache(lambda name: Case(name, folder))
 
 
-@pytest.fixture(params=SCENES)
+@pytest.fixture(params=always(SCENES, *(set(SCENES) - {"panda", "ur10"})))
 def case(request: pytest.FixtureRequest, made: Callable[[str], Case]) -> Case:
     return made(request.param)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import signal
+import scipy
 
 from arm_dynamics import SceneError
 from arm_dynamics.scene import imperfections as schema
@@ -114,8 +114,10 @@ def test_spectrum_of_velocity_from_a_noisy_encoder(order: int) -> None:
         position={"noise": deviation},
         velocity={"from": "position", "cutoff": cutoff, "order": order},
     )[1][:, 0]
-    frequency, density = signal.welch(found, fs=1.0 / DT, nperseg=512)
-    _, low_pass = signal.freqz(*signal.butter(order, cutoff, fs=1.0 / DT), frequency, fs=1.0 / DT)
+    frequency, density = scipy.signal.welch(found, fs=1.0 / DT, nperseg=512)
+    _, low_pass = scipy.signal.freqz(
+        *scipy.signal.butter(order, cutoff, fs=1.0 / DT), frequency, fs=1.0 / DT
+    )
     difference = 2.0 * np.sin(np.pi * frequency * DT) / DT
     expected = 2.0 * deviation**2 * DT * abs(difference * low_pass) ** 2
     some = slice(10, 250)  # away from zero and from half the rate

@@ -144,7 +144,7 @@ def assert_same_account(recording: Recording, first: int, last: int, told: Accou
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=EXACT * moved + rounding)
 
 
-@pytest.mark.parametrize("turn", sampled(range(len(KINDS)), 4), ids=KINDS)
+@pytest.mark.parametrize("turn", sampled(range(len(KINDS)), 3), ids=KINDS)
 def test_a_recording_has_states_and_account_of_the_node(
     ros: Ros, tmp_path: Path, rng: np.random.Generator, turn: int
 ) -> None:

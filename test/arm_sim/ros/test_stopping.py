@@ -21,13 +21,16 @@ from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
 from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.sim_params import SimParams
+from models import features
 
 pytestmark = pytest.mark.ros
 
-SCENES = (
+READY = (
     "panda", "motor_pendulum", "flexible_arm", "slider_crank_motor", "lifting_gripper",
-    "panda_lugre_table", "spring_balanced_arm",
+    "spring_balanced_arm",
 )  # fmt: skip
+SCENES: dict[str, Any] = {name: name for name in READY}
+SCENES["bristles above a table"] = features.scene("planar", ("lugre", "contact"))
 
 
 def braked(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
@@ -42,7 +45,7 @@ def place(node: SimNode) -> np.ndarray:
 @pytest.mark.parametrize("name", SCENES)
 def test_until_the_first_command_the_arm_stands_to_the_bit(ros: Ros, name: str) -> None:
     """Drives, loops, contacts, springs: whatever pulls, and time goes on."""
-    node = braked(ros, name)
+    node = braked(ros, SCENES[name])
     start = node.simulator.arm.x.copy()
     ticks(node, 300)
     np.testing.assert_array_equal(node.simulator.arm.x, start)
@@ -53,7 +56,7 @@ def test_until_the_first_command_the_arm_stands_to_the_bit(ros: Ros, name: str) 
 @pytest.mark.parametrize("name", SCENES)
 def test_an_arm_that_moves_is_stopped_and_then_stands(ros: Ros, name: str) -> None:
     push = 20.0 if name == "slider_crank_motor" else 6.0
-    node = braked(ros, name, command_timeout=0.01)
+    node = braked(ros, SCENES[name], command_timeout=0.01)
     sim = node.simulator
     names = list(sim.joint_names)
     for _ in range(60):

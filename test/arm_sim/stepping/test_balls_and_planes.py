@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import always
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -25,7 +26,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
     "error control": {"tolerance": 1e-11, "dt": 1e-2},
 }
-ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+ALL = pytest.mark.parametrize(
+    "options", always(OPTIONS.values(), OPTIONS["error control"]), ids=OPTIONS
+)
 
 
 def roller(mu: float, slope: float = 0.0, **options: Any) -> Simulator:

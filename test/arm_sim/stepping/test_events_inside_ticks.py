@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 from scipy.integrate import solve_ivp
 
 from arm_sim import Simulator
@@ -25,8 +26,9 @@ def ended(scene: dict[str, Any], start: tuple[Any, ...], tau: Any, time: float, 
     return recording
 
 
-@pytest.mark.parametrize("method", [None, "rk4", "nystrom4", "dopri5", "implicit"])
-@pytest.mark.parametrize("depth", [1.002, 1.02])
+@pytest.mark.parametrize(
+    ("method", "depth"), covering([None, "rk4", "nystrom4", "dopri5", "implicit"], [1.002, 1.02])
+)
 def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     method: str | None, depth: float
 ) -> None:
@@ -50,8 +52,7 @@ def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     np.testing.assert_allclose(found.q[-1], fine.q[-1], rtol=0, atol=1e-6 if fixed else 1e-8)
 
 
-@pytest.mark.parametrize("stiffness", [1e7, 1e8])
-@pytest.mark.parametrize("start", [0.0, 3.3e-4, 7.1e-4])
+@pytest.mark.parametrize(("stiffness", "start"), covering([1e7, 1e8], [0.0, 3.3e-4, 7.1e-4]))
 def test_a_mass_that_bounces_off_an_elastic_stop_within_a_tick(
     stiffness: float, start: float
 ) -> None:
@@ -163,15 +164,19 @@ def shaken(axis: str, settings: dict[str, Any]) -> dict[str, Any]:
     return scene | settings
 
 
-@pytest.mark.parametrize(("how", "allowed"), [
+# How ticks are made, and what the place may be off by.
+PEAKED: list[tuple[dict[str, Any], float]] = [
     ({"integrator": "rk4"}, 2e-5), ({"integrator": "nystrom4"}, 2e-5),
     ({"integrator": "dop853"}, 1e-10), ({"tolerance": 1e-10}, 1e-11),
-], ids=str)  # fmt: skip
-@pytest.mark.parametrize("held", HELD)
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("held", "accuracy"), covering(HELD, PEAKED), ids=str)
 def test_what_holds_gives_way_to_a_load_that_peaks_within_a_tick(
-    held: str, how: dict[str, Any], allowed: float
+    held: str, accuracy: tuple[dict[str, Any], float]
 ) -> None:
     """The wheel turns by 1.2 rad in the tick, at whose ends the load is below 0.9 of the level."""
+    how, allowed = accuracy
     axis, settings, (push, level, resists) = HELD[held]
     turn, begins = 1.2, -0.58  # angles of the unbalance from the rail [rad]
     sim = Simulator(shaken(axis, settings), dt=turn / SPEED, **how)
@@ -221,16 +226,19 @@ GEARS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("how", "allowed"), [
+CHANGING: list[tuple[dict[str, Any], float]] = [
     ({"integrator": "implicit", "tolerance": 1e-10, "dt": 1e-3}, 1e-8),
     ({"integrator": "dop853", "tolerance": 1e-12, "dt": 1e-4}, 1e-11),
     ({"integrator": "dop853", "tolerance": 1e-11, "dt": 2e-2}, 1e-9),
-], ids=str)  # fmt: skip
-@pytest.mark.parametrize("gear", GEARS)
+]
+
+
+@pytest.mark.parametrize(("gear", "accuracy"), covering(GEARS, CHANGING), ids=str)
 def test_a_lossy_gear_whose_torque_changes_its_sign(
-    gear: str, how: dict[str, Any], allowed: float
+    gear: str, accuracy: tuple[dict[str, Any], float]
 ) -> None:
     """η of the torque where the motor drives, 1/η where it is driven; by SciPy in pieces."""
+    how, allowed = accuracy
     actuator, joint, command, speed, torque = GEARS[gear]
     scene = rotor(J)
     scene["gravity"] = STILL

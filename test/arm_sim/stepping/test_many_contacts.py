@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples import always
 
 from arm_sim import Simulator
 from models.engine import Engine
@@ -17,7 +18,7 @@ FACE = [(x, y) for x in (-0.03, 0.03) for y in (-0.08, 0.08)]
 FACE += [(0.0, -0.08), (0.0, 0.08), (0.03, 0.0), (-0.03, 0.0)]
 
 
-@pytest.fixture(scope="module", params=[0.0, 0.02], ids=["points", "balls"])
+@pytest.fixture(scope="module", params=always([0.0, 0.02], 0.02), ids=["points", "balls"])
 def box(request: pytest.FixtureRequest) -> Simulator:
     """Eight places on its lower face, three on each edge: they touch where z = ``HEIGHT``."""
     r = float(request.param)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import always, covering
 
 import models
 from arm_dynamics import InvalidInput, load_scene
@@ -37,8 +38,9 @@ def alone(sim: Simulator, q: np.ndarray, v: np.ndarray, torques: np.ndarray) -> 
     return np.hstack([run.q, run.v])
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
-@pytest.mark.parametrize("name", ["panda", "gripper", "planar_3r"])
+@pytest.mark.parametrize(
+    ("name", "options"), covering(["panda", "gripper", "planar_3r"], OPTIONS), ids=str
+)
 def test_each_arm_moves_as_if_alone(
     name: str, options: dict[str, Any], rng: np.random.Generator
 ) -> None:
@@ -148,11 +150,12 @@ CONTROLLED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize(("chosen", "options"), CONTROLLED.values(), ids=CONTROLLED)
+@pytest.mark.parametrize("name", always(CONTROLLED, "dopri5", "bristles", "a loop", "stops"))
 def test_error_control_in_registers_gives_the_bits_of_one_arm(
-    chosen: tuple[str, ...], options: dict[str, Any], rng: np.random.Generator
+    name: str, rng: np.random.Generator
 ) -> None:
     """Arms with sub-steps of their own, more of them than lanes; those at stops among them."""
+    chosen, options = CONTROLLED[name]
     sim = Simulator(features.scene("planar", chosen), **options)
     arms, steps = 11, 30
     q = sim.model.q0 + 0.02 * rng.normal(size=(arms, sim.n))
@@ -175,12 +178,12 @@ EVENTFUL: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("chosen", EVENTFUL.values(), ids=EVENTFUL)
-def test_events_in_registers_give_the_bits_of_one_arm(
-    chosen: tuple[str, ...], rng: np.random.Generator
-) -> None:
+@pytest.mark.parametrize(
+    "name", always(EVENTFUL, "end stops", "a loop", "a contact, dry friction", "everything")
+)
+def test_events_in_registers_give_the_bits_of_one_arm(name: str, rng: np.random.Generator) -> None:
     """Some arms of a group are held, some slide, and each has events of its own."""
-    sim = Simulator(features.scene("planar", chosen))
+    sim = Simulator(features.scene("planar", EVENTFUL[name]))
     arms, steps = 11, 150
     q = sim.model.q0 + 0.005 * rng.normal(size=(arms, sim.n))
     v = np.outer(rng.permutation(arms) // 3, 0.1 * rng.normal(size=sim.n))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -182,20 +183,28 @@ def slider(request: pytest.FixtureRequest) -> tuple[Simulator, tuple[float, floa
     return Simulator({**rails("xyz", 2.0), **floor}, **how), allowed
 
 
+@cache
+def slid(v: tuple[float, ...], push: tuple[float, ...]) -> np.ndarray:
+    """Place and speed after 0.1 s."""
+    mu, m = 0.4, 2.0
+
+    def slope(_: float, x: np.ndarray) -> np.ndarray:
+        return np.r_[x[2:], np.array(push) / m - mu * G * x[2:] / max(np.hypot(*x[2:]), 1e-12)]
+
+    end = solve_ivp(slope, (0, 0.1), [0, 0, *v], "Radau", rtol=1e-12, atol=1e-15).y[:, -1]
+    return np.asarray(end)
+
+
 @pytest.mark.parametrize(("v", "push"), SLIDES.values(), ids=SLIDES)
 def test_sliding_that_turns(
     slider: tuple[Simulator, tuple[float, float]], v: list[float], push: list[float]
 ) -> None:
     """Friction µ g against the velocity while a push turns it: m v' = F - µ m g v/|v|."""
-    (sim, allowed), mu, m = slider, 0.4, 2.0
+    sim, allowed = slider
     sim.reset(v=[*v, 0.0])
-
-    def slope(_: float, x: np.ndarray) -> np.ndarray:
-        return np.r_[x[2:], np.array(push) / m - mu * G * x[2:] / max(np.hypot(*x[2:]), 1e-12)]
-
     run = sim.run(0.1, [*push, 0.0])
     assert np.abs(run.q[:, 2]).max() < 1e-15
-    solved = solve_ivp(slope, (0, 0.1), [0, 0, *v], "Radau", rtol=1e-12, atol=1e-15).y[:, -1]
+    solved = slid(tuple(v), tuple(push))
     assert np.abs(run.q[-1, :2] - solved[:2]).max() < allowed[0]
     if np.hypot(*solved[2:]) > 1e-6:
         assert np.abs(run.v[-1, :2] - solved[2:]).max() < allowed[1]

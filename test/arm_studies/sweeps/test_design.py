@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from arm_studies.sweeps import load_study
 from arm_studies.sweeps.design import noise_seed, points
@@ -36,15 +36,15 @@ def test_lists_make_a_grid_that_meets_the_same_samples() -> None:
 
 def test_distributions_are_what_they_are_called() -> None:
     low, middle, high = columns(samples=2000, seed=4).T
-    assert stats.kstest(low, stats.uniform(-1, 4).cdf).pvalue > 0.01
-    assert stats.kstest(middle, stats.loguniform(0.1, 10).cdf).pvalue > 0.01
-    assert stats.kstest(high, stats.norm(5, 2).cdf).pvalue > 0.01
+    assert scipy.stats.kstest(low, scipy.stats.uniform(-1, 4).cdf).pvalue > 0.01
+    assert scipy.stats.kstest(middle, scipy.stats.loguniform(0.1, 10).cdf).pvalue > 0.01
+    assert scipy.stats.kstest(high, scipy.stats.norm(5, 2).cdf).pvalue > 0.01
 
 
 def test_a_latin_hypercube_has_one_point_in_each_slice() -> None:
     count = 50
     low, middle, high = columns(samples=count, sampling="latin_hypercube").T
-    shares = [(low + 1) / 4, np.log(middle / 0.1) / np.log(100), stats.norm(5, 2).cdf(high)]
+    shares = [(low + 1) / 4, np.log(middle / 0.1) / np.log(100), scipy.stats.norm(5, 2).cdf(high)]
     for share in shares:
         assert sorted(np.floor(count * share).astype(int)) == list(range(count))
     assert abs(np.corrcoef(shares)[np.triu_indices(3, 1)]).max() < 0.5
