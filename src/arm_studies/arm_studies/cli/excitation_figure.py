@@ -33,7 +33,7 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
             axis.set_xlabel("time [s]")
             axis.tick_params(labelbottom=True)
         for axis in axes.flat[::2]:
-            axis.set_ylabel("share of limit")
+            axis.set_ylabel("share of bound")
 
 
 def _curves(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
