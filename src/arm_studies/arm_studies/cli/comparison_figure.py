@@ -21,5 +21,5 @@ def draw(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None
     with torque_panels(path, load_scene(scenes[0]), first.time, first.measured, torques) as axes:
         for i, right in enumerate(axes[:, 1]):
             each = zip(names, found, strict=True)
-            shares = [f"{name} {one.relative[i]:.1%}" for name, one in each]
+            shares = [f"{name} {100 * one.relative[i]:.1f} %" for name, one in each]
             right.set_title(", ".join(shares), **NOTE)

@@ -46,7 +46,7 @@ def torque_panels(
                 left.plot(time, torque[:, j], color=color, lw=1.0, label=label)
                 right.plot(time, measured[:, j] - torque[:, j], color=color, lw=0.8)
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
-            span = np.nanmax(abs(measured[:, j]))
+            span = 1.05 * np.nanmax(abs(measured[:, j]))
             right.set_ylim(-span, span)
         for axis, title in zip(axes[0], ("torque", "residual"), strict=True):
             axis.annotate(f"{title} [{unit}]", (0, 1.34), xycoords="axes fraction", weight="bold")
@@ -65,16 +65,17 @@ def draw_torques(found: Identification, path: Path) -> None:
     shown = found.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
-    torques = {"identified": shown.predicted[rows], "nominal": shown.nominal[rows]}
+    torques = {"nominal": shown.nominal[rows], "identified": shown.predicted[rows]}
     with torque_panels(path, found.scene, order[rows], shown.measured[rows], torques) as made:
         for name, (left, right) in zip(found.joint_names, made, strict=True):
             error = found.torque_error[name]
-            known = "unknown" if np.isnan(error) else f"{error:.1%}"
-            right.set_title(f"{known} on held-out data", **NOTE)
+            known = "unknown" if np.isnan(error) else f"{100 * error:.1f} %"
+            right.set_title(f"{known} on held-out data (shaded)", **NOTE)
             for axis in (left, right):
                 for first, end in runs(shown.held_out):
                     axis.axvspan(order[first], order[end - 1], color="0.93", zorder=0)
-        made[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
+        for axis in made[-1]:
+            axis.set_xlabel("time without gaps [s]")
 
 
 def draw_friction(found: Identification, path: Path) -> None:
