@@ -28,7 +28,7 @@ def draw(results: dict[str, Any], path: Path) -> None:
         for axis, name in zip(axes.flat, panels, strict=False):
             _steps(axis, results, name)
         _asked(axes.flat[len(panels)], results)
-        for axis in axes[:, 0]:
+        for axis in (*axes[:, 0], axes.flat[len(panels)]):
             axis.set_ylabel("largest error [rad] or [m]")
 
 

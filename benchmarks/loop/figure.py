@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a run: how many ticks were how late, in the node and in a bare thread."""
+"""The picture of a run: how many cycles were how late, in the node and in a bare thread."""
 
 from __future__ import annotations
 
