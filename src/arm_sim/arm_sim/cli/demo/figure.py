@@ -13,6 +13,7 @@ from arm_sim.cli.demo.observer import Seen
 from arm_sim.figures import COLORS, WIDTH, figure, joint_words, most_moved, units
 
 _DOTS = 45  # number of service answers that are drawn
+_BEHIND: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
 _CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
 
@@ -22,15 +23,13 @@ def draw(
     """Draw a PNG; ``types`` are the joint types, ``duration`` is that of the motion in [s]."""
     joints = most_moved(seen.position)
     short = [joint_words(names)[i] for i in joints]
-    with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as axes:
-        position, error, torque = axes
+    with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as (position, error, torque):
         position.plot(seen.time, seen.position[:, joints], label=short)
-        position.plot(seen.time, seen.reference[:, joints[0]], "k--", lw=0.7, label="reference")
-        position.plot(seen.time, seen.reference[:, joints[1:]], "k--", lw=0.7)
+        position.plot(seen.time, seen.reference[:, joints], label="reference", **_BEHIND)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
         error.plot(seen.time, seen.error[:, joints], lw=1.0)
-        error.yaxis.set_major_formatter(EngFormatter())  # as 5 µ
-        error.set_ylabel(f"tracking error [{units(types, 'rad', 'm')}]")
+        error.yaxis.set_major_formatter(EngFormatter(units(types, "rad", "m")))  # as 5 µrad
+        error.set_ylabel("tracking error")
         torque.plot(seen.time, seen.effort[:, joints])
         for color, answers in zip(COLORS, seen.asked_effort.T[joints], strict=False):
             every = max(1, len(answers) // _DOTS)
