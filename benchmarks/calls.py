@@ -33,7 +33,7 @@ def main(repeats: int, out: Path) -> None:
 
     Pinocchio, which is called directly with arrays of the same process, computes the rigid part.
     """
-    noise, found = Noise(), {}
+    noise, results = Noise(), {}
     scene = load_scene("panda").model_dump(exclude_unset=True)
     scene["joints"] = {"*": {"friction": {"coulomb": 1.0, "viscous": 0.5}}}
     plain, built = _timed(lambda: Dynamics(load_scene(scene)))
@@ -44,13 +44,13 @@ def main(repeats: int, out: Path) -> None:
         calls = {kind: partial(cpu, partial(_often, jobs[kind].get(name, _nothing)))
                  for kind in KINDS}  # fmt: skip
         costs = interleaved(calls, repeats, noise, lambda: None)
-        found[name] = {kind: 1e6 * cost.median / CALLS for kind, cost in costs.items()}
+        results[name] = {kind: 1e6 * cost.median / CALLS for kind, cost in costs.items()}
         ratio = np.divide(costs["compiled"].samples, costs["pinocchio"].samples)
-        found[name] |= {"ratio": float(np.median(ratio)), "interval": of_median(ratio.tolist())}
+        results[name] |= {"ratio": float(np.median(ratio)), "interval": of_median(ratio.tolist())}
     heads = "call", "compiled [µs]", "plain [µs]", "Pinocchio [µs]", "ratio", "95 % interval"
-    click.echo(table(heads, map(_row, found.items())))
+    click.echo(table(heads, map(_row, results.items())))
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps({"calls": found, "machine": noise.summary()}, indent=1))
+    out.write_text(json.dumps({"calls": results, "machine": noise.summary()}, indent=1))
 
 
 def _timed(make: Callable[[], Dynamics]) -> tuple[Dynamics, float]:
@@ -112,13 +112,13 @@ def _often(call: Answer) -> None:
 
 
 def _row(item: tuple[str, dict[str, Any]]) -> tuple[str, ...]:
-    name, found = item
+    name, result = item
     if name == "friction":
-        return name, f"{found['compiled']:.2f}", f"{found['plain']:.1f}", "", "", ""
-    low, high = found["interval"]
+        return name, f"{result['compiled']:.2f}", f"{result['plain']:.1f}", "", "", ""
+    low, high = result["interval"]
     return (
-        name, f"{found['compiled']:.2f}", f"{found['plain']:.1f}", f"{found['pinocchio']:.2f}",
-        f"{found['ratio']:.2f}", f"{low:.2f} – {high:.2f}",
+        name, f"{result['compiled']:.2f}", f"{result['plain']:.1f}", f"{result['pinocchio']:.2f}",
+        f"{result['ratio']:.2f}", f"{low:.2f} – {high:.2f}",
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from arm_dynamics import load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.stepping.rollout import natural_width
+from arm_sim.stepping.lanes import natural_width
 from benchmarks.measurement.intervals import of_median
 from benchmarks.measurement.timing import Noise, cpu, interleaved
 from benchmarks.reporting.markdown import table
@@ -48,7 +48,7 @@ FORCE = 30.0  # of a hand that is pressed onto a table [N]
               type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(repeats: int, out: Path) -> None:
     """Time ticks of many Pandas with features on one core, one by one and in vector registers."""
-    noise, told = Noise(), {}
+    noise, results = Noise(), {}
     for name, (joint, options) in FEATURES.items():
         alone, together = (_rollout(joint, options, lanes) for lanes in (1, natural_width()))
         if not np.array_equal(alone(), together(), equal_nan=True):
@@ -57,7 +57,7 @@ def main(repeats: int, out: Path) -> None:
         costs = interleaved(jobs, repeats, noise, lambda: None)
         ratio = np.divide(*(costs[which].samples for which in jobs))
         tick = {which: 1e6 * cost.median / (ARMS * TICKS) for which, cost in costs.items()}
-        told[name] = tick | {
+        results[name] = tick | {
             "ratio": float(np.median(ratio)),
             "interval": of_median(ratio.tolist()),
         }
@@ -69,9 +69,9 @@ def main(repeats: int, out: Path) -> None:
         "ratio",
         "95 % interval",
     )
-    click.echo(table(head, _rows(told)))
+    click.echo(table(head, _rows(results)))
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps({"ticks": told, "machine": noise.summary()}, indent=1))
+    out.write_text(json.dumps({"ticks": results, "machine": noise.summary()}, indent=1))
 
 
 def _rollout(joint: dict[str, Any], options: dict[str, Any], lanes: int) -> Any:
@@ -90,8 +90,8 @@ def _rollout(joint: dict[str, Any], options: dict[str, Any], lanes: int) -> Any:
     return lambda: sim.rollout(q0, v0, tau, TICKS, threads=1, lanes=lanes)
 
 
-def _rows(told: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    for name, one in told.items():
+def _rows(results: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    for name, one in results.items():
         low, high = one["interval"]
         yield (name, f"{one['alone']:.2f}", f"{one['together']:.2f}", f"{one['ratio']:.1f}",
                f"{low:.1f} – {high:.1f}")  # fmt: skip

@@ -28,7 +28,7 @@ NODES = [
     "test/arm_dynamics/ros/test_joint_state_bytes.py",
     "test/arm_dynamics/ros/test_joint_state_compiled.py",
     "test/arm_dynamics/ros/test_compiled_services.py",
-    "test/arm_dynamics/ros/test_ordinary_answers.py",
+    "test/arm_dynamics/ros/test_compiled_answers.py",
 ]
 SIM = [
     "test/arm_sim/ros/test_order_sequences.py",

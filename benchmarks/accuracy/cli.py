@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from arm_sim.integrators.methods import METHODS
-from benchmarks.accuracy import friction, motors, sweep
+from benchmarks.accuracy import sweep, wheels
 from benchmarks.accuracy.page import at_1_ms, write
 from benchmarks.accuracy.problems import ROOT, Problem, all_problems
 from benchmarks.reporting.progress import Bar
@@ -50,7 +50,7 @@ def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
 
 def run(problems: list[Problem], console: Console) -> dict[str, Any]:
     """Run everything."""
-    found: dict[str, list[Any]] = {name: [] for name in KINDS}
+    results: dict[str, list[Any]] = {name: [] for name in KINDS}
     with Bar(console) as bar:
         for problem in problems:
             bar.stage(problem.name, sweep.count(problem))
@@ -59,17 +59,15 @@ def run(problems: list[Problem], console: Console) -> dict[str, Any]:
                 ("controlled", sweep.controlled(problem)),
             ):
                 for row in rows:
-                    found[kind].append(row)
+                    results[kind].append(row)
                     bar.advance()
-            found["scipy"] += sweep.scipy_runs(problem)
-            found["orders"] += sweep.orders(problem, found["fixed"])
-        bar.stage("motors", 1)
-        found["motors"] = list(motors.rows())
-        bar.advance()
-        bar.stage("friction", 1)
-        found["friction"] = list(friction.rows())
-        bar.advance()
-    return {"about": about(problems, bar.elapsed), **found}
+            results["scipy"] += sweep.scipy_runs(problem)
+            results["orders"] += sweep.orders(problem, results["fixed"])
+        for name, rows in (("motors", wheels.motors()), ("friction", wheels.friction())):
+            bar.stage(name, 1)
+            results[name] = list(rows)
+            bar.advance()
+    return {"about": about(problems, bar.elapsed), **results}
 
 
 def about(problems: list[Problem], elapsed: float) -> dict[str, Any]:

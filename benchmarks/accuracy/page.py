@@ -10,14 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import friction, motors
-from benchmarks.accuracy.figure import draw
+from arm_sim.figures import COLORS, WIDTH, figure
+from benchmarks.accuracy import wheels
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
 from benchmarks.reporting.markdown import number, table
+from benchmarks.reporting.style import MARKS, METHODS
 
 ROUNDING = 0.99e-10  # below this tolerance rounding has a say in the error
 Results = dict[str, Any]
+PANELS = "double pendulum", "free top", "four-bar", "Panda", "stiff elbow"
+LOOKS = dict(zip(METHODS, zip(COLORS, MARKS, strict=False), strict=True))
+LONG = "long pendulum"  # is an exception, on the page
 
 
 def write(results: Results, out: Path, docs: Path | None) -> Path:
@@ -39,9 +43,9 @@ def page(results: Results) -> str:
         "Error delivered ÷ tolerance: least, middle, largest": _delivered(results),
         "Error estimated ÷ delivered: least, middle, largest": _estimated(results),
         "Errors of DOP853 by tolerance": _asked(results),
-        "Motors": motors.page(results["motors"]),
-        "Dry friction": friction.page(results["friction"], "dry"),
-        "LuGre friction": friction.page(results["friction"], "LuGre"),
+        "Motors": wheels.motor_table(results["motors"]),
+        "Dry friction": wheels.friction_table(results["friction"], "dry"),
+        "LuGre friction": wheels.friction_table(results["friction"], "LuGre"),
     }
     tables = (f"## {title}\n\n{part}\n" for title, part in parts.items())
     return "\n".join(["# Accuracy\n", *tables])
@@ -61,23 +65,24 @@ def _problems(results: Results) -> str:
 
 def at_1_ms(results: Results) -> str:
     """Errors at 1 ms by problem and method."""
-    found = {
+    errors = {
         (r["problem"], r["method"]): r["error"] for r in results["fixed"] if r["step_s"] == 1e-3
     }
     methods = results["about"]["methods"]
     rows = [
-        [name, *(_error(found.get((name, method))) for method in methods)]
+        [name, *(_error(errors.get((name, method))) for method in methods)]
         for name in _names(results)
     ]
     return table(["problem", *methods], rows)
 
 
 def _orders(results: Results) -> str:
-    found = {(r["problem"], r["method"]): f"{r['order']:.1f}" for r in results["orders"]}
+    orders = {(r["problem"], r["method"]): f"{r['order']:.1f}" for r in results["orders"]}
     methods = results["about"]["methods"]
     stated = ["**stated**", *(f"**{m['order']}**" for m in methods.values())]
     rows = [
-        [name, *(found.get((name, method), "—") for method in methods)] for name in _names(results)
+        [name, *(orders.get((name, method), "—") for method in methods)]
+        for name in _names(results)
     ]
     return table(["problem", *methods], [stated, *rows])
 
@@ -155,3 +160,45 @@ def _round(value: float) -> str:
 
 def _error(value: float | None) -> str:
     return "lost" if value is None else number(value, 2)
+
+
+def draw(results: Results, path: Path) -> None:
+    """Draw the results into a PNG file."""
+    names = [p["name"] for p in results["about"]["problems"]]
+    panels = [name for name in PANELS if name in names] or names[:1]
+    rows = -(-(len(panels) + 1) // 3)
+    columns, size = min(3, len(panels) + 1), (WIDTH, 2.5 * rows + 0.7)
+    with figure(path, rows, columns, size, squeeze=False) as axes:
+        for axis, name in zip(axes.flat, panels, strict=False):
+            _draw_steps(axis, results, name)
+        _draw_controlled(axes.flat[len(panels)], results)
+        for axis in axes[:, 0]:
+            axis.set_ylabel("largest error [rad] or [m]")
+
+
+def _draw_steps(axis: Any, results: Results, name: str) -> None:
+    problem = next(p for p in results["about"]["problems"] if p["name"] == name)
+    for method, (color, mark) in LOOKS.items():
+        line = [r for r in results["fixed"] if (r["problem"], r["method"]) == (name, method)]
+        line = [r for r in line if r["error"]]
+        axis.plot([r["step_s"] for r in line], [r["error"] for r in line], marker=mark,
+                  color=color, ms=3.0, lw=1.0, label=METHODS[method])  # fmt: skip
+    axis.axhline(problem["gate"], color="0.4", lw=0.8, ls=":")
+    axis.set(xscale="log", yscale="log", ylim=(1e-16, 10), xlabel="step [s]",
+             title=f"{name}, {problem['duration_s']:g} s")  # fmt: skip
+
+
+def _draw_controlled(axis: Any, results: Results) -> None:
+    """Median and range over the problems, error control with ticks so long that it decides."""
+    rows = [r for r in results["controlled"] if r["tick_s"] == TICKS[1] and r["error"]]
+    for method in CONTROLLED[:2]:
+        errors = [[r["error"] for r in rows if (r["method"], r["tolerance"]) == (method, tolerance)
+                   and r["problem"] != LONG] for tolerance in TOLERANCES]  # fmt: skip
+        color, mark = LOOKS[method]
+        axis.fill_between(TOLERANCES, [min(e) for e in errors], [max(e) for e in errors],
+                          color=color, alpha=0.2, lw=0)  # fmt: skip
+        axis.plot(TOLERANCES, [np.median(e) for e in errors], marker=mark, color=color, ms=3.0,
+                  lw=1.0)  # fmt: skip
+    ends = np.array([TOLERANCES[-1], TOLERANCES[0]])
+    axis.plot(ends, ends, color="0.4", lw=0.8, ls=":")
+    axis.set(xscale="log", yscale="log", xlabel="tolerance", title="error control")

@@ -72,8 +72,8 @@ def scipy_runs(problem: Problem) -> Iterator[Row]:
     for tolerance in TOLERANCES:
         x = solve_ivp(rate, (0.0, times[-1]), np.concatenate([q0, v0]), "DOP853", times,
                       rtol=tolerance, atol=tolerance).y.T  # fmt: skip
-        found = [problem.observe(row[:n]) for row in x]
-        error = max(float(np.abs(a - b).max()) for a, b in zip(found, wanted, strict=True))
+        observed = [problem.observe(row[:n]) for row in x]
+        error = max(float(np.abs(a - b).max()) for a, b in zip(observed, wanted, strict=True))
         yield {"problem": problem.name, "tolerance": tolerance, "error": error}
 
 
@@ -88,7 +88,7 @@ def orders(problem: Problem, rows: list[Row]) -> list[Row]:
     here = [r for r in _of(rows, problem) if r["error"]]
     smallest = {r["method"]: r["error"] for r in here if r["step_s"] == problem.steps[-1]}
     rounding = max((e for m, e in smallest.items() if METHODS[m].order > 4), default=0.0)
-    found = []
+    slopes = []
     for method in METHODS:
         own = smallest.get(method, 0.0) if method == "implicit" else 0.0  # it rounds more coarsely
         floor = FLOOR * max(rounding, own)
@@ -96,8 +96,8 @@ def orders(problem: Problem, rows: list[Row]) -> list[Row]:
         if len(line) >= 2:
             error, step = (np.log([r[key] for r in line]) for key in ("error", "step_s"))
             slope = float(np.polyfit(step, error, 1)[0])
-            found.append({"problem": problem.name, "method": method, "order": slope})
-    return found
+            slopes.append({"problem": problem.name, "method": method, "order": slope})
+    return slopes
 
 
 def _of(rows: list[Row], problem: Problem) -> list[Row]:

@@ -109,8 +109,8 @@ def _targets(results: Record) -> list[Claim]:
 
     def least(family: Callable[[str], bool], target: float, k: int | None = None) -> float | None:
         """Least time to an error, in all rounds or in one."""
-        found = cheapest((_in_round(p, k) for p in here if family(p["family"])), target)
-        return found[0] if found else None
+        least_cost = cheapest((_in_round(p, k) for p in here if family(p["family"])), target)
+        return least_cost[0] if least_cost else None
 
     def against(text: str, whose: Callable[[str], bool], target: float, limit: float) -> Claim:
         def ratio(k: int | None = None) -> float | None:
@@ -152,16 +152,16 @@ def _rollouts(results: Record) -> list[Claim]:
 
 
 def _closed_chain(results: Record) -> list[Claim]:
-    found = results.get("closed_chain", {})
-    rows = found.get("rows", [])
+    study = results.get("closed_chain", {})
+    rows = study.get("rows", [])
     mine = [r for r in rows if r["who"].startswith(OURS)]
     theirs = [r for r in rows if not r["who"].startswith(OURS)]
     step = next((r for r in mine if r["step"] == 1e-3), {})
     error = min((r["error"] for r in theirs), default=0.0)
     cheap = [r for r in mine if r["error"] <= error]
     best = [r for r in theirs if r["error"] <= 2.0 * error]
-    four = 4.0 * found["pinocchio_ns"] if found else None
-    fours = [4.0 * ns for ns in found.get("pinocchio_rounds_ns", ())]
+    four = 4.0 * study["pinocchio_ns"] if study else None
+    fours = [4.0 * ns for ns in study.get("pinocchio_rounds_ns", ())]
     return [
         _timed("RK4 step of a four-bar ÷ four of Pinocchio's constraintDynamics from C++",
                _ratio(step.get("ns"), four), _ratios(step.get("rounds_ns", ()), fours), 1.0),
@@ -190,13 +190,11 @@ def _second(row: Record) -> float:
 
 def _starts(results: Record) -> list[Claim]:
     rows = results.get("startup", {}).get("rows", [])
-    panda = next((r for r in rows if r["robot"] == PANDA), None)
     total = "total without imports"
     code = {r["joints"]: r["compiled_bytes"] for r in rows if "Chain" in r["robot"]}
     work = {r["joints"]: r["cold_s"]["processor"] - r["cached_s"]["processor"]
             for r in rows if "Chain" in r["robot"]}  # fmt: skip
-    starts = {r["robot"]: r for r in rows}
-    starts |= {PANDA: panda or {}}
+    starts = {r["robot"]: r for r in reversed(rows)}
 
     def start(name: str, kind: str, limit: float) -> Claim:
         row = starts.get(name, {})

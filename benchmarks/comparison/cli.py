@@ -10,7 +10,7 @@ import click
 from rich.console import Console
 
 from benchmarks.comparison import figures, suite
-from benchmarks.comparison.report import save, summary, write, write_scoreboard
+from benchmarks.comparison.report import save, summary, write
 from benchmarks.studies.bench import Record
 
 ROOT = Path(__file__).parents[2]
@@ -21,7 +21,6 @@ Examples:
   ./arm bench --quick                  under two minutes, Panda only
   ./arm bench --only cost --only rollouts
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
-  ./arm bench --scoreboard             also this suite beside its peers, task by task, in a page
   ./arm bench --docs                   also renew the figures in docs/laboratory
   ./arm bench --again benchmarks/results/report.json --docs    the same without measuring
 """
@@ -42,7 +41,6 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for report.md, report.json and the figures.",
 )
-@click.option("--scoreboard", is_flag=True, help="Also write scoreboard.md, task by task.")
 @click.option("--docs", is_flag=True, help="Also renew the figures in docs/laboratory.")
 @click.option(
     "--again",
@@ -53,7 +51,6 @@ def main(
     quick: bool,
     only: tuple[str, ...],
     out: Path,
-    scoreboard: bool,
     docs: bool,
     again: Path | None,
 ) -> None:
@@ -73,8 +70,6 @@ def main(
     path = write(results, out)
     console.print(summary(results))
     console.print(f"report: {path}")
-    if scoreboard:
-        console.print(f"scoreboard: {write_scoreboard(results, out)}")
     if docs:
         figures.draw(results, ROOT / "docs/laboratory/figures")
 

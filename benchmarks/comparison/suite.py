@@ -8,11 +8,11 @@ import logging
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 from rich.console import Console
 
 from benchmarks.comparison import claims, targets
-from benchmarks.measurement.machine import processor
 from benchmarks.peers import installed, ours
 from benchmarks.peers.base import OURS
 from benchmarks.reporting.progress import Bar
@@ -100,3 +100,14 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
+
+
+def processor() -> str:
+    """Its name, the number of its cores and its widest vectors."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    wide = next((w for w in ("avx512f", "avx2") if any(w in line for line in lines)), "no AVX2")
+    return f"{names[0] if names else platform.machine()}, {len(names)} cores, {wide}"

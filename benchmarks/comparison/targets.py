@@ -49,7 +49,7 @@ def table(points: list[Record], ours: str) -> list[Record]:
         for target in TARGETS:
             best = {f: cheapest((p for p in here if p["family"] == f), target) for f in families}
             mine = best.get(ours)
-            for family, found in best.items():
+            for family, cheapest_run in best.items():
                 rows.append(
                     {
                         "robot": robot,
@@ -57,9 +57,9 @@ def table(points: list[Record], ours: str) -> list[Record]:
                         "duration_s": here[0]["duration_s"],
                         "target_rad": target,
                         "family": family,
-                        "method": found[1] if found else None,
-                        "cpu_s": found[0] if found else None,
-                        "ratio": found[0] / mine[0] if found and mine else None,
+                        "method": cheapest_run[1] if cheapest_run else None,
+                        "cpu_s": cheapest_run[0] if cheapest_run else None,
+                        "ratio": cheapest_run[0] / mine[0] if cheapest_run and mine else None,
                     }
                 )
     return rows

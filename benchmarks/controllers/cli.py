@@ -4,23 +4,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import track
 
-from arm_dynamics.control.custom import Maker
 from arm_dynamics.exceptions import ArmError
 from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import console, examples, show, table
 from arm_sim.cli.vectors import Vector, VectorType
-from benchmarks.controllers.cases import ARMS, Arm
+from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS
 from benchmarks.controllers.contenders import contenders
 from benchmarks.controllers.figures import draw
-from benchmarks.controllers.measure import Result, compare, count
+from benchmarks.controllers.measure import Result, compare
 from benchmarks.controllers.own import arm_of
 
 
@@ -79,8 +78,11 @@ def main(
     try:
         chosen = [ARMS[name] for name in dict.fromkeys(arms)]
         chosen += [arm_of(scene, frame, _step(step), payload) for scene in scenes]
-        competing = contenders(own)
-        results = _compared(chosen or list(ARMS.values()), competing)
+        chosen, competing = chosen or list(ARMS.values()), contenders(own)
+        total = len(chosen) * len(PLANTS) * len(TASKS) * len(PACES) * len(competing)
+        runs = track(compare(chosen, competing), "comparing", total, console=Console(stderr=True),
+                     transient=True)  # fmt: skip
+        results = list(runs)
     except ArmError as error:
         raise click.ClickException(str(error)) from None
     path = out / "compare_controllers.json"
@@ -98,14 +100,6 @@ def _step(given: Vector | None) -> list[float] | None:
     if len(given.rows) != 1 or len(given.rows[0]) != 3:
         raise click.UsageError("--step: 3 numbers are expected, x y z in m")
     return list(given.rows[0])
-
-
-def _compared(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> list[Result]:
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("comparing", total=count(arms, competing))
-        return compare(
-            arms, competing, lambda text: progress.update(bar, advance=1, description=text)
-        )
 
 
 def print_tables(results: Sequence[Result]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -46,41 +47,18 @@ class Result:
     course: Array  # distance of the hand from its reference over time in [mm]
 
 
-def compare(
-    arms: Sequence[Arm], competing: Mapping[str, str | Maker], advance: Callable[[str], None]
-) -> list[Result]:
-    """Run everything."""
-    results = []
-    for result in _runs(arms, competing):
-        results.append(result)
-        advance(f"{result.title}, {result.plant}")
-    return results
-
-
-def count(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> int:
-    """Number of runs of ``compare``."""
-    return len(arms) * len(PLANTS) * len(TASKS) * len(PACES) * len(competing)
-
-
-def _runs(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> Iterator[Result]:
-    for arm in arms:
-        for plant in PLANTS:
-            sim = Simulator(arm.plant(plant), dt=1e-3)
-            for task in TASKS:
-                for pace in PACES:
-                    for controller, name in competing.items():
-                        yield run(arm, sim, plant, task, pace, controller, name)
+def compare(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> Iterator[Result]:
+    """Run each contender on each case, those of an arm's plant by one simulator."""
+    for arm, plant in product(arms, PLANTS):
+        sim = Simulator(arm.plant(plant), dt=1e-3)
+        for task, pace, (controller, name) in product(TASKS, PACES, competing.items()):
+            yield run(arm, sim, plant, task, pace, controller, name)
 
 
 def run(
-    arm: Arm,
-    sim: Simulator,
-    plant: str,
-    task: str,
-    pace: str,
-    controller: str,
+    arm: Arm, sim: Simulator, plant: str, task: str, pace: str, controller: str,
     name: str | Maker | None = None,
-) -> Result:
+) -> Result:  # fmt: skip
     """Run one contender on one case."""
     limit = sim.model.effort_limit
     control = contender(controller, arm, sim.dt, limit, name or CONTENDERS[controller])
@@ -99,13 +77,9 @@ def run(
 
 
 def _measured(
-    arm: Arm,
-    done: Recording,
-    sample: Callable[[float], Reference],
-    task: str,
-    pace: str,
+    arm: Arm, done: Recording, sample: Callable[[float], Reference], task: str, pace: str,
     limit: Array,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     references = [sample(float(t)) for t in done.time]
     wanted = arm.task.pose(np.array([r.q for r in references])).position
     hand = arm.task.pose(done.q).position

@@ -50,18 +50,18 @@ def main(repeats: int, out: Path) -> None:
     costs = {name: cost.scaled(1 / contenders[name][1]) for name, cost in measured.items()}
     rows = [[name, f"{1e6 * c.median:.2f}", f"{1e6 * c.low:.2f} – {1e6 * c.high:.2f}"]
             for name, c in costs.items()]  # fmt: skip
-    found = ratios(costs)
+    results = ratios(costs)
     errors = arm.errors()
     click.echo(table(("processor time of one core", "median [µs]", "quartiles"), rows) + "\n")
     click.echo(table(("ratio, within each round", "median", "quartiles", "limit"), [
         (name, f"{r.median:.3f}", f"{r.low:.3f} – {r.high:.3f}", f"≤ {LIMITS[name]:.3f}")
-        for name, r in found.items()
+        for name, r in results.items()
     ]) + "\n")  # fmt: skip
     click.echo(table(("error of A, relative", ""), [[k, f"{e:.1e}"] for k, e in errors.items()]))
     out.parent.mkdir(parents=True, exist_ok=True)
     record = {
         "seconds": {name: [c.low, c.median, c.high] for name, c in costs.items()},
-        "ratios": {name: [r.low, r.median, r.high] for name, r in found.items()},
+        "ratios": {name: [r.low, r.median, r.high] for name, r in results.items()},
         "errors": errors,
         "machine": noise.summary(),
     }
@@ -74,28 +74,30 @@ def ratios(costs: dict[str, Cost]) -> dict[str, Cost]:
     ours = samples["linearize_many, one state at a time"]
     call = samples["Pinocchio, the same call for one joint"]
     theirs = 4.0 * (samples["Pinocchio, computeABADerivatives"] - call)
-    found = {
+    results = {
         "A and B of a tick ÷ four computeABADerivatives": ours / theirs,
         "in SIMD lanes ÷ one state at a time": samples["linearize_many, in SIMD lanes"] / ours,
     }
     if "MuJoCo, 3n + 1 RK4 steps" in samples:
-        found["A and B of a tick ÷ MuJoCo's forward differences"] = (
+        results["A and B of a tick ÷ MuJoCo's forward differences"] = (
             ours / samples["MuJoCo, 3n + 1 RK4 steps"]
         )
     for name in ("dry friction", "above a table"):
-        found[f"{name} ÷ smooth"] = samples[f"linearize_many, {name}"] / ours
+        results[f"{name} ÷ smooth"] = samples[f"linearize_many, {name}"] / ours
     if (peer := "MuJoCo, mjd_transitionFD with friction loss") in samples:
-        found["dry friction ÷ MuJoCo's with friction loss"] = (
+        results["dry friction ÷ MuJoCo's with friction loss"] = (
             samples["linearize_many, dry friction"] / samples[peer]
         )
-        found["a call with dry friction ÷ MuJoCo's with friction loss"] = (
+        results["a call with dry friction ÷ MuJoCo's with friction loss"] = (
             samples["linearize, dry friction, one call from Python"] / samples[peer]
         )
     for name, what in (("dry friction", "dry friction"), ("reversals", "reversing")):
-        found[f"gradient of a rollout with {name} ÷ rollout"] = (
+        results[f"gradient of a rollout with {name} ÷ rollout"] = (
             samples[f"rollout_gradient, a tick, {what}"] / samples[f"rollout, a tick, {what}"]
         )
     for way in ("", ", in SIMD lanes"):
         name = f"gradient of a rollout ÷ rollout{way}"
-        found[name] = samples[f"rollout_gradient, a tick{way}"] / samples[f"rollout, a tick{way}"]
-    return {name: Cost.of(values.tolist()) for name, values in found.items()}
+        results[name] = (
+            samples[f"rollout_gradient, a tick{way}"] / samples[f"rollout, a tick{way}"]
+        )
+    return {name: Cost.of(values.tolist()) for name, values in results.items()}

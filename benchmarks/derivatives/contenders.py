@@ -53,9 +53,9 @@ class Arm:
         q, v = np.tile(self.q[:1], (arms, 1)), np.zeros((arms, self.n))
         tau = np.tile(sim.dynamics.gravity(self.q[0]), (arms, TICKS, 1))
         g = np.random.default_rng(1).normal(size=(arms, TICKS + 1, 2 * self.n))
-        found: dict[str, Contender] = {}
+        contenders: dict[str, Contender] = {}
         for name, lanes in (("", 1), (", in SIMD lanes", 8)):
-            found |= {
+            contenders |= {
                 f"rollout, a tick{name}": (
                     lambda k=lanes: sim.rollout(q, v, tau, TICKS, lanes=k, threads=1),
                     arms * TICKS,
@@ -65,7 +65,7 @@ class Arm:
                     arms * TICKS,
                 ),
             }
-        return found
+        return contenders
 
     def rough(self) -> dict[str, Contender]:
         """The same arm with dry friction in all joints, in motion; above a table, and on it."""
@@ -84,7 +84,7 @@ class Arm:
         )
         g = rng.normal(size=(arms, ticks + 1, 2 * self.n))
         one = {"lanes": 1, "threads": 1}
-        found: dict[str, Contender] = {
+        contenders: dict[str, Contender] = {
             "linearize_many, dry friction": (lambda: dry.linearize_many(q, v, tau, **one), MANY),
             "linearize, dry friction, one call from Python": (
                 lambda: dry.linearize(state, tau[0]), 1
@@ -97,7 +97,7 @@ class Arm:
                 lambda: dry.rollout_gradient(*start, g, **one), arms * ticks
             ),
         }  # fmt: skip
-        return found | self._pressed(self._with({}, table=0.4735))
+        return contenders | self._pressed(self._with({}, table=0.4735))
 
     def eventful(self) -> dict[str, Contender]:
         """Ticks with an event, one a call, and a motion in which all joints reverse repeatedly."""
@@ -109,7 +109,7 @@ class Arm:
         start = bent[None], swing[1, :1], tau[None], TICKS
         g = np.random.default_rng(3).normal(size=(1, TICKS + 1, 2 * self.n))
         one = {"lanes": 1, "threads": 1}
-        found: dict[str, Contender] = {
+        contenders: dict[str, Contender] = {
             "rollout, a tick, reversing": (lambda: dry.rollout(*start, **one), TICKS),
             "rollout_gradient, a tick, reversing": (
                 lambda: dry.rollout_gradient(*start, g, **one), TICKS
@@ -127,10 +127,10 @@ class Arm:
             ("the fingertip lands", self._with({}, table=high - 3e-5), np.r_[bent, down], still),
         ):
             state = sim.reset(*np.split(place, 2))
-            found[f"linearize, {what}, one call from Python"] = (
+            contenders[f"linearize, {what}, one call from Python"] = (
                 lambda sim=sim, state=state, push=push: sim.linearize(state, push), 1
             )  # fmt: skip
-        return found
+        return contenders
 
     def _with(self, joint: dict[str, Any], table: float | None = None) -> Simulator:
         """The arm with more on all joints, and a table below the flange's point."""
@@ -148,7 +148,7 @@ class Arm:
 
     def _pressed(self, sim: Simulator) -> dict[str, Contender]:
         """A fingertip pressed on the table, at rest in friction or sliding."""
-        found = dict[str, Contender]()
+        contenders = dict[str, Contender]()
         turn = sim.dynamics.pose(sim.model.q0, TIP)[:3, :3]
         linear, angular = np.split(sim.dynamics.jacobian(sim.model.q0, TIP), 2)
         J = linear + np.cross(angular.T, turn @ POINT).T
@@ -160,10 +160,10 @@ class Arm:
                 raise RuntimeError(f"the fingertip is not {what}")
             state = sim.state
             many = [np.tile(row, (MANY, 1)) for row in (state.q, state.v, tau)]
-            found[f"linearize_many, {what} on the table"] = (
+            contenders[f"linearize_many, {what} on the table"] = (
                 lambda many=many: sim.linearize_many(*many, lanes=1, threads=1), MANY
             )  # fmt: skip
-        return found
+        return contenders
 
     def pinocchio(self) -> dict[str, Contender]:
         """Derivatives of forward dynamics, and the same call for one joint, for its overhead."""

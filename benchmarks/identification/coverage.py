@@ -44,6 +44,8 @@ PERIOD, DURATION, RATE, HARMONICS = 10.0, 30.0, 200.0, 6
 """Of the motion and the recording in [s], and of its samples in [Hz]."""
 TICK, ROUND, TURNS, TONES = 2e-3, 5.0, 2, 5
 """Of simulated recordings: tick and period in [s], periods and harmonics."""
+ONE_ROUND = np.linspace(0.0, ROUND, 500)
+"""Times in [s] of its states."""
 QUIET, STEP = 0.02, 4e-4
 """Of these: noise of efforts, as above; step of a coarse encoder in [rad] or [m]."""
 PUBLISHED = 2
@@ -107,69 +109,63 @@ NAMES = (TUTORIAL, *ARMS)
 
 def true_arm(links: tuple[Link, ...], seed: int = 100) -> LagrangeArm:
     """An arm whose bodies are off the given ones, with rotors and friction."""
-    rng, found = np.random.default_rng(seed), []
+    rng, bodies = np.random.default_rng(seed), []
     for link in links:
         factor, shape = rng.uniform(1.0 - OFF, 1.0 + OFF, 2)
-        found.append(replace(
+        bodies.append(replace(
             link, mass=factor * link.mass,
             com=tuple(x + rng.uniform(-0.01, 0.01) for x in link.com),
             inertia=tuple(shape * x for x in link.inertia),
         ))  # fmt: skip
     n = len(links)
-    return LagrangeArm(
-        tuple(found), rng.uniform(0.02, 0.1, n), rng.uniform(0.3, 1.0, n), rng.uniform(0.3, 1.0, n)
-    )
-
-
-def recorded(arm: LagrangeArm, duration: float) -> tuple[Array, Array, Array]:
-    """Times, positions and torques of a Fourier series of each joint, up to a radian or 0.3 m."""
-    rng, n = np.random.default_rng(7), len(arm.links)
-    t = np.arange(0.0, duration, 1.0 / RATE)
-    w = 2.0 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
-    a, b = rng.normal(size=(2, HARMONICS, n))
-    s, c = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
-    size = np.where([link.slides for link in arm.links], 0.3, 1.0) / abs(s @ a + c @ b).max(axis=0)
-    a, b = size * a, size * b
-    v, acceleration = (c * w) @ a - (s * w) @ b, -(s * w**2) @ a - (c * w**2) @ b
-    q = s @ a + c @ b
-    return t, q, arm.torque(q, v, acceleration)
-
-
-def disturbed(arm: LagrangeArm, seed: int, more: float) -> JointRecord:
-    """A recording with a fraction more of friction in the first joint, except where held out."""
-    t, q, tau = recorded(arm, DURATION)
-    noise = np.random.default_rng(seed).standard_normal(tau.shape)
-    effort = tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * noise
-    way = np.sign(np.gradient(q[:, 0], t)) * (t < (1.0 - HELD_OUT) * DURATION)
-    effort[:, 0] += more * arm.coulomb[0] * way
-    return JointRecord.of(arm.names, t, RESOLUTION * np.round(q / RESOLUTION), effort)
+    return LagrangeArm(tuple(bodies), rng.uniform(0.02, 0.1, n), *rng.uniform(0.3, 1.0, (2, n)))
 
 
 @dataclass(frozen=True)
 class Fourier:
     """A Fourier series of each joint, up to a radian or 0.3 m."""
 
-    sines: Array  # shape (TONES, n)
-    cosines: Array  # shape (TONES, n)
-    duration: float = ROUND * TURNS
+    sines: Array  # shape (tones, n)
+    cosines: Array  # shape (tones, n)
+    period: float  # in [s]
 
     @classmethod
-    def of(cls, seed: int, slides: list[bool]) -> Fourier:
-        """A random one."""
-        made = cls(*np.random.default_rng(seed).normal(size=(2, TONES, len(slides))))
-        path = np.array([made.sample(t).q for t in np.linspace(0.0, ROUND, 500)])
-        size = np.where(slides, 0.3, 1.0) / abs(path).max(axis=0)
-        return cls(size * made.sines, size * made.cosines)
+    def of(cls, seed: int, slides: list[bool], period: float, tones: int, t: Array) -> Fourier:
+        """A random one, of that size at some times."""
+        series = cls(*np.random.default_rng(seed).normal(size=(2, tones, len(slides))), period)
+        size = np.where(slides, 0.3, 1.0) / abs(series.sample(t).q).max(axis=0)
+        return cls(size * series.sines, size * series.cosines, period)
 
-    def sample(self, t: float) -> Reference:
-        """Position, velocity and acceleration."""
-        w = 2.0 * np.pi / ROUND * np.arange(1, TONES + 1)
-        s, c = np.sin(w * t), np.cos(w * t)
+    def sample(self, t: float | Array) -> Reference:
+        """Position, velocity and acceleration, shapes (n,) or (k, n)."""
+        w = 2.0 * np.pi / self.period * np.arange(1, len(self.sines) + 1)
+        s, c = np.sin(np.multiply.outer(t, w)), np.cos(np.multiply.outer(t, w))
         return Reference(
             s @ self.sines + c @ self.cosines,
             (c * w) @ self.sines - (s * w) @ self.cosines,
             -(s * w**2) @ self.sines - (c * w**2) @ self.cosines,
         )
+
+
+def recorded(arm: LagrangeArm, duration: float) -> tuple[Array, Array, Array]:
+    """Times, positions and torques of a motion."""
+    t = np.arange(0.0, duration, 1.0 / RATE)
+    motion = Fourier.of(7, [link.slides for link in arm.links], PERIOD, HARMONICS, t).sample(t)
+    return t, motion.q, arm.torque(motion.q, motion.v, motion.a)
+
+
+def noisy(tau: Array, rng: np.random.Generator) -> Array:
+    """Efforts of torques."""
+    return tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * rng.standard_normal(tau.shape)
+
+
+def disturbed(arm: LagrangeArm, seed: int, more: float) -> JointRecord:
+    """A recording with a fraction more of friction in the first joint, except where held out."""
+    t, q, tau = recorded(arm, DURATION)
+    effort = noisy(tau, np.random.default_rng(seed))
+    way = np.sign(np.gradient(q[:, 0], t)) * (t < (1.0 - HELD_OUT) * DURATION)
+    effort[:, 0] += more * arm.coulomb[0] * way
+    return JointRecord.of(arm.names, t, RESOLUTION * np.round(q / RESOLUTION), effort)
 
 
 @cache
@@ -192,12 +188,12 @@ def truth(name: str) -> dict[str, float]:
     """True parameters by the names of an identification."""
     real, nominal = (ArmModel(load_scene(scene)) for scene in scenes(name))
     theta = (mine := RigidRegressor(real)).nominal + mine.payload
-    found = base_truth(RigidRegressor(nominal), theta, real.armature)
+    values = base_truth(RigidRegressor(nominal), theta, real.armature)
     for joint in real.joint_names:
         friction = real.scene.joint(joint).friction
         for key in ("viscous", "coulomb"):
-            found[f"{joint}.{key}"] = float(np.mean(getattr(friction, key)))
-    return found
+            values[f"{joint}.{key}"] = float(np.mean(getattr(friction, key)))
+    return values
 
 
 def base_truth(regressor: RigidRegressor, theta: Array, armature: Array) -> dict[str, float]:
@@ -227,27 +223,27 @@ def sensors(kind: str, seed: int, effort: Mapping[str, float]) -> Scene:
 def efforts(name: str) -> dict[str, float]:
     """Root mean square of each joint's effort."""
     dynamics = Dynamics(scenes(name)[0])
-    motion = Fourier.of(0, slides(name))
-    states = [motion.sample(t) for t in np.linspace(0.0, ROUND, 500)]
-    tau = dynamics.inverse(*(np.array([getattr(s, key) for s in states]) for key in "qva"))
+    motion = followed(name, 0).sample(ONE_ROUND)
+    tau = dynamics.inverse(motion.q, motion.v, motion.a)
     sizes = np.sqrt((tau**2).mean(axis=0)).tolist()
     return dict(zip(dynamics.joint_names, sizes, strict=True))
 
 
-def slides(name: str) -> list[bool]:
-    """Which joints are prismatic."""
+def followed(name: str, seed: int) -> Fourier:
+    """The motion of a simulated recording."""
     kinds = ArmModel(load_scene(scenes(name)[1])).joint_types
-    return [kind == "prismatic" for kind in kinds]
+    slides = [kind == "prismatic" for kind in kinds]
+    return Fourier.of(seed, slides, ROUND, TONES, ONE_ROUND)
 
 
 def simulated(name: str, kind: str, seed: int) -> Recording:
     """A recording of an arm by sensors of a kind."""
     real, nominal = scenes(name)
     sim = Simulator({**real, **sensors(kind, seed, efforts(name))}, dt=TICK)
-    motion = Fourier.of(seed, slides(name))
+    motion = followed(name, seed)
     start = motion.sample(0.0)
     sim.reset(start.q, start.v)
-    return sim.run(motion.duration, ComputedTorque(Dynamics(nominal), dt=TICK), motion)
+    return sim.run(ROUND * TURNS, ComputedTorque(Dynamics(nominal), dt=TICK), motion)
 
 
 def through_joint_states(run: Recording) -> JointRecord:
@@ -263,7 +259,7 @@ def along_one_motion(name: str, seed: int) -> JointRecord:
     """Positions in steps of an encoder, and noisy torques by Lagrange's equations."""
     arm, rng = true_arm(ARMS[name]), np.random.default_rng(1000 + seed)
     t, q, tau = recorded(arm, DURATION)
-    effort = tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * rng.standard_normal(tau.shape)
+    effort = noisy(tau, rng)
     off = RESOLUTION * rng.uniform(size=q.shape[1])
     steps = RESOLUTION * np.round((q + off) / RESOLUTION) - off
     return JointRecord.of(arm.names, t, steps, effort)
@@ -283,46 +279,48 @@ def outcome(name: str, kind: str, seed: int) -> Outcome | None:
     run: Any = along_one_motion(name, seed) if kind == LAGRANGE else simulated(name, kind, seed)
     record = through_joint_states(run) if kind == "joint_states" else run
     try:
-        found = identify(scenes(name)[1], record, accept_worse=True)
+        identification = identify(scenes(name)[1], record, accept_worse=True)
     except InvalidInput as refused:
         print(f"  {name}, {kind}, {seed}: {refused}", flush=True)
         return None
     true, errors = truth(name), dict[str, float]()
-    for parameter, (low, high) in found.intervals.items():
+    for parameter, (low, high) in identification.intervals.items():
         # Friction does not fall with speed: a velocity at which it does has no true value.
         invented = parameter.endswith("stribeck_velocity")
-        off = found.parameters[parameter] - true.get(parameter, 0.0)
+        off = identification.parameters[parameter] - true.get(parameter, 0.0)
         errors[parameter] = np.inf if invented else off / max(0.5 * (high - low), 1e-300)
-    return Outcome(errors, found.scatter, found.error[0])
+    return Outcome(errors, identification.scatter, identification.error[0])
 
 
-def by_parameter(name: str, found: Sequence[Outcome]) -> dict[str, Array]:
+def by_parameter(name: str, outcomes: Sequence[Outcome]) -> dict[str, Array]:
     """Errors over half their interval of each parameter of an arm, without scatter.
 
     Those of friction that no joint has, such as its fall with speed, are zero in recordings in
     which they are not selected.
     """
-    told = {
-        parameter: [one.errors[parameter] for one in found
+    by_name = {
+        parameter: [one.errors[parameter] for one in outcomes
                     if parameter in one.errors and parameter not in one.scatter]
-        for parameter in {key for one in found for key in one.errors}
+        for parameter in {key for one in outcomes for key in one.errors}
     }  # fmt: skip
-    for parameter, errors in told.items():
+    for parameter, errors in by_name.items():
         if parameter not in truth(name):
-            errors += [0.0] * sum(parameter not in one.errors for one in found)
-    return {parameter: np.array(errors) for parameter, errors in sorted(told.items()) if errors}
+            errors += [0.0] * sum(parameter not in one.errors for one in outcomes)
+    return {parameter: np.array(errors) for parameter, errors in sorted(by_name.items()) if errors}
 
 
-def summary(found: Sequence[Outcome]) -> dict[str, float]:
+def summary(outcomes: Sequence[Outcome]) -> dict[str, float]:
     """Shares of intervals that contain the truth, of all parameters and of friction."""
-    errors = [(p, abs(e) <= 1.0, p in one.scatter) for one in found for p, e in one.errors.items()]
+    errors = [
+        (p, abs(e) <= 1.0, p in one.scatter) for one in outcomes for p, e in one.errors.items()
+    ]
     judged = [(p, held) for p, held, scatter in errors if not scatter]
     rubs = [held for p, held in judged if p.endswith(("viscous", "coulomb"))]
     mean = lambda values: float(np.mean(values)) if values else np.nan  # noqa: E731
     return {
         "intervals": len(errors), "scatter": mean([s for *_, s in errors]),
         "held": mean([held for _, held in judged]), "held, friction": mean(rubs),
-        "torque error": mean([one.torque_error for one in found]),
+        "torque error": mean([one.torque_error for one in outcomes]),
     }  # fmt: skip
 
 
@@ -346,7 +344,7 @@ def main(
     arms: tuple[str, ...], kinds: tuple[str, ...], seeds: int, first: int, out: Path
 ) -> None:  # fmt: skip
     """How often 95 % intervals of identified arms contain the truth."""
-    rows, each, told = [], [], {}
+    rows, each, results = [], [], {}
     for name in arms or NAMES:
         whole = []
         for place, kind in enumerate(kinds or KINDS):
@@ -355,16 +353,18 @@ def main(
             begun = time.process_time()
             start = first + place * seeds
             tried = [outcome(name, kind, seed) for seed in range(start, start + seeds)]
-            found = [one for one in tried if one is not None]
-            told[f"{name}, {kind}"] = one = summary(found) | {"refused": seeds - len(found)}
+            outcomes = [one for one in tried if one is not None]
+            results[f"{name}, {kind}"] = one = summary(outcomes) | {
+                "refused": seeds - len(outcomes)
+            }
             one["seconds"] = (time.process_time() - begun) / seeds
             rows.append([name, kind, *(f"{value:.3g}" for value in one.values())])
             print(rows[-1], flush=True)
-            whole += found
+            whole += outcomes
         for parameter, errors in by_parameter(name, whole).items():
-            held, seen = float(np.mean(abs(errors) <= 1.0)), 1.96 * errors[np.isfinite(errors)]
-            told[f"{name}, {parameter}"] = {"recordings": len(errors), "held": held}
-            spread = [f"{seen.mean():.2f}", f"{seen.std():.2f}"] if seen.size else ["", ""]
+            held, finite = float(np.mean(abs(errors) <= 1.0)), 1.96 * errors[np.isfinite(errors)]
+            results[f"{name}, {parameter}"] = {"recordings": len(errors), "held": held}
+            spread = [f"{finite.mean():.2f}", f"{finite.std():.2f}"] if finite.size else ["", ""]
             each.append([name, parameter, str(len(errors)), f"{held:.3f}", *spread])
     print(table(("arm", "sensors", *one), rows))
     print(table(("arm", "parameter", "recordings", "held", "bias", "deviation"), each))
@@ -372,7 +372,7 @@ def main(
     chance = sum(by_chance(int(count)) for _, _, count, *_ in each)
     print(f"held in less than 90 %: {few} of {len(each)} parameters; by chance: {chance:.1f}")
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(told, indent=1))
+    out.write_text(json.dumps(results, indent=1))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, identify
-from benchmarks.identification.coverage import ARMS, NOISE, RATE, RESOLUTION, recorded, true_arm
+from benchmarks.identification.coverage import ARMS, RATE, RESOLUTION, noisy, recorded, true_arm
 from benchmarks.identification.lagrange import LagrangeArm
 
 Fault = Callable[[Array, Array], None]
@@ -58,18 +58,17 @@ FAULTS: dict[str, Fault] = {
 }
 
 
-def told(fault: Fault, seed: int = 0) -> tuple[float | None, tuple[str, ...]]:
+def diagnosis(fault: Fault, seed: int = 0) -> tuple[float | None, tuple[str, ...]]:
     """Error on the part held out, None if no scene is written; and what is said."""
     links = ARMS["two links"]
     arm, nominal = true_arm(links), LagrangeArm(links, *np.zeros((3, len(links))))
     t, q, tau = recorded(arm, DURATION)
-    noise = np.random.default_rng(seed).standard_normal(tau.shape)
-    effort = tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * noise
+    effort = noisy(tau, np.random.default_rng(seed))
     q = RESOLUTION * np.round(q / RESOLUTION)
     fault(q, effort)
     record = JointRecord.of(arm.names, t, q, effort)
     try:
-        found = identify({"robot": {"urdf": nominal.urdf}}, record)
+        identification = identify({"robot": {"urdf": nominal.urdf}}, record)
     except InvalidInput as refused:
         return None, (str(refused),)
-    return found.error[0], found.notes
+    return identification.error[0], identification.notes

@@ -60,7 +60,7 @@ class LagrangeArm:
 
     def _frames(self, q: NDArray) -> list[tuple[NDArray, NDArray]]:
         """Rotation and origin of each joint's frame in the world, shapes (k, 3, 3), (k, 3)."""
-        R, p, found = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3)), []
+        R, p, frames = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3)), []
         for link, x in zip(self.links, q.T, strict=True):
             p = p + R @ np.array(link.origin)
             R = R @ _turn(0, np.array([link.turned]))
@@ -68,8 +68,8 @@ class LagrangeArm:
                 p = p + R[:, :, link.axis] * x[:, None]
             else:
                 R = R @ _turn(link.axis, x)
-            found.append((R, p))
-        return found
+            frames.append((R, p))
+        return frames
 
     def _mass_matrix(self, q: NDArray) -> NDArray:
         """M of the links, shape (k, n, n)."""

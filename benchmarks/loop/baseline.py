@@ -56,17 +56,10 @@ def spread(durations: np.ndarray) -> dict[str, float]:
 
 def timer(seconds: float) -> dict[str, Any]:
     """A timer of rclpy with its default executor."""
-    import rclpy
-
-    rclpy.init()
-    node = rclpy.create_node("bare_timer")
+    node, executor = _spun("bare_timer")
     came: list[int] = []
     node.create_timer(1e-9 * PERIOD, lambda: came.append(time.monotonic_ns()))
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.1)
+    _spin(executor, lambda: False, seconds)
     gaps = np.diff(came)
     return {
         "rate": len(came) / seconds, "missed": int((gaps > 2 * PERIOD).sum()),
@@ -81,9 +74,7 @@ def echo(seconds: float) -> dict[str, Any]:
 
     publisher = node.create_publisher(JointState, "bare_echo", 10)
     node.create_subscription(JointState, "bare_ping", publisher.publish, 10)
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.1)
+    _spin(executor, lambda: False, seconds)
     return {}
 
 
@@ -103,7 +94,8 @@ def ping(seconds: float) -> dict[str, Any]:
     message = JointState(name=[f"joint{i}" for i in range(7)])
     message.position = message.velocity = message.effort = [0.0] * 7
     trips = []
-    _spin(executor, lambda: publisher.get_subscription_count() and _matched(node), 20.0)
+    there = lambda: publisher.get_subscription_count() and node.count_publishers("bare_echo")  # noqa: E731
+    _spin(executor, there, 20.0)
     del subscription
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -122,9 +114,7 @@ def server(seconds: float) -> dict[str, Any]:
     from arm_dynamics.ros.interfaces import INVERSE_DYNAMICS
 
     node.create_service(INVERSE_DYNAMICS.type, INVERSE_DYNAMICS.name, lambda _, response: response)
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.1)
+    _spin(executor, lambda: False, seconds)
     return {}
 
 
@@ -159,10 +149,6 @@ class Client:
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
-
-
-def _matched(node: Any) -> bool:
-    return bool(node.count_publishers("bare_echo"))
 
 
 def _spun(name: str) -> tuple[Any, Any]:

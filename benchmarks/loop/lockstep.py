@@ -71,19 +71,19 @@ def across(
     try:
         with Processes(logs) as processes:
             processes.start("controller", "controller", scene, "--with-parent")
-            found = _led(node, executor, ticks)
+            result = _led(node, executor, ticks)
     finally:
         executor.remove_node(node)
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
     if not recorded:
-        return found
+        return result
     digest, motion = _Digest(), Recording.load(file)
     file.unlink()
     for row in range(ticks):
         digest.add(motion.q[row + 1], motion.v[row + 1], motion.tau[row])
-    return found | {"digest": str(digest)}
+    return result | {"digest": str(digest)}
 
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
@@ -136,7 +136,7 @@ def _compiled(scene: str, ticks: int) -> list[dict[str, Any]]:
     path = quintic([start, *_points(simulator.state.q)])
     control = computed_torque(simulator.model, path.sample)
     simulator.run(0.01, control)
-    found = []
+    results = []
     for _ in range(2):
         simulator.reset()
         digest = _Digest()
@@ -144,5 +144,5 @@ def _compiled(scene: str, ticks: int) -> list[dict[str, Any]]:
         motion = simulator.run(ticks * simulator.dt, control)
         rate = ticks / (time.perf_counter() - began)
         digest.add(motion.q, motion.v, motion.tau)
-        found.append({"rate": rate, "digest": str(digest)})
-    return found
+        results.append({"rate": rate, "digest": str(digest)})
+    return results

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.loop.figure import draw
+import numpy as np
+
+from arm_sim.figures import figure
 from benchmarks.reporting.markdown import table
 
 KINDS = ("inverse", "forward", "terms")
@@ -60,8 +63,8 @@ def page(r: Record) -> str:
     loop, services = r["loop"], r["services"]
     rows = [(text, bound, got, "yes" if holds else "**no**")
             for text, bound, got, holds in promises(r)]  # fmt: skip
-    times = [(text, *(f"{1e3 * found[name]:.3f}" for name in ("p50", "p99", "max")))
-             for text, found in (
+    times = [(text, *(f"{1e3 * spread[name]:.3f}" for name in ("p50", "p99", "max")))
+             for text, spread in (
         ("lateness of the sim node", loop["loop"]["lateness"]),
         ("lateness of an empty thread in the same run", loop["thread"]),
         ("torque round trip: state from `sim`, torque from `controller`", loop["round_trip"]),
@@ -106,3 +109,24 @@ def write(r: Record, out: Path, docs: Path | None) -> Path:
 
 def _count(value: float | None) -> str:
     return "—" if value is None else f"{value:,.0f}"
+
+
+def draw(record: dict[str, Any], file: Path) -> None:
+    """Draw the share of cycles that started later than a time, against that time."""
+    loop = record["loop"]
+    with figure(file, 1, 1, (6.4, 3.6)) as axis:
+        for label, bars in (
+            ("sim node, loop closed across three processes", loop["loop"]["bars"]),
+            ("bare thread at the same time", loop["thread"]["bars"]),
+        ):
+            late, share = _later_than(bars)
+            axis.step(1e6 * late, share, where="post", label=label)
+        axis.axvline(1000.0, color="0.4", lw=0.9, ls="--", label="one cycle")
+        axis.set(xscale="log", yscale="log", xlabel="lateness [µs]",
+                 ylabel="share of cycles that are later")  # fmt: skip
+
+
+def _later_than(bars: Sequence[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:
+    late, counts = np.array(bars, float).T
+    total = counts.sum()
+    return np.maximum(late, 1e-6), (total - np.cumsum(counts) + counts) / total

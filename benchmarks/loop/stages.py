@@ -52,9 +52,9 @@ class Baseline:
 
     def result(self) -> Record:
         """Wait for what it measured."""
-        said, _ = self._process.communicate(timeout=self._patience)
-        found: Record = json.loads(said)
-        return found
+        output, _ = self._process.communicate(timeout=self._patience)
+        measured: Record = json.loads(output)
+        return measured
 
 
 def closed_loop(
@@ -86,14 +86,14 @@ def closed_loop(
         processes.stop("sim")
         beside = bare.result()
         watcher.listen(1.0)
-    found: Record = json.loads(report.read_text())
+    result: Record = json.loads(report.read_text())
     return {
         "seconds": seconds,
         "priority": priority,
         "share": share,
         "thread": beside,
         "told": watcher.latest["sim: loop"],
-        **found,
+        **result,
     }
 
 
@@ -118,20 +118,20 @@ def services(scene: str, domain: int, calls: int, logs: Path) -> Record:
         n = len(client.model_info().joint_names)
         q, v, a = rng.uniform(-1.0, 1.0, (3, MAX_POINTS, n))
         client.inverse_dynamics(q[0], v[0], a[0])
-        found = one_point(domain, calls, q[0], v[0], a[0])
+        result = one_point(domain, calls, q[0], v[0], a[0])
         asked = {
             "inverse": (client.inverse_dynamics, MAX_POINTS),
             "forward": (client.forward_dynamics, MAX_POINTS),
             "terms": (lambda q, v, _: client.dynamics_terms(q, v), MAX_TERMS_POINTS),
         }
-        found["batches"] = {
+        result["batches"] = {
             name: {str(points): _rate(ask, q[:points], v[:points], a[:points])
                    for points in (100, 1000, 10_000, MAX_POINTS) if points <= most}
             for name, (ask, most) in asked.items()
         }  # fmt: skip
         check = Dynamics(scene).inverse(q[:500], v[:500], a[:500])
-        found["difference"] = float(np.abs(client.inverse_dynamics(q, v, a)[:500] - check).max())
-    return found
+        result["difference"] = float(np.abs(client.inverse_dynamics(q, v, a)[:500] - check).max())
+    return result
 
 
 def one_point(domain: int, calls: int, *point: Array) -> Record:
@@ -153,12 +153,12 @@ def one_point(domain: int, calls: int, *point: Array) -> Record:
         )
         trips: list[list[float]] = [[] for _ in ways]
         for turn in range(calls + WARM_CALLS):
-            for way, found in zip(ways, trips, strict=True):
+            for way, times in zip(ways, trips, strict=True):
                 taken = _timed(way)
                 if turn >= WARM_CALLS:
-                    found.append(taken)
+                    times.append(taken)
                 time.sleep(PAUSE)
-    ours, bare = ({"count": calls, **_spread(found)} for found in trips)
+    ours, bare = ({"count": calls, **_spread(times)} for times in trips)
     return {**ours, "bare": bare}
 
 

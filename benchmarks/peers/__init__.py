@@ -22,11 +22,11 @@ ADAPTERS = {
 
 def installed() -> tuple[list[Contestant], dict[str, str]]:
     """Every peer that can be imported, and the reason for each that cannot, by name."""
-    found: list[Contestant] = []
+    contestants: list[Contestant] = []
     missing: dict[str, str] = {}
     for name, module in ADAPTERS.items():
         try:
-            found += import_module(f"benchmarks.peers.{module}").contestants()
+            contestants += import_module(f"benchmarks.peers.{module}").contestants()
         except ImportError as error:
             missing[name] = str(error)
-    return found, missing
+    return contestants, missing

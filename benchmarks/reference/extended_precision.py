@@ -58,9 +58,9 @@ class ExtendedArm:
             rest[i] = tau[i] - force[i][k]
             parent = self.parents[i]
             if parent >= 0:
-                seen = inertia[i] - np.outer(u[i], u[i] / d[i])
-                load = force[i] + seen @ bias[i] + u[i] * (rest[i] / d[i])
-                inertia[parent] = inertia[parent] + x[i].T @ seen @ x[i]
+                articulated = inertia[i] - np.outer(u[i], u[i] / d[i])
+                load = force[i] + articulated @ bias[i] + u[i] * (rest[i] / d[i])
+                inertia[parent] = inertia[parent] + x[i].T @ articulated @ x[i]
                 force[parent] = force[parent] + x[i].T @ load
         return self._accelerations(x, bias, u, d, rest)
 

@@ -27,21 +27,21 @@ def lines() -> dict[str, Line]:
     bare = {"robot": {"urdf": robot.urdf}}
     ticks: Line = {"kind": "run", "ticks": features.STEPS, "integrator": "rk4"}
     smooth: Line = ticks | start | {"scene": bare}
-    found = {
+    chosen = {
         label: ticks | {"scene": scene} | (start if "locked" not in label else {})
         for label, scene in features.scenes().items()
     }
-    found |= {f"method {name}": smooth | {"integrator": name} for name in ("euler", "dop853")}
+    chosen |= {f"method {name}": smooth | {"integrator": name} for name in ("euler", "dop853")}
     controlled = smooth | {"integrator": "auto", "tolerance": 1e-8}
-    found["error control, 1e-8"] = controlled
-    found["a step from Python"] = smooth | {"kind": "step"}
-    found |= _dry(bare, ticks, start) | _contact(bare, ticks, start)
-    found["four-bar"] = ticks | {"scene": _four_bar()}
-    found["rollout, 256 arms"] = smooth | {"kind": "rollout", "arms": 256, "ticks": 50}
+    chosen["error control, 1e-8"] = controlled
+    chosen["a step from Python"] = smooth | {"kind": "step"}
+    chosen |= _dry(bare, ticks, start) | _contact(bare, ticks, start)
+    chosen["four-bar"] = ticks | {"scene": _four_bar()}
+    chosen["rollout, 256 arms"] = smooth | {"kind": "rollout", "arms": 256, "ticks": 50}
     points = {"scene": bare, "points": 10_000}
-    found["inverse dynamics, a batch"] = points | {"kind": "inverse"}
-    found["forward dynamics, a batch"] = points | {"kind": "forward"}
-    return found
+    chosen["inverse dynamics, a batch"] = points | {"kind": "inverse"}
+    chosen["forward dynamics, a batch"] = points | {"kind": "forward"}
+    return chosen
 
 
 def _dry(bare: Line, ticks: Line, start: Line) -> dict[str, Line]:

@@ -50,10 +50,10 @@ class Recorder:
             env=os.environ | {"PYTHONPATH": path, "XDG_CACHE_HOME": str(folder)},
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
-        found = self._read()
-        if not found.startswith(packages[0]):
+        module = self._read()
+        if not module.startswith(packages[0]):
             self.__exit__()
-            raise click.ClickException(f"arm_sim of {tree} is not used, but {found}")
+            raise click.ClickException(f"arm_sim of {tree} is not used, but {module}")
 
     def __enter__(self) -> Recorder:
         """Use it in a ``with`` statement."""
@@ -86,10 +86,10 @@ class Recorder:
 def worktree(revision: str, folder: Path) -> Iterator[Path]:
     """The files of a revision for a while."""
     git = ("git", "-C", str(ROOT), "worktree")
-    made = subprocess.run([*git, "add", "--detach", str(folder), revision],
+    result = subprocess.run([*git, "add", "--detach", str(folder), revision],
                           capture_output=True, text=True)  # fmt: skip
-    if made.returncode:
-        raise click.ClickException(made.stderr.strip())
+    if result.returncode:
+        raise click.ClickException(result.stderr.strip())
     try:
         yield folder
     finally:
@@ -99,15 +99,15 @@ def worktree(revision: str, folder: Path) -> Iterator[Path]:
 def pair(trees: tuple[Path, Path], folder: Path, task: Path, names: list[str], samples: int,
          bar: Bar) -> dict[str, list[float] | str]:  # fmt: skip
     """Least time in [s] of every line in one process of each tree, or why there is none."""
-    found: dict[str, list[float] | str] = {}
+    ratios: dict[str, list[float] | str] = {}
     with (
         Recorder(trees[0], folder / "new", task) as new,
         Recorder(trees[1], folder / "old", task) as old,
     ):
         for name in names:
-            found[name] = _least(new, old, name, samples)
+            ratios[name] = _least(new, old, name, samples)
             bar.advance()
-    return found
+    return ratios
 
 
 def _least(new: Recorder, old: Recorder, name: str, samples: int) -> list[float] | str:
@@ -133,7 +133,7 @@ def table(
     shown = Table("line", revision, "this tree", "ratio", "95 % interval", "")
     failed, undecided = [], []
     for name in rounds[0]:
-        values = [found[name] for found in rounds]
+        values = [of_round[name] for of_round in rounds]
         if wrong := [value for value in values if isinstance(value, str)]:
             shown.add_row(name, wrong[0])
             failed.append(name)

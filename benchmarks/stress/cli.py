@@ -16,10 +16,9 @@ from rich.table import Table
 from benchmarks.reporting.progress import Bar
 from benchmarks.stress.holding import Held, measured, summary
 from benchmarks.stress.judge import FORBIDDEN, OUTCOMES, Result
-from benchmarks.stress.page import write
+from benchmarks.stress.report import write, wrong
 from benchmarks.stress.scenes import KINDS, MOST_JOINTS
 from benchmarks.stress.survey import survey
-from benchmarks.stress.tables import wrong
 
 ROOT = Path(__file__).parents[2]
 QUICK_JOINTS = 6
@@ -79,26 +78,26 @@ def main(
         if only in (None, kind)
         for k in range(seed, seed + scenes)
     ]
-    found, held = list[Result](), list[Held]()
+    every, held = list[Result](), list[Held]()
     with Bar(Console(stderr=True)) as bar:
         bar.stage("random scenes", len(work))
         for results in survey(work, min(workers, scenes)):
-            found += results
+            every += results
             bar.advance()
         if only in (None, "held"):
             bar.stage("sets that hold together", scenes)
             for one in islice(measured(seed), scenes):
                 held.append(one)
                 bar.advance()
-    found.sort(key=lambda r: (r.kind, r.seed))
+    every.sort(key=lambda r: (r.kind, r.seed))
     if held:
         Console().print(summary(held))
-    if found:
-        count = Counter(r.outcome for r in found)
+    if every:
+        count = Counter(r.outcome for r in every)
         table = Table("runs", *OUTCOMES)
-        table.add_row(str(len(found)), *(str(count[name]) for name in OUTCOMES))
+        table.add_row(str(len(every)), *(str(count[name]) for name in OUTCOMES))
         Console().print(table)
-        Console().print(wrong(found))
-        path = write(found, held, out, ROOT / "docs/laboratory" if docs else None)
+        Console().print(wrong(every))
+        path = write(every, held, out, ROOT / "docs/laboratory" if docs else None)
         click.echo(f"report: {path}")
-    sys.exit(any(r.outcome in FORBIDDEN for r in found) or not all(one.good for one in held))
+    sys.exit(any(r.outcome in FORBIDDEN for r in every) or not all(one.good for one in held))

@@ -159,14 +159,14 @@ def _bisected(moves: Callable[[float], bool], at: float) -> float:
     return abs(high - at) / at
 
 
-def summary(found: Sequence[Held]) -> str:
+def summary(sets: Sequence[Held]) -> str:
     """The sets by family, and those that are wrong, as Markdown."""
     rows = []
-    for family in sorted({one.family for one in found}):
-        own = [one for one in found if one.family == family]
+    for family in sorted({one.family for one in sets}):
+        own = [one for one in sets if one.family == family]
         alone = max((one.of_dynamics for one in own if one.of_dynamics is not None), default=None)
         rows.append([family, len(own), number(max(one.error for one in own), 1),
                      number(alone, 1), sum(not one.good for one in own)])  # fmt: skip
     head = ("family", "sets", "largest error", "of Dynamics", f"beyond {WITHIN:.0e}")
-    wrong = [f"- {one}" for one in found if not one.good]
+    wrong = [f"- {one}" for one in sets if not one.good]
     return "\n".join([table(head, rows), *([""] * bool(wrong)), *wrong])

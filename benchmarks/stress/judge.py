@@ -145,42 +145,44 @@ def attempt(
     truth: Truth | None, way: Way,
 ) -> Result:  # fmt: skip
     """Run a case in one way, and judge what comes of it."""
-    told = replace(blank, name=way.name, dt=way.dt, tolerance=way.tolerance)
+    result = replace(blank, name=way.name, dt=way.dt, tolerance=way.tolerance)
     try:
         simulator = Simulator(model, way.method, way.dt, way.tolerance)
         simulator.reset(*start)
         run = simulator.run(PIECE * PIECES, case.commands(way.dt))
     except SimulationDiverged as error:
         kept = error.recording is not None and _finite(error.recording)
-        return replace(told, outcome=STOPPED if kept else NAN, message=str(error))
+        return replace(result, outcome=STOPPED if kept else NAN, message=str(error))
     except ArmError as error:
-        return replace(told, message=str(error))
+        return replace(result, message=str(error))
     if not (_finite(run) and np.isfinite(simulator.effort).all()):
-        return replace(told, outcome=NAN)
+        return replace(result, outcome=NAN)
     if truth is None:
-        return replace(told, outcome=UNSTEADY)
-    return judged(replace(told, tolerance=simulator.choice.tolerance), run, truth)
+        return replace(result, outcome=UNSTEADY)
+    return judged(replace(result, tolerance=simulator.choice.tolerance), run, truth)
 
 
-def judged(told: Result, run: Recording, truth: Truth) -> Result:
+def judged(result: Result, run: Recording, truth: Truth) -> Result:
     """What a finite run is, given what it should be."""
-    q, v = (_between_pieces(x, told.dt) for x in (run.q, run.v))
+    q, v = (_between_pieces(x, result.dt) for x in (run.q, run.v))
     error, apart = difference(q, truth.q), None
     if truth.second is not None:
         apart = difference(truth.second, truth.q)
         if apart > NUDGE * truth.growth:  # else rounding
             error = max(error, difference(q, truth.second))
-    allowed = FIXED if told.tolerance is None else max(FACTOR * told.tolerance, 1e-12)
+    allowed = FIXED if result.tolerance is None else max(FACTOR * result.tolerance, 1e-12)
     stated = float(np.max(run.error))
     words = run.doubt or ("stated error" if error <= BESIDE * stated else "")
-    found = replace(
-        told, error=error, stated=stated, told=words, apart=apart, rate=truth.rate,
+    verdict = replace(
+        result, error=error, stated=stated, told=words, apart=apart, rate=truth.rate,
         false_alarm=bool(run.doubt) and max(error, difference(v, truth.v)) <= FALSE * FIXED,
     )  # fmt: skip
     if error > allowed and not words:
-        return replace(found, outcome=MAGNIFIED if error <= truth.growth * allowed else UNDETECTED)
+        return replace(
+            verdict, outcome=MAGNIFIED if error <= truth.growth * allowed else UNDETECTED
+        )
     far = error > max(WRONG * difference(truth.q, truth.q[0]), LEAST)
-    return replace(found, outcome=SHOWN if far else SURVIVED)
+    return replace(verdict, outcome=SHOWN if far else SURVIVED)
 
 
 def difference(q: Vector, wanted: Vector) -> float:

@@ -111,16 +111,16 @@ class Forces:
             right = np.zeros(len(upper))
             if slack is not None:
                 right[: 2 * n] = np.r_[wanted, -wanted]
-            found = linprog(
+            solution = linprog(
                 cost, A_ub=upper, b_ub=right, bounds=bounds, method="highs", options=EXACT, **equal
             )
-            if found.status == 3 or found.x is None:
+            if solution.status == 3 or solution.x is None:
                 return np.full(count, np.nan)
-            more = [cut for cone in self.cones for cut in self._cut(*cone, found.x)]
+            more = [cut for cone in self.cones for cut in self._cut(*cone, solution.x)]
             if not more:
                 break
             cuts += more
-        x: Array = found.x
+        x: Array = solution.x
         return x
 
     def _first(self, at: int, size: int, mu: float, count: int) -> list[Array]:

@@ -61,16 +61,12 @@ class Bench:
     def each(self, label: str, items: list[Any]) -> Iterator[Any]:
         """Iterate with progress, for work that is not timed."""
         self.progress.stage(label, len(items))
-        return _tracked(items, self.progress.advance)
+        for item in items:
+            yield item
+            self.progress.advance()
 
-    def thinned(self, who: Contestant, settings: tuple[float, ...]) -> tuple[float, ...]:
+    def thinned(self, settings: tuple[float, ...]) -> tuple[float, ...]:
         """All settings, or every other one (1 ms and 1e-9 among them) when it has to be quick."""
         if not self.quick:
             return settings
         return settings[TICK in settings and settings.index(TICK) % 2 :: 2]
-
-
-def _tracked(items: list[Any], advance: Callable[[], None]) -> Iterator[Any]:
-    for item in items:
-        yield item
-        advance()

@@ -37,6 +37,6 @@ def _difference(robot: Robot, who: Contestant) -> float:
     for _ in range(STATES):
         q, v, tau = rng.uniform(-1, 1, (3, robot.n))
         expected = pin.aba(robot.pin, data, q, v, tau)
-        found = trial.acceleration(q, v, tau)
-        worst = max(worst, float(np.abs(found - expected).max() / np.abs(expected).max()))
+        result = trial.acceleration(q, v, tau)
+        worst = max(worst, float(np.abs(result - expected).max() / np.abs(expected).max()))
     return worst

@@ -35,18 +35,18 @@ Fleets = dict[str, Callable[[Robot, int], Fleet]]  # label -> (robot, threads) -
 
 def peers() -> Fleets:
     """MuJoCo's rollout with its Euler and RK4 steps, and simulators on Warp, where installed."""
-    found: Fleets = {}
+    fleets: Fleets = {}
     if find_spec("mujoco"):
         from benchmarks.peers import mujoco as mujoco_peer
 
-        found |= {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
+        fleets |= {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
     if find_spec("newton") and find_spec("mujoco_warp"):
         from benchmarks.peers import mujoco_warp, newton, warp_fleet
 
         worlds = mujoco_warp.World, newton.World
         for who, world in zip(ON_WARP, worlds, strict=True):
-            found[who] = warp_fleet.fleet_maker(world, "cpu", STEP, STEPS)
-    return found
+            fleets[who] = warp_fleet.fleet_maker(world, "cpu", STEP, STEPS)
+    return fleets
 
 
 @dataclass

@@ -143,7 +143,7 @@ def measured(scene: Scene, model: ArmModel) -> list[Any]:
     if (sensors := sensors_of(scene, model.joint_names, dt)) is not None:
         sensors.restart(0, *np.zeros((3, model.n)))
         for tick in range(1, 40):
-            sensors.look(tick, *np.sin(0.1 * tick + rng.normal(size=(3, model.n))))
+            sensors.sample(tick, *np.sin(0.1 * tick + rng.normal(size=(3, model.n))))
             found.append(sensors.measured.copy())
     return found
 

@@ -78,10 +78,10 @@ def test_a_cut_is_told_once_with_the_joint_and_its_farthest_command(
     caplog: pytest.LogCaptureFixture, command: Any, effort: Any, words: str
 ) -> None:
     notice = SaturationNotice(limited(2.0, 5.0, 7.0))
-    notice.look(np.array(command, float), np.array(effort, float))
+    notice.check(np.array(command, float), np.array(effort, float))
     (text,) = said(caplog)
     assert text.startswith(f"command {words}")
-    notice.look(np.array(command, float), np.array(effort, float))
+    notice.check(np.array(command, float), np.array(effort, float))
     assert len(said(caplog)) == 1
 
 
@@ -90,9 +90,9 @@ def test_a_servo_at_its_limit_is_told_apart_from_commands(
 ) -> None:
     notice = SaturationNotice(limited(2.0, 5.0, 7.0))
     for _ in range(2):
-        notice.look(np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), servo=True)
+        notice.check(np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), servo=True)
     assert not notice.logged
-    notice.look(np.array([4.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]))
+    notice.check(np.array([4.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]))
     words = "N m of joint 'joint1' exceeds its limit of 2 N m and is clipped to it; reported once"
     assert said(caplog) == [f"servo's command 3 {words}", f"command 4 {words}"]
 
@@ -101,9 +101,9 @@ def test_where_nothing_was_cut_nothing_is_said_and_the_first_cut_still_is(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     notice = SaturationNotice(limited(2.0, INF, INF))
-    notice.look(np.array([2.0, 1e9, -1.0]), np.array([2.0, 1e9, -1.0]))
-    notice.look(np.array([-0.0, 0.0, 1.0]), np.array([0.0, -0.0, 1.0]))
-    notice.look(np.zeros((4, 3)), np.zeros((4, 3)))
+    notice.check(np.array([2.0, 1e9, -1.0]), np.array([2.0, 1e9, -1.0]))
+    notice.check(np.array([-0.0, 0.0, 1.0]), np.array([0.0, -0.0, 1.0]))
+    notice.check(np.zeros((4, 3)), np.zeros((4, 3)))
     assert not said(caplog)
-    notice.look(np.array([-2.5, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0]))
+    notice.check(np.array([-2.5, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0]))
     assert len(said(caplog)) == 1

@@ -55,19 +55,21 @@ for name, work in works.items():
 
 
 def test_ctrl_c_ends_what_takes_long(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", WORKS, str(tmp_path)]
+    command, recorded = [sys.executable, "-c", WORKS, str(tmp_path)], tmp_path / "run.mcap"
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
             for name in process.stdout:
                 time.sleep(0.5)
+                while name == "record\n" and not (recorded.exists() and recorded.stat().st_size):
+                    time.sleep(0.1)
                 begin = time.monotonic()
                 process.send_signal(signal.SIGINT)
                 assert process.stdout.readline() == "ended\n", name
                 assert time.monotonic() - begin < SOON, name
         finally:
             process.kill()
-    broken_off = Recording.load(tmp_path / "run.mcap")
+    broken_off = Recording.load(recorded)
     assert 0 < len(broken_off) < 1e7 and np.isfinite(broken_off.q).all()
 
 

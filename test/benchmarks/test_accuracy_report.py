@@ -17,7 +17,7 @@ from rich.console import Console
 
 import tolerances
 from arm_sim.integrators.methods import METHODS
-from benchmarks.accuracy import cli, friction, motors, page, problems, sweep
+from benchmarks.accuracy import cli, page, problems, sweep, wheels
 
 PENDULUM = problems.all_problems(tolerances.TRAJECTORY)[0]
 SMALL = replace(
@@ -29,7 +29,7 @@ SMALL = replace(
 
 @cache
 def results() -> dict[str, Any]:
-    with patch.object(friction, "STEPS", {"Euler": (1e-3,)}), patch.object(motors, "REPEATS", 1):
+    with patch.object(wheels, "STEPS", {"Euler": (1e-3,)}), patch.object(wheels, "REPEATS", 1):
         return cli.run([SMALL], Console(file=StringIO()))
 
 

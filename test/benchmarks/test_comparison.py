@@ -14,8 +14,7 @@ import pytest
 
 from benchmarks.comparison import claims, targets
 from benchmarks.comparison.claims import MET, MISSED, MISSING, OPEN
-from benchmarks.comparison.report import summary, write
-from benchmarks.comparison.sections import markdown
+from benchmarks.comparison.report import markdown, summary, write
 from benchmarks.comparison.suite import judged
 from benchmarks.measurement.intervals import of_median
 from benchmarks.measurement.timing import Cost, Noise, interleaved

@@ -9,7 +9,7 @@ from samples import sampled
 
 from arm_dynamics import Dynamics
 from benchmarks.identification import coverage
-from benchmarks.identification.faults import FAULTS, told
+from benchmarks.identification.faults import FAULTS, diagnosis
 
 
 @pytest.mark.parametrize("name", coverage.ARMS)
@@ -43,7 +43,7 @@ def test_intervals_contain_the_truth_as_often_as_they_say() -> None:
     ], 2),
 )  # fmt: skip
 def test_faults_that_are_told(fault: str, said: str) -> None:
-    error, notes = told(FAULTS[fault])
+    error, notes = diagnosis(FAULTS[fault])
     assert error is not None and error < 0.03
     assert any(note.startswith(said) for note in notes)
 
@@ -57,5 +57,5 @@ def test_faults_that_are_told(fault: str, said: str) -> None:
     ], 1),
 )  # fmt: skip
 def test_faults_that_are_refused(fault: str, said: str) -> None:
-    error, refusal = told(FAULTS[fault])
+    error, refusal = diagnosis(FAULTS[fault])
     assert error is None and refusal[0].startswith(said)

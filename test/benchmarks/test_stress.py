@@ -29,7 +29,7 @@ from benchmarks.stress.judge import (
     Truth,
     examine,
 )
-from benchmarks.stress.page import write
+from benchmarks.stress.report import write
 from benchmarks.stress.scenes import FAMILIES, HARDSHIPS, PIECE, PIECES, Case, Way, draw
 from models.rotor import rotor
 

@@ -110,6 +110,12 @@ def test_files_that_equations_stand_in_exist() -> None:
         assert any((package / file).is_file() for package in packages), file
 
 
+def test_tests_that_tools_and_pages_name_exist() -> None:
+    for file in (".ci/run", "CONTRIBUTING.md", "tools/sanitize.py"):
+        named = re.findall(r"\btest/[\w/]+\.py", (ROOT / file).read_text())
+        assert named and all((ROOT / path).is_file() for path in named), file
+
+
 COMMANDS = re.compile(r"\./arm ([a-z][a-z-]*)(?: ([\w./:-]+))?|scene:=([\w./:-]+)")
 TAKE_A_SCENE = {"sim", "dynamics", "controller", "describe", "build", "export", "urdf", "view"}
 

@@ -21,7 +21,7 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
 from arm_sim.stepping.engine import INCLUDED, address_of, scene_source
-from arm_sim.stepping.stepper import tick_functions
+from arm_sim.stepping.tick_functions import tick_functions
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
 _CALLBACK = ctypes.CFUNCTYPE(

@@ -111,12 +111,12 @@ def test_commands_without_options_show_all_commands(clone: Path, line: str) -> N
     assert done.returncode == 0 and "./arm COMMAND" in done.stdout
 
 
-def test_an_unknown_group_is_refused(clone: Path) -> None:
-    done = arm(clone, "setup veiw")
-    assert done.returncode == 1
-    assert done.stderr == (
-        "arm: setup 'veiw': there is no such group; allowed: view, sweep, jax, fmu\n"
-    )
+@pytest.mark.parametrize("line", ["setup veiw", "setup view veiw", "lint src"])
+def test_what_is_no_group_and_arguments_of_lint_are_refused(line: str, clone: Path) -> None:
+    group = "setup 'veiw': there is no such group; allowed: view, sweep, jax, fmu"
+    why = "lint takes no arguments, and was given 'src'" if line == "lint src" else group
+    done = arm(clone, line)
+    assert (done.returncode, done.stderr) == (1, f"arm: {why}\n")
 
 
 @pytest.mark.parametrize("word", ["demos", "--veiw"])

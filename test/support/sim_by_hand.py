@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from ctypes import byref
 from typing import Any
 
 import numpy as np
@@ -10,8 +12,12 @@ from harness import Ros
 from polled import offered
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 import models
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_sim.ros.commands import LatestCommand
+from arm_sim.ros.node_library import library
 from arm_sim.ros.sim_node import SimNode
 
 NAMES = list(models.dynamics("two_link").joint_names)
@@ -22,6 +28,11 @@ def by_hand(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
     """The node for a scene, or for one of the robots by name; uncommanded, the arm falls."""
     scene = models.scene(scene) if isinstance(scene, str) else scene
     return ros.add(SimNode, scene, realtime=False, **{"stale_policy": "zero", **parameters})
+
+
+def next_command(slot: LatestCommand, q: np.ndarray) -> Any:
+    """What acts in a tick at q that does not age the command."""
+    return slot.command(library().acting(byref(slot)), q)
 
 
 class Waiting:
@@ -43,6 +54,24 @@ def ticks(node: SimNode, count: int) -> None:
 
 def motion(node: SimNode) -> np.ndarray:
     return np.array([node.simulator.state.q, node.simulator.state.v])
+
+
+def follow(
+    sim: SimNode, controller: ControllerNode, goal: JointTrajectory, count: int,
+    answer: Callable[[], bytes | None] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Errors and positions at each tick, each state answered within its tick."""
+    answer = answer or (lambda: controller.on_joint_states(state_bytes(sim)))
+    errors, positions = [], []
+    for k in range(count):
+        sim.inputs.on_joint_commands(answer())
+        if k == 0:
+            controller.on_joint_trajectory(goal)
+        sim.tick()
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
+        errors.append(reference.q - sim.simulator.state.q)
+        positions.append(sim.simulator.state.q)
+    return np.array(errors), np.array(positions)
 
 
 def state_bytes(sim: SimNode) -> bytes:

@@ -56,19 +56,7 @@ def without_number(joints: Joints, given: Array) -> str:
 
 
 def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
-    """Check an argument: finite numbers of shape (n,) or (k, n).
-
-    Args:
-        name: Name of the argument, for messages.
-        value: What was given.
-        joints: Names or number of the joints.
-
-    Returns:
-        The value as a float array.
-
-    Raises:
-        InvalidInput: If it is anything else.
-    """
+    """Check an argument of a name: finite numbers of shape (n,) or (k, n)."""
     array = real_array(name, value)
     n = count(joints)
     if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
@@ -99,11 +87,7 @@ def finite_numbers(numbers: Collection[float]) -> bool:
 
 
 def finite_answer(answer: Array) -> Array:
-    """Return a result of finite numbers, or refuse them if it overflowed.
-
-    Raises:
-        InvalidInput: If a number of it is not finite.
-    """
+    """Return a result of finite numbers, or refuse them if it overflowed."""
     if not all_finite(answer):
         raise InvalidInput("the answer is not finite: the numbers given are too large")
     return answer
@@ -115,11 +99,7 @@ def any_beyond(numbers: Iterable[float], limits: Iterable[float]) -> bool:
 
 
 def real_array(name: str, value: ArrayLike) -> Array:
-    """The value as a float array.
-
-    Raises:
-        InvalidInput: If it does not consist of real numbers.
-    """
+    """The value as a float array of real numbers."""
     if type(value) is np.ndarray and value.dtype == float:
         return value
     try:
@@ -139,11 +119,7 @@ def _holds_truth(value: object) -> bool:
 
 
 def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
-    """A nonzero vector, normalized to unit length, shape (n,).
-
-    Raises:
-        InvalidInput: If it is anything else.
-    """
+    """A nonzero vector, normalized to unit length, shape (n,)."""
     u = vector(name, value, n)
     length = float(np.linalg.norm(u))
     if u.ndim != 1 or length < 1e-12:
@@ -152,11 +128,7 @@ def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
 
 
 def numbers(name: str, value: ArrayLike) -> Array:
-    """The value as an array of finite numbers of any shape.
-
-    Raises:
-        InvalidInput: If it is anything else.
-    """
+    """The value as an array of finite numbers of any shape."""
     array = real_array(name, value)
     if not np.isfinite(array).all():
         raise InvalidInput(f"{name} is {array}; allowed: finite numbers")
@@ -182,11 +154,7 @@ def positive(name: str, value: float) -> float:
 
 
 def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
-    """Limits of n joints, positive, inf for none, from one number or shape (n,).
-
-    Raises:
-        InvalidInput: If they are anything else.
-    """
+    """Limits of n joints, positive, inf for none, from one number or shape (n,)."""
     array = real_array(name, limit)
     if array.shape not in ((), (n,)) or not np.all(array > 0.0):
         raise InvalidInput(f"{name} is {limit!r}; allowed: positive numbers, one or ({n},)")

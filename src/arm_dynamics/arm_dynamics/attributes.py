@@ -35,9 +35,17 @@ def sealed[C](cls: type[C]) -> type[C]:
     made.__getattr__, made.__init__ = _lacking, with_arguments(made.__init__)
     if is_dataclass(cls):
         made.__setattr__ = _refuse
-    else:
-        made.__init__, made.__setattr__ = _sealing(cls, made.__init__), _refuse_once_sealed
-        made._sealed, made._parts = False, getattr(cls, "_parts", ())
+        return cls
+    init = made.__init__
+
+    @wraps(init)
+    def initialize(self: Any, *args: Any, **kwargs: Any) -> None:
+        init(self, *args, **kwargs)
+        if type(self) is cls:
+            object.__setattr__(self, "_sealed", True)
+
+    made.__init__, made.__setattr__ = initialize, _refuse_once_sealed
+    made._sealed, made._parts = False, getattr(cls, "_parts", ())
     return cls
 
 
@@ -88,11 +96,7 @@ def with_arguments[**P, R](method: Callable[P, R]) -> Callable[P, R]:
 
 
 def check_arguments(whose: object, method: Callable[..., Any], given: Iterable[str]) -> None:
-    """Refuse keywords that a method, or the constructor, lacks.
-
-    Raises:
-        UnknownArgument: If it lacks one.
-    """
+    """Refuse keywords that a method, or the constructor, lacks."""
     known = [*signature(method).parameters.values()][1:]
     names = [] if any(x.kind is x.VAR_KEYWORD for x in known) else [x.name for x in known]
     for name in set(given) - set(names) if names else ():
@@ -103,16 +107,6 @@ def check_arguments(whose: object, method: Callable[..., Any], given: Iterable[s
 
 def _called(whose: object, method: Callable[..., Any]) -> str:
     return f"{getattr(whose, '_called', type(whose).__name__)}.{method.__name__}"
-
-
-def _sealing(cls: type, init: Callable[..., None]) -> Callable[..., None]:
-    @wraps(init)
-    def initialize(self: Any, *args: Any, **kwargs: Any) -> None:
-        init(self, *args, **kwargs)
-        if type(self) is cls:
-            object.__setattr__(self, "_sealed", True)
-
-    return initialize
 
 
 def _lacking(self: Any, name: str) -> Any:
@@ -133,16 +127,16 @@ def _lacking(self: Any, name: str) -> Any:
 
 
 def _refuse_once_sealed(self: Any, name: str, given: object) -> None:
-    if name[0] != "_" and self._sealed and not _settable(type(self), name):
-        cls, arguments = type(self), ", ".join(signature(type(self)).parameters)
-        raise not_assignable(self, name, vars(self), f"build another {cls.__name__}({arguments})")
+    cls = type(self)
+    if name[0] != "_" and self._sealed:
+        if isinstance(found := getattr(cls, name, None), property):
+            settable = found.fset is not None
+        else:
+            settable = any(name in vars(base).get("__annotations__", ()) for base in cls.__mro__)
+        if not settable:
+            instead = f"build another {cls.__name__}({', '.join(signature(cls).parameters)})"
+            raise not_assignable(self, name, vars(self), instead)
     object.__setattr__(self, name, given)
-
-
-def _settable(cls: type, name: str) -> bool:
-    if isinstance(found := getattr(cls, name, None), property):
-        return found.fset is not None
-    return any(name in vars(base).get("__annotations__", ()) for base in cls.__mro__)
 
 
 def _refuse(self: Any, name: str, given: object) -> None:
@@ -155,13 +149,9 @@ def _refuse(self: Any, name: str, given: object) -> None:
 
 
 def not_assignable(what: object, name: str, names: Iterable[str], instead: str) -> NotAssignable:
-    """The error for an attribute that cannot be set.
+    """The error for an attribute that cannot be set, with what to do instead.
 
-    Args:
-        what: The object.
-        name: Name of the attribute.
-        names: Attributes that the object has besides those of its class.
-        instead: What to do instead, where the class does not say it.
+    ``names`` are attributes that the object has besides those of its class.
     """
     cls, hints = type(what), dict[str, str]()
     for keys, text in getattr(cls, "_instead", {}).items():

@@ -73,11 +73,7 @@ class CdrReader:
         return int(self._count.unpack_from(self._raw, self.skip(COUNT, COUNT))[0])
 
     def count_of(self, what: str, most: int) -> int:
-        """Read a length that has a limit.
-
-        Raises:
-            InvalidInput: If it is exceeded.
-        """
+        """Read a length that must not exceed ``most``."""
         count = self.count()
         if count > most:
             raise InvalidInput(f"{count} {what}; allowed: up to {most}")
@@ -93,11 +89,7 @@ class CdrReader:
         return int(seconds) * GIGA + int(nanoseconds)
 
     def text(self) -> str:
-        """Read a name, up to its first zero.
-
-        Raises:
-            InvalidInput: If it is too long for a name.
-        """
+        """Read a name of limited length, up to its first zero."""
         size = self.count_of("bytes of a name", _LONGEST)
         start = self.skip(size, 1)
         return self._raw[start : start + size].partition(b"\0")[0].decode(errors="replace")

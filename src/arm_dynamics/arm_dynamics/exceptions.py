@@ -131,11 +131,7 @@ def plain(text: object, most: int = 1000) -> str:
     """Untrusted text as a single line that is safe to print.
 
     Characters that are not printable (line breaks, marks of writing direction) are escaped, and
-    the middle of a long text is omitted.
-
-    Args:
-        text: Any object, converted to text.
-        most: Length above which the middle is omitted.
+    the middle of a text of more than ``most`` is omitted.
     """
     whole = str(text)
     half = most // 2
@@ -188,12 +184,7 @@ def counted(count: int, what: str) -> str:
 
 
 def not_copied(what: object, instead: str) -> ArmError:
-    """The error for what neither ``copy`` nor ``pickle`` can take, as it holds compiled code.
-
-    Args:
-        what: The object.
-        instead: What to do.
-    """
+    """The error for what neither ``copy`` nor ``pickle`` can take, as it holds compiled code."""
     name = type(what).__name__
     return ArmError(f"a {name} holds compiled code: it cannot be copied or pickled; {instead}")
 

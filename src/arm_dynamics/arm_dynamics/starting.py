@@ -17,11 +17,9 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def end_when_interrupted(status: int = 0, words: str = "") -> None:
     """Let SIGINT and SIGTERM end this process at once, until others handle them.
 
-    Signals that ``./arm`` has held back while Python itself started arrive now.
+    The words are written to stderr then.
 
-    Args:
-        status: The exit status then.
-        words: What is written to stderr then.
+    Signals that ``./arm`` has held back while Python itself started arrive now.
     """
 
     def end(*_: Any) -> None:

@@ -196,7 +196,7 @@ class SaturationNotice:
         self.logged = self._logged_for_servo = not np.isfinite(model.command_limit).any()
         self._compensated = gravity_compensated(model.scene)
 
-    def look(self, command: Array, effort: Array, servo: bool = False) -> None:
+    def check(self, command: Array, effort: Array, servo: bool = False) -> None:
         """Compare commands, or a servo's, with the effective ones, of shape (n,) or (k, n)."""
         # Comparing the bytes of a single row takes a tenth of the time; -0.0 is compared again.
         if (

@@ -78,7 +78,9 @@ class Progress:
             _log.info("%s", text)
         else:
             self._due = now + REDRAWN
-            if _is_watched():
+            watched = sys.stderr.isatty() or "ipykernel" in sys.modules
+            alone = current_thread() is main_thread()  # no other writes there
+            if watched and alone and _log.isEnabledFor(logging.WARNING):
                 print(f"\r{text:{self._shown}}", end="", file=sys.stderr, flush=True)
                 self._shown = len(text)
 
@@ -90,12 +92,6 @@ class Progress:
         """Remove the line."""
         if self._shown:
             print(f"\r{'':{self._shown}}\r", end="", file=sys.stderr, flush=True)
-
-
-def _is_watched() -> bool:
-    """Whether somebody sees stderr, and no other thread writes there."""
-    shown = sys.stderr.isatty() or "ipykernel" in sys.modules
-    return shown and current_thread() is main_thread() and _log.isEnabledFor(logging.WARNING)
 
 
 def refuse_beyond_memory(ticks: int, each: int, what: str = "", instead: str = _RECORD) -> None:

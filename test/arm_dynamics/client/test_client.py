@@ -20,7 +20,7 @@ import models
 from arm_dynamics import InvalidInput, Term
 from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
-from arm_dynamics.ros.common.caller import Asker
+from arm_dynamics.ros.common.caller import PolledClient
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_dynamics.task_space import TaskSpace
 from tolerances import ALGEBRA
@@ -187,7 +187,7 @@ def test_an_answer_to_a_question_that_was_interrupted_is_passed_over(
     with served(ros), ArmClient(timeout=30.0, domain=ros.domain) as arm:
         before = arm.model_info().total_mass
         with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-            patched.setattr(Asker, "answer", interrupt)
+            patched.setattr(PolledClient, "receive", interrupt)
             arm.model_info()
         assert arm.model_info().total_mass == before + 2.0
 

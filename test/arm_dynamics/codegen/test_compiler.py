@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import KernelError
-from arm_dynamics.codegen import Kernel, compiler
+from arm_dynamics.codegen import Kernel, compiler, user_cache
 
 HERE = str(Path(__file__).parent)
 IMPORT = f"import sys; sys.path.insert(0, {HERE!r}); import test_compiler as t; "
@@ -28,7 +28,7 @@ IMPORT = f"import sys; sys.path.insert(0, {HERE!r}); import test_compiler as t; 
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of this test's own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return compiler.cache_folder()
+    return user_cache.folder()
 
 
 def triple(factor: float = 3.0) -> Kernel:
@@ -54,7 +54,7 @@ def test_folder_that_cannot_be_used_is_named_once(
 ) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert compiler.cache_folder() == compiler.cache_folder()
+    assert user_cache.folder() == user_cache.folder()
     assert caplog.text.count("cannot be used: compiled code is kept for this process only") == 1
 
 

@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from arm_dynamics.codegen import Kernel, compiler
+from arm_dynamics.codegen import Kernel, user_cache
 
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of this test's own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return compiler.cache_folder()
+    return user_cache.folder()
 
 
 def outer(backend: str = "native") -> Kernel:

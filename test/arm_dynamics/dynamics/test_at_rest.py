@@ -16,7 +16,7 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.dynamics import MANY
 from arm_dynamics.dynamics.at_rest import AtRest, Points
-from arm_dynamics.dynamics.together import held_together
+from arm_dynamics.dynamics.indeterminate import indeterminate_sets
 from arm_sim import Simulator
 from models.touching import rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -204,7 +204,7 @@ def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
         found = linprog([-1.0, *np.zeros(4)], np.vstack([columns, -columns]), np.tile(level, 2))
         for factor, holds in ((1.0 - 1e-8, True), (1.0 + 1e-8, False)):
             load, held = found.x[0] * factor * tau, np.ones(5, dtype=bool)
-            for each in held_together(A, held, load, np.tile(level, (2, 1))):
+            for each in indeterminate_sets(A, held, load, np.tile(level, (2, 1))):
                 assert each.holds == holds and len(each.joints) == 5
                 shared = load - A.T @ each.multipliers
                 assert not holds or (abs(shared) <= level * (1.0 + 1e-8)).all()
@@ -216,7 +216,7 @@ def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
 def test_sets_that_do_not_share_anything_are_apart() -> None:
     A = np.array([[1.0, -1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0]])
     load, level = np.array([1.5, 0.0, 4.0, 0.0, 0.0]), np.ones((2, 5))
-    one, other = held_together(A, np.ones(5, dtype=bool), load, level)
+    one, other = indeterminate_sets(A, np.ones(5, dtype=bool), load, level)
     assert one.joints.tolist() == [0, 1] and one.holds
     assert other.joints.tolist() == [2, 3] and not other.holds
     np.testing.assert_array_equal(other.way, [1.0, -1.0])

@@ -22,25 +22,6 @@ def test_pendulum(rng: np.random.Generator) -> None:
         assert_close([kinetic, potential], [v[0] ** 2 / 2, -G * np.cos(q[0])], CLOSED_FORM)
 
 
-def test_two_rods(rng: np.random.Generator) -> None:
-    """Spong, Hutchinson and Vidyasagar, Robot Modeling and Control, 2006, section 7.3.2."""
-    dyn = models.dynamics("two_link")
-    m1, m2, l1, c1, c2, I1, I2 = 2.0, 1.5, 0.5, 0.25, 0.2, 2 * 0.25 / 12, 1.5 * 0.16 / 12
-    for _ in range(20):
-        q, v, a = models.random_state(rng, 2)
-        cos2, h = np.cos(q[1]), -m2 * l1 * c2 * np.sin(q[1])
-        d12 = m2 * (c2**2 + l1 * c2 * cos2) + I2
-        d22 = m2 * c2**2 + I2
-        M = [[m1 * c1**2 + m2 * (l1**2 + c2**2 + 2 * l1 * c2 * cos2) + I1 + I2, d12], [d12, d22]]
-        C = [[h * v[1], h * (v[0] + v[1])], [-h * v[0], 0.0]]
-        far = m2 * c2 * G * np.cos(q[0] + q[1])
-        weight = [(m1 * c1 + m2 * l1) * G * np.cos(q[0]) + far, far]
-        assert_close(dyn.mass_matrix(q), M, CLOSED_FORM)
-        assert_close(dyn.coriolis_matrix(q, v) @ v, C @ v, CLOSED_FORM)
-        assert_close(dyn.gravity(q), weight, CLOSED_FORM)
-        assert_close(dyn.inverse(q, v, a, terms=7), M @ a + C @ v + weight, CLOSED_FORM)
-
-
 def test_gantry(rng: np.random.Generator) -> None:
     """Slides only: M is constant, nothing couples, and gravity acts along the incline of 0.6."""
     dyn = models.dynamics("gantry")

@@ -12,6 +12,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, Term
+from models.asked import CALLS as EVERY
 from tolerances import ALGEBRA, PINOCCHIO, ROUNDING, assert_close
 
 STATES = 30
@@ -66,12 +67,27 @@ def test_each_term_is_what_its_name_says(robot: str, rng: np.random.Generator) -
         assert_close(dyn.inverse(q, v, a, Term.FRICTION), dyn.friction(v), PINOCCHIO)
 
 
-@pytest.mark.parametrize("mask", range(32))
-def test_every_mask_is_the_sum_of_its_bits(mask: int, rng: np.random.Generator) -> None:
+def test_every_mask_is_the_sum_of_its_bits(rng: np.random.Generator) -> None:
     dyn = models.dynamics("planar_3r")
     q, v, a = models.random_state(rng, dyn.n)
-    parts = [dyn.inverse(q, v, a, terms=bit) for bit in Term if mask & bit]
-    assert_close(dyn.inverse(q, v, a, terms=mask), sum(parts, np.zeros(dyn.n)), PINOCCHIO)
+    for mask in range(32):
+        parts = [dyn.inverse(q, v, a, terms=bit) for bit in Term if mask & bit]
+        assert_close(dyn.inverse(q, v, a, terms=mask), sum(parts, np.zeros(dyn.n)), PINOCCHIO)
+
+
+CALLS = EVERY | {"inverse without friction": lambda d, q, v, x: d.inverse(q, v, x, terms=7)}
+
+
+@pytest.mark.parametrize("name", ["panda", "kinova", "gripper", "gantry"])
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+@pytest.mark.parametrize("rows", [1, 5])
+def test_rows_of_batches_equal_single_calls(
+    name: str, call: Ask, rows: int, rng: np.random.Generator
+) -> None:
+    dyn = models.dynamics(name)
+    batch = np.array([models.random_state(rng, dyn.n) for _ in range(rows)]).swapaxes(0, 1)
+    alone = np.array([call(dyn, *row) for row in zip(*batch, strict=True)])
+    np.testing.assert_array_equal(call(dyn, *batch), alone)
 
 
 def test_panda_by_pinocchio_in_plain_sight(rng: np.random.Generator) -> None:

@@ -145,6 +145,10 @@ MISTAKEN: dict[str, tuple[SceneSource, str]] = {
         "joint 'joint1' (and joint2): the payload needs up to 1.02e+04 N m, 128 "
         "times its effort limit; masses are in kg, efforts in N m",
     ),
+    "a payload's centre of mass in mm": (
+        load(mass=0.01, com=[0, 0, 50]),
+        "'payloads.0.com' is 50 m; lengths are in m",
+    ),
     "a payload's tensor in kg mm²": (
         load(mass=1, inertia=[4000, 0, 0, 4000, 0, 4000]),
         "'payloads.0.inertia' = [4000.0, 0.0, 0.0, 4000.0, 0.0, 4000.0]: its radius of gyration "

@@ -45,7 +45,7 @@ class World:
         self.now += seconds
 
 
-class Asker:
+class Client:
     """A client of that service; it has waited before it looks for an answer, as the real one."""
 
     def __init__(self, world: World, name: str) -> None:
@@ -54,12 +54,12 @@ class Asker:
     def ready(self) -> bool:
         return self._world.now >= self._world.offered
 
-    def ask(self, request: Any) -> int:
+    def send(self, request: Any) -> int:
         assert len(self._world.asked) < 50
         self._world.asked.append(self._world.now)
         return len(self._world.asked) - 1
 
-    def answer(self, asked: Collection[int], timeout: float) -> Any | None:
+    def receive(self, asked: Collection[int], timeout: float) -> Any | None:
         assert timeout > 0.0
         assert self._world.now < 1e3  # no test lasts for so long
         comes, number = min((self._world.answered(k), k) for k in asked)
@@ -71,7 +71,7 @@ class Asker:
 def world(monkeypatch: pytest.MonkeyPatch) -> World:
     made = World()
     monkeypatch.setattr(module, "time", made)
-    monkeypatch.setattr(module, "Asker", lambda node, service, name: Asker(made, name))
+    monkeypatch.setattr(module, "PolledClient", lambda node, service, name: Client(made, name))
     monkeypatch.setattr(Node, "count_services", lambda node, name: made.servers(made.now))
     return made
 
@@ -232,15 +232,15 @@ def test_an_answer_to_another_request_is_not_taken_for_this_one(ros: Ros) -> Non
         return response
 
     ros.peer.create_service(RESET.type, "/sim/reset", answer)
-    asker = module.Asker(node, RESET, "/sim/reset")
-    ros.spin_until(asker.ready)
+    client = module.PolledClient(node, RESET, "/sim/reset")
+    ros.spin_until(client.ready)
     time.sleep(0.3)  # until the server has seen the client, too
-    numbers = [asker.ask(RESET.type.Request()) for _ in range(3)]
+    numbers = [client.send(RESET.type.Request()) for _ in range(3)]
     ros.spin_until(lambda: len(asked) == 3)
-    assert asker.answer(numbers[1:2], 10.0).message == "answer 1"
-    assert asker.answer(numbers[1:2], 0.0) is None
-    assert asker.answer(numbers[2:], 10.0).message == "answer 2"
-    assert asker.answer(numbers, 0.01) is None
+    assert client.receive(numbers[1:2], 10.0).message == "answer 1"
+    assert client.receive(numbers[1:2], 0.0) is None
+    assert client.receive(numbers[2:], 10.0).message == "answer 2"
+    assert client.receive(numbers, 0.01) is None
     node.destroy_node()
 
 

@@ -12,7 +12,7 @@ from rcl_interfaces.msg import Log
 from rclpy.node import Node
 
 from arm_dynamics.logs import CORES, MOST, PERIOD, Throttled, heard_by
-from arm_dynamics.ros.common.executor import NodeHandler
+from arm_dynamics.ros.common.executable import NodeHandler
 
 pytestmark = pytest.mark.ros
 

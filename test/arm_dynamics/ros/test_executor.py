@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import gc
 import signal
+import sys
 from typing import Any
 
 import pytest
@@ -15,7 +17,8 @@ from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import executor as module
-from arm_dynamics.ros.common.executor import make_executor, run, spin, subscribe
+from arm_dynamics.ros.common.executable import run
+from arm_dynamics.ros.common.executor import make_executor, spin, subscribe
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 pytestmark = pytest.mark.ros
@@ -169,3 +172,24 @@ def test_parameters_that_a_node_has_not_are_told(
     told = capfd.readouterr().err
     assert said in told
     assert ("did you mean 'tolerance'?" in told) == bool(said)
+
+
+def test_a_process_of_one_node_takes_short_turns_and_skips_garbage_of_its_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = list[float]()
+
+    def make(**kwargs: Any) -> Node:
+        found.append(sys.getswitchinterval())
+        made = Node("urgent", **kwargs)
+        made.declare_parameter("freeze_garbage", True)
+        return made
+
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    before, frozen = sys.getswitchinterval(), gc.get_freeze_count()
+    sys.setswitchinterval(5e-3)  # whatever a node that ran here before has left
+    assert run(make, [], lambda: True) == 0
+    sys.setswitchinterval(before)
+    assert found[0] < 1e-3
+    assert gc.get_freeze_count() > frozen
+    gc.unfreeze()

@@ -43,30 +43,30 @@ def at(*q: float, speed: float = 0.0) -> Measured:
 )
 def test_time_and_joints_jump(gap: int, state: Measured, said: str) -> None:
     jumps = Jumps(["a", "b"])
-    assert not jumps.look(NOW, at(0.0, 0.0), 1.0, 0.5)
-    assert jumps.look(NOW + gap, state, 1.0, 0.5) == said
+    assert not jumps.detect(NOW, at(0.0, 0.0), 1.0, 0.5)
+    assert jumps.detect(NOW + gap, state, 1.0, 0.5) == said
 
 
 @pytest.mark.parametrize("speed", [60.0, -60.0])
 def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped(speed: float) -> None:
     jumps = Jumps(["a", "b"])
-    jumps.look(NOW, at(0.0, 0.0, speed=speed), 1.0, 0.5)
-    assert not jumps.look(NOW + MS, at(0.0, -0.6), 1.0, 0.5)
-    assert jumps.look(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
+    jumps.detect(NOW, at(0.0, 0.0, speed=speed), 1.0, 0.5)
+    assert not jumps.detect(NOW + MS, at(0.0, -0.6), 1.0, 0.5)
+    assert jumps.detect(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
 
 
 def test_the_longest_time_between_states_is_known() -> None:
     jumps, stamp = Jumps(["a", "b"]), NOW
     for gap in (0, 1, 30, 2, 5000, 3):  # the last but one is a jump
-        jumps.look(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
+        jumps.detect(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
     assert_close(jumps.take_longest(), 0.03, ALGEBRA)
     assert jumps.take_longest() == 0.0
 
 
 def test_zero_allows_any() -> None:
     jumps = Jumps(["a", "b"])
-    jumps.look(NOW, at(0.0, 0.0), 0.0, 0.0)
-    assert not jumps.look(NOW + 3600 * 1000 * MS, at(9.0, 9.0), 0.0, 0.0)
+    jumps.detect(NOW, at(0.0, 0.0), 0.0, 0.0)
+    assert not jumps.detect(NOW + 3600 * 1000 * MS, at(9.0, 9.0), 0.0, 0.0)
 
 
 @pytest.mark.ros

@@ -53,23 +53,23 @@ def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
     assert holder.params == Some(number=0.5, gains=[1.0, 2.0], fixed=False)
 
 
-@pytest.mark.parametrize(
-    ("values", "complaint"),
-    [
-        ({"number": 3.0}, "'number' is 3.0; allowed: 0 to 2"),
-        ({"number": -0.1}, "'number' is -0.1; allowed: 0 to 2"),
-        ({"number": "much"}, "'number' is 'much'; allowed: a number with a decimal point"),
-        ({"number": 1}, "'number' is 1; allowed: a number with a decimal point, as in 5.0"),
-        ({"fixed": 1}, "'fixed' is 1; allowed: true or false"),
-        ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
-        ({"color": 3}, "'color' is 3; allowed: text"),
-        ({"count": 0}, "'count' is 0; allowed: 1 to 9"),
-        ({"color": "blue"}, "'color' is 'blue'; allowed: one of red, green"),
-    ],
-)
-def test_bad_values_at_start_are_refused(ros: Ros, values: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(InvalidInput, match=complaint):
-        ros.add(Holder, **values)
+BAD_AT_START = [
+    ({"number": 3.0}, "'number' is 3.0; allowed: 0 to 2"),
+    ({"number": -0.1}, "'number' is -0.1; allowed: 0 to 2"),
+    ({"number": "much"}, "'number' is 'much'; allowed: a number with a decimal point"),
+    ({"number": 1}, "'number' is 1; allowed: a number with a decimal point, as in 5.0"),
+    ({"fixed": 1}, "'fixed' is 1; allowed: true or false"),
+    ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
+    ({"color": 3}, "'color' is 3; allowed: text"),
+    ({"count": 0}, "'count' is 0; allowed: 1 to 9"),
+    ({"color": "blue"}, "'color' is 'blue'; allowed: one of red, green"),
+]
+
+
+def test_bad_values_at_start_are_refused(ros: Ros) -> None:
+    for values, complaint in BAD_AT_START:
+        with pytest.raises(InvalidInput, match=complaint):
+            ros.add(Holder, **values)
 
 
 def test_changes_take_effect(ros: Ros) -> None:
@@ -86,27 +86,27 @@ def test_one_number_will_do_for_a_list(ros: Ros, value: Any) -> None:
     assert other.params.gains == [2]
 
 
-@pytest.mark.parametrize(
-    ("bad", "complaint"),
-    [
-        ({"number": 1.5}, "1.5 will not do"),
-        ({"number": 3.0}, "number"),
-        ({"gains": [True]}, "parameter 'gains' is [True]; numbers are expected"),
-        ({"gains": None}, "parameter 'gains' has no value; a parameter cannot be removed"),
-        ({"number": None}, "parameter cannot be undeclared"),  # rclpy's own words, too
-        ({"color": "blue"}, "allowed: one of red, green"),
-        ({"count": 0}, "count"),
-        ({"fixed": False}, "read-only"),
-        ({"number": "much"}, "Wrong parameter type"),  # rclpy's own words
-    ],
-)
-def test_bad_changes_are_refused_as_a_whole(ros: Ros, bad: dict[str, Any], complaint: str) -> None:
-    holder = ros.add(Holder)
-    result = change(holder, **{"gains": [7.0], **bad})
-    assert not result.successful
-    assert complaint in result.reason
-    assert holder.params == Some()
-    assert list(holder.get_parameter("gains").value) == [1.0]
+BAD_CHANGES = [
+    ({"number": 1.5}, "1.5 will not do"),
+    ({"number": 3.0}, "number"),
+    ({"gains": [True]}, "parameter 'gains' is [True]; numbers are expected"),
+    ({"gains": None}, "parameter 'gains' has no value; a parameter cannot be removed"),
+    ({"number": None}, "parameter cannot be undeclared"),  # rclpy's own words, too
+    ({"color": "blue"}, "allowed: one of red, green"),
+    ({"count": 0}, "count"),
+    ({"fixed": False}, "read-only"),
+    ({"number": "much"}, "Wrong parameter type"),  # rclpy's own words
+]
+
+
+def test_bad_changes_are_refused_as_a_whole(ros: Ros) -> None:
+    for bad, complaint in BAD_CHANGES:
+        holder = ros.add(Holder)
+        result = change(holder, **{"gains": [7.0], **bad})
+        assert not result.successful
+        assert complaint in result.reason
+        assert holder.params == Some()
+        assert list(holder.get_parameter("gains").value) == [1.0]
 
 
 def wrong(default: Any, about: Mapping[str, Any]) -> Iterator[tuple[Any, str]]:

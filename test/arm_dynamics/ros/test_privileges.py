@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Privileges that are granted take effect, and others are reported."""
+"""Privileges that are granted take effect, others are reported; scheduling that needs none."""
 
 from __future__ import annotations
 
 import ctypes
-import gc
 import hashlib
 import os
 import platform
@@ -17,13 +16,11 @@ import pytest
 from harness import Ros
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common import privileges
-from arm_dynamics.ros.common.privileges import (
+from arm_dynamics.ros.common import privileges, scheduling
+from arm_dynamics.ros.common.privileges import ThreadParams, read_cpus
+from arm_dynamics.ros.common.scheduling import (
     MiddlewareThreads,
-    ThreadParams,
     arrange_middleware_threads,
-    freeze_garbage,
-    read_cpus,
     shorten_slice,
 )
 
@@ -50,13 +47,6 @@ def test_nothing_wanted_nothing_changed() -> None:
 def test_a_processor_of_its_own() -> None:
     cpu = min(os.sched_getaffinity(0))
     assert claimed(ThreadParams(cpus=str(cpu))) == ([], {cpu})
-
-
-def test_frozen_garbage() -> None:
-    before = gc.get_freeze_count()
-    freeze_garbage()
-    assert gc.get_freeze_count() > before
-    gc.unfreeze()
 
 
 def test_timers_of_dds_do_not_interrupt_the_loop(ros: Ros) -> None:
@@ -110,12 +100,12 @@ def test_the_middleware_is_busy_while_one_of_its_threads_is_not_asleep() -> None
 
 def slice_of(thread: int) -> int:
     """The time slice of a thread in [ns]; 0 before Linux 6.12."""
-    attributes, number = ctypes.create_string_buffer(56), privileges._SCHED_SETATTR[MACHINE] + 1
+    attributes, number = ctypes.create_string_buffer(56), scheduling._SCHED_SETATTR[MACHINE] + 1
     ctypes.CDLL(None).syscall(number, thread, attributes, len(attributes), 0)
     return struct.unpack_from("Q", attributes, 24)[0]
 
 
-@pytest.mark.skipif(MACHINE not in privileges._SCHED_SETATTR, reason="another processor")
+@pytest.mark.skipif(MACHINE not in scheduling._SCHED_SETATTR, reason="another processor")
 def test_receivers_of_dds_are_the_next_to_run_when_messages_arrive(ros: Ros) -> None:
     if not (ordinary := slice_of(0)):
         pytest.skip("Linux before 6.12 has no time slices of threads")

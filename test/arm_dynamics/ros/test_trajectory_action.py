@@ -296,7 +296,7 @@ BAD = {
     "positions of point 0 has 0": goal(trajectory(point(1.0, velocities=[0.0, 0.0]))),
     "velocities of point 0 has 1": goal(trajectory(point(1.0, *HERE, velocities=[0.0]))),
     "accelerations, but no": goal(trajectory(point(1.0, *HERE, accelerations=[0.0, 0.0]))),
-    "positions of point 0, joint 'elbow', is not finite": goal(
+    "positions of point 0, joint 'elbow', is nan; allowed: finite": goal(
         trajectory(point(1.0, 0.1, float("nan")))
     ),
     "effort of point 0 has 1 numbers": goal(trajectory(point(1.0, *HERE, effort=[1.0]))),
@@ -358,14 +358,15 @@ def test_mimic_joints_may_be_named_if_they_agree(ros: Ros) -> None:
     assert "right_slide follows left_slide; command that one" in node.goals.outcome
 
 
-@pytest.mark.parametrize("complaint", BAD)
 def test_a_bad_goal_is_refused_and_nothing_moves(
-    node: ControllerNode, client: Client, complaint: str, capfd: pytest.CaptureFixture[str]
+    node: ControllerNode, client: Client, capfd: pytest.CaptureFixture[str]
 ) -> None:
     effort(node, 2000 * MS, HERE)
-    assert not client.send(BAD[complaint]).accepted
-    assert complaint in node.goals.outcome
-    assert capfd.readouterr().err.count("action goal refused") == 1
+    for k, (complaint, wrong) in enumerate(BAD.items(), 1):
+        assert not client.send(wrong).accepted
+        assert complaint in node.goals.outcome and node.goals.refused == k
+        if k == 1:  # many at once are not all logged
+            assert capfd.readouterr().err.count("action goal refused") == 1
     assert_close(reference_of(node, 9000 * MS), [HERE, (0, 0), (0, 0)], ALGEBRA)
 
 
@@ -398,14 +399,6 @@ def test_a_goal_before_any_state_is_refused(ros: Ros) -> None:
     node = ros.add(ControllerNode, models.scene("two_link"))
     assert not Client(ros).send(to(0.1, 0.1)).accepted
     assert "no joint state has been seen yet" in node.goals.outcome
-
-
-def test_a_goal_while_the_arm_is_led_by_hand_is_refused(
-    node: ControllerNode, client: Client
-) -> None:
-    assert change(node, controller="float").successful
-    assert not client.send(to(0.1, 0.1)).accepted
-    assert "follows no trajectories" in node.goals.outcome
 
 
 def test_a_controller_that_fails_ends_the_goal_and_gets_no_other(
@@ -453,11 +446,11 @@ def test_a_goal_that_is_given_up_while_it_is_planned_is_refused(
 ) -> None:
     go = Event()
 
-    def plan(outset: Any) -> Motion:
+    def plan(_: Any, __: Any, outset: Any) -> Motion:
         go.wait(20.0)
         return hold(outset.here.q)
 
-    monkeypatch.setattr(node.action, "_planned", lambda message, params: plan)
+    monkeypatch.setattr(node.action, "_plan", plan)
     first = client.begin(goal(trajectory(*[point(0.1 * k, *HERE) for k in range(1, 20)])))
     ros.spin_until(lambda: node.goals.planner.busy)
     node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
@@ -507,15 +500,10 @@ def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:
     turn = next(i for i, k in enumerate(node.dynamics.model.joint_types) if k == "continuous")
     here, there = q0.copy(), q0.copy()
     here[turn], there[turn] = 2.0 * np.pi + 0.1, 0.3
-    show(node, names, 0, here)
+    shown = JointState(name=names, position=here.tolist(), velocity=[0.0] * len(names))
+    node.on_joint_states(serialize_message(shown))
     assert Client(ros).send(goal(trajectory(point(2.0, *there), names=names))).accepted
     assert node.follower.reference(2000 * MS).q[turn] == pytest.approx(2.0 * np.pi + 0.3)
-
-
-def show(node: ControllerNode, names: list[str], stamp: int, q: np.ndarray) -> None:
-    message = JointState(name=names, position=q.tolist(), velocity=[0.0] * len(names))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    node.on_joint_states(serialize_message(message))
 
 
 def test_without_the_interface_there_is_no_action(

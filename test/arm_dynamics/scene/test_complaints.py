@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -119,17 +118,6 @@ def test_names_that_differ_in_numbers_only_are_not_meant() -> None:
     assert did_you_mean("damping_ration", ["damping", "damping_ratio"]).endswith(
         "'damping_ratio'?"
     )
-
-
-def test_a_payload_in_millimetres_is_reported(caplog: pytest.LogCaptureFixture) -> None:
-    def load(com: list[Any]) -> None:
-        load_scene({**PLAIN, "payloads": [{"frame": "forearm", "mass": 1, "com": com}]})
-
-    with caplog.at_level(logging.WARNING):
-        load([0, 0, 0.05])
-        assert not caplog.records
-        load([0, 0, 50])
-    assert "'payloads.0.com' is 50 m; lengths are in m" in caplog.text
 
 
 def test_an_angle_in_degrees_is_reported(caplog: pytest.LogCaptureFixture) -> None:

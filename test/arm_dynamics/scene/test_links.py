@@ -18,7 +18,7 @@ from arm_dynamics.scene import scene_of, scene_text
 from arm_dynamics.scene.inertia import inertia_matrix, six_of
 from arm_sim import Simulator
 from arm_sim.cli.main import main
-from arm_studies.identification.described import scene_with
+from arm_studies.identification.identified_scene import scene_with
 from tolerances import PINOCCHIO, assert_close
 
 URDF = (models.FOLDER / "skew_axes.urdf").read_text()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, Scene, load_scene
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.exceptions import NotAssignable
 from arm_dynamics.scene.friction import Sides
 from arm_dynamics.scene.schema import Joint
@@ -22,11 +22,6 @@ def written(folder: Path, text: str) -> Path:
     path = folder / "scene.yaml"
     path.write_text(text)
     return path
-
-
-@pytest.mark.parametrize("name", models.ROBOTS)
-def test_every_scene_loads(name: str) -> None:
-    assert isinstance(models.scene(name), Scene)
 
 
 @pytest.mark.parametrize("path", sorted(models.SCENES.glob("*.yaml")), ids=lambda path: path.stem)
@@ -71,18 +66,16 @@ def test_urdf_is_found_beside_the_scene_file(tmp_path: Path) -> None:
     assert scene.robot.urdf == URDF.read_text()
 
 
-def test_package_uri_by_ros_package_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "my_arm/urdf").mkdir(parents=True)
-    (tmp_path / "my_arm/urdf/arm.urdf").write_text(URDF.read_text())
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    assert load_scene("package://my_arm/urdf/arm.urdf") == load_scene(URDF)
-
-
-def test_package_uri_by_ament_prefix_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "share/my_arm/urdf"
+@pytest.mark.parametrize(
+    ("variable", "packages"), [("ROS_PACKAGE_PATH", "."), ("AMENT_PREFIX_PATH", "share")]
+)
+def test_packages_are_found_by_the_paths_of_ros(
+    variable: str, packages: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / packages / "my_arm/urdf"
     folder.mkdir(parents=True)
     (folder / "arm.urdf").write_text(URDF.read_text())
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    monkeypatch.setenv(variable, str(tmp_path))
     assert load_scene("package://my_arm/urdf/arm.urdf") == load_scene(URDF)
 
 

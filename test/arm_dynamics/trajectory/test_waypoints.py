@@ -17,7 +17,6 @@ from arm_dynamics.trajectory import (
     stop,
 )
 from arm_dynamics.trajectory.quintics import extremes
-from arm_dynamics.trajectory.waypoints import segment_excess
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 N = 3
@@ -118,16 +117,6 @@ def test_many_waypoints_stay_exact(rng: np.random.Generator) -> None:
         before, after = motion(trajectory, [waypoint.time - 1e-11, waypoint.time + 1e-11])
         assert_close(before[0], waypoint.q, 1e-9)
         assert_close(after, before, 1e-8)
-
-
-def test_stands_still_beyond_the_ends(rng: np.random.Generator) -> None:
-    waypoints = random_waypoints(rng)
-    trajectory = quintic(waypoints)
-    for t, waypoint in ((-1.0, waypoints[0]), (trajectory.duration + 1.0, waypoints[-1])):
-        reference = trajectory.sample(t)
-        np.testing.assert_array_equal(reference.q, waypoint.q)
-        assert not reference.v.any()
-        assert not reference.a.any()
 
 
 def test_many_times_at_once_are_the_same_bits(rng: np.random.Generator) -> None:
@@ -257,24 +246,6 @@ def test_chosen_durations_are_no_longer_than_those_of_single_segments_stretched(
     points = [Waypoint(t, q) for t, q in zip(times, positions, strict=True)]
     stretched = quintic(points, limits(2.0, 5.0)).duration
     assert quintic_through(positions, limits(2.0, 5.0)).duration < stretched + 1e-9
-
-
-def test_of_several_ways_to_balance_durations_the_shortest_counts(
-    rng: np.random.Generator,
-) -> None:
-    within = limits(2.0, 5.0)
-    for count in (3, 6, 12):
-        q = rng.normal(size=(count, N))
-        step = abs(np.diff(q, axis=0))
-        h = np.fmax(15 / 8 * step / 2.0, np.sqrt(10 / np.sqrt(3) * step / 5.0)).max(axis=1)
-        durations = []
-        for _ in range(8):
-            points = [Waypoint(t, x) for t, x in zip(np.cumsum([0.0, *h]), q, strict=True)]
-            made = quintic(points)
-            excess = segment_excess(made, extremes(made.coefficients), within)
-            durations.append(h.sum() * excess.max())
-            h = h * np.sqrt(excess)
-        assert quintic_through(q, within).duration == pytest.approx(min(durations), rel=1e-9)
 
 
 @pytest.mark.parametrize(("speed", "time"), [(0.0, 0.2), (0.3, 0.2), (4.0, 1.5 * 4.0 / 8.0)])

@@ -66,6 +66,11 @@ def test_help_loads_no_ros_and_no_plotting() -> None:
 def test_a_panda_is_described_in_one_screen() -> None:
     said = run("describe", PANDA).output
     assert len(said.splitlines()) <= 40
+    for words in (
+        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a time step",
+        r"operations +\d+ in a", *models.dynamics("panda").joint_names,
+    ):  # fmt: skip
+        assert re.search(words, said), words
     (skipped,) = re.findall(r"skipped    (.*?); --details says why", said, re.DOTALL)
     assert {"springs", "contact"} <= set(re.split(r",\s+", skipped))
     assert re.search(r"skipped +springs +none", run("describe", PANDA, "--details").output)
@@ -158,6 +163,7 @@ def test_points(tmp_path: Path) -> None:
         "a=",
         "=1",
         "a=b",
+        "a=1 b=2 a=3",
         "[1, [2]]",
         "[[1], [2, 3]]",
         "[true]",
@@ -168,21 +174,6 @@ def test_points(tmp_path: Path) -> None:
 def test_what_is_no_vector_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"number|joint|JSON|list"):
         parse(text)
-
-
-def operations(*words: str) -> int:
-    found = re.search(r"operations +(\d+) in a", run("describe", *words).output)
-    assert found
-    return int(found[1])
-
-
-def test_describe_shows_joints_physics_and_cost() -> None:
-    said = run("describe", PANDA).output
-    assert all(name in said for name in models.dynamics("panda").joint_names)
-    for words in (
-        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a time step",
-    ):  # fmt: skip
-        assert re.search(words, said), words
 
 
 def test_describe_takes_urdf_paths_and_packages() -> None:

@@ -122,34 +122,22 @@ def test_shared_memory_of_one_that_was_killed_is_cleared(
     assert cleared == [True]
 
 
-def interrupt(demo: Demo, ids: dict[str, int]) -> None:
-    demo.process.send_signal(signal.SIGINT)
-
-
-def terminate(demo: Demo, ids: dict[str, int]) -> None:
-    demo.process.send_signal(signal.SIGTERM)
-
-
-def kill_sim(demo: Demo, ids: dict[str, int]) -> None:
-    os.kill(ids["sim"], signal.SIGKILL)
-
-
 @pytest.mark.parametrize(
-    ("disturb", "status", "words"),
+    ("to", "number", "status", "words"),
     [
-        (interrupt, 130, "interrupted; all processes of the demo have been ended"),
-        pytest.param(terminate, 130, "interrupted", marks=pytest.mark.nightly),
-        (kill_sim, 1, "Error: the sim process ended unexpectedly (killed by SIGKILL)"),
+        ("demo", signal.SIGINT, 130, "interrupted; all processes of the demo have been ended"),
+        pytest.param("demo", signal.SIGTERM, 130, "interrupted", marks=pytest.mark.nightly),
+        ("sim", signal.SIGKILL, 1, "the sim process ended unexpectedly (killed by SIGKILL)"),
     ],
 )
 def test_it_ends_its_processes_whatever_happens(
-    start: Start, disturb: Callable[[Demo, dict[str, int]], None], status: int, words: str
+    start: Start, to: str, number: int, status: int, words: str
 ) -> None:
     demo = start("--duration", "30")
     demo.until("following the trajectory")
     ids = demo.children()
     assert len(ids) == 3
-    disturb(demo, ids)
+    os.kill((ids | {"demo": demo.process.pid})[to], number)
     assert demo.end() == status, demo.said
     assert words in demo.said
     assert "Traceback" not in demo.said

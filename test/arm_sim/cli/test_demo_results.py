@@ -17,10 +17,9 @@ from rich.console import Console
 
 import models
 from arm_sim.cli.demo.course import _follow, _report
-from arm_sim.cli.demo.figure import draw
-from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
+from arm_sim.cli.demo.observer import _FIELDS, Observations, Observer
 from arm_sim.cli.demo.processes import DemoFailed
-from arm_sim.cli.demo.report import complaints, numbers, remarks
+from arm_sim.cli.demo.report import complaints, draw, numbers, remarks
 
 TIME = np.linspace(0.0, 2.0, 201)
 NAMES = ("left_shoulder", "left_elbow")
@@ -34,7 +33,7 @@ CLOCK: dict[str, Any] = {
 }  # fmt: skip
 
 
-def seen(**changed: Any) -> Seen:
+def seen(**changed: Any) -> Observations:
     """Two joints, of which the second has the larger error; it grows after the motion."""
     error = np.column_stack([0.0 * TIME, np.where(TIME <= 1.5, 4e-3 * np.sin(20 * TIME), -0.9)])
     reference = np.column_stack([TIME, -TIME])
@@ -45,10 +44,10 @@ def seen(**changed: Any) -> Seen:
         "effort": TORQUE, "asked_time": TIME[::2], "asked_effort": TORQUE[::2] + [0.0, -0.2],
         "asked_for": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]), "energy": energy,
     }  # fmt: skip
-    return Seen(**parts | changed)
+    return Observations(**parts | changed)
 
 
-def told(observed: Seen) -> Any:
+def told(observed: Observations) -> Any:
     motion: Any = SimpleNamespace(
         model=models.dynamics("two_link").model, trajectory=SimpleNamespace(duration=1.5),
         waypoints=[SimpleNamespace(q=[9.0, 9.0]), SimpleNamespace(q=[2.0, -1.0])],
@@ -145,7 +144,7 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     ]
     parts = "kinetic", "potential", "total", "input", "dissipated", "balance"
     observer._energies = [SimpleNamespace(**{name: k for k, name in enumerate(parts)})]
-    found = observer.seen()
+    found = observer.observations()
     np.testing.assert_allclose(found.time, [0.0, 0.5, 1.25])
     for k, name in enumerate(("reference", "position", "error", "effort")):
         np.testing.assert_array_equal(getattr(found, name), [[2.0, k], [2.5, k], [3.25, k]])
@@ -156,7 +155,7 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     np.testing.assert_array_equal(found.energy, [np.arange(6.0)])
     assert observer.now() == pytest.approx(1.25)
     observer._energies = []
-    assert observer.seen().energy.shape == (0, 6)
+    assert observer.observations().energy.shape == (0, 6)
 
 
 class Watched:

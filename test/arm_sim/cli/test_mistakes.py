@@ -47,20 +47,15 @@ LEAKS = re.compile(
 )
 
 
-def prepare(folder: Path) -> None:
-    """What a user has: a robot, a scene and a recording."""
-    (folder / "two_link.urdf").write_text(URDF)
-    (folder / "scene.yaml").write_text(ROBOT)
-    Simulator("scene.yaml", backend="vm").run(0.01).save("run.mcap")
-
-
 @pytest.fixture(scope="module")
 def at_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with these files."""
+    """A folder with what a user has: a robot, a scene and a recording."""
     folder = tmp_path_factory.mktemp("home")
     with pytest.MonkeyPatch.context() as here:
         here.chdir(folder)
-        prepare(folder)
+        Path("two_link.urdf").write_text(URDF)
+        Path("scene.yaml").write_text(ROBOT)
+        Simulator("scene.yaml", backend="vm").run(0.01).save("run.mcap")
     return folder
 
 

@@ -28,11 +28,12 @@ from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.main import main
-from arm_sim.cli.robot import go, goal
+from arm_sim.cli.robot import go
 from arm_sim.cli.robot.controller import Controller
+from arm_sim.cli.robot.go import LEAST, parse, targets, unhurried
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.robot.reports import Reports
-from arm_sim.cli.robot.watch import Seen, _json, _line, _picture
+from arm_sim.cli.robot.watch import WatchedArm, _json, _line, _picture
 
 SCENE = str(models.SCENES / "two_link.yaml")
 Shell = Callable[..., Result]
@@ -42,31 +43,25 @@ Shell = Callable[..., Result]
 
 
 def test_goals_are_positions_or_distances() -> None:
-    goals = goal.parse(["elbow=-0.5", "a+=1e-1", "b-=.2", "slash/joint=3"])
-    assert [(g.name, g.value, g.relative) for g in goals] == [
-        ("elbow", -0.5, False), ("a", 0.1, True), ("b", -0.2, True), ("slash/joint", 3.0, False),
-    ]  # fmt: skip
+    goals = parse(["elbow=-0.5", "a+=1e-1", "b-=.2", "slash/joint=3"])
     here = {"elbow": 1.0, "a": 2.0, "b": 3.0, "slash/joint": 4.0, "other": 5.0}
-    there = goal.targets(goals, here)
+    there = targets(goals, here)
     assert there == {"elbow": -0.5, "a": 2.1, "b": 2.8, "slash/joint": 3.0}
 
 
 def test_the_controller_decides_about_joints_without_a_reference() -> None:
     """They may follow others, of which it knows."""
-    goals, here = goal.parse(["left=0.03", "right=-0.01", "hand+=0.2"]), {"left": 0.01}
-    there = goal.targets(goals, here)
+    goals, here = parse(["left=0.03", "right=-0.01", "hand+=0.2"]), {"left": 0.01}
+    there = targets(goals, here)
     assert there == {"left": 0.03, "right": -0.01, "hand": 0.2}
-    assert goal.unhurried(there, here) == goal.unhurried({"right": 1.0}, here) == goal.LEAST
+    assert unhurried(there, here) == unhurried({"right": 1.0}, here) == LEAST
 
 
 def test_no_joint_hurries_when_no_duration_is_given() -> None:
     """A quintic from rest to rest is fastest in its middle, at 15/8 of its mean speed."""
-    seconds = goal.unhurried({"a": 2.0, "b": 0.0}, {"a": -1.0, "b": 0.5})
+    seconds = unhurried({"a": 2.0, "b": 0.0}, {"a": -1.0, "b": 0.5})
     assert 15.0 / 8.0 * 3.0 / seconds == pytest.approx(1.0)
-    assert goal.unhurried({"a": 1e-6}, {"a": 0.0}) == 1.0
-
-
-# --- usage -------------------------------------------------------------------------------------
+    assert unhurried({"a": 1e-6}, {"a": 0.0}) == 1.0
 
 
 # --- with nodes --------------------------------------------------------------------------------
@@ -206,7 +201,7 @@ def test_joints_are_watched(shell: Shell, domain: int, monkeypatch: pytest.Monke
 def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [10.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    seen = Seen("/joint_states")
+    seen = WatchedArm("/joint_states")
     for _ in range(101):
         now[0] += 0.004
         seen.hear_state(JointState(name=["a", "b"], position=[1.0, -0.0]))
@@ -227,7 +222,7 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
 def test_states_are_shown_as_a_table_a_line_or_json(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [10.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    seen = Seen("/joint_states")
+    seen = WatchedArm("/joint_states")
     for k in range(60):
         assert seen.measured == (k >= 50)
         now[0] += 0.002

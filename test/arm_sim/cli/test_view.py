@@ -19,11 +19,12 @@ import models
 from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
-from arm_sim.cli.view import Size, live, sources
+from arm_sim.cli.view import command, live
+from arm_sim.cli.view.command import Size
 from arm_sim.exceptions import ViewError
+from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
 from arm_sim.view.server import close_server, open_server
-from arm_sim.view.stage import DrawnArm
 
 SCENE = str(models.SCENES / "two_link.yaml")
 TWO_LINK = models.SCENES / "two_link.urdf"
@@ -36,18 +37,18 @@ ros = pytest.mark.ros
 def shown(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What would be shown, without a page."""
     kept: dict[str, Any] = {}
-    monkeypatch.setattr(sources, "show", lambda *what, **more: kept.update(what=what, **more))
+    monkeypatch.setattr("arm_sim.view.show", lambda *what, **more: kept.update(what=what, **more))
     return kept
 
 
 def test_scenes_are_to_be_touched_side_by_side(shown: dict[str, Any]) -> None:
-    sources.shown(["two_link", str(models.SCENES / "pendulum.yaml")], *HERE)
+    command.shown(["two_link", str(models.SCENES / "pendulum.yaml")], *HERE)
     assert shown["name"] == ["two_link", "pendulum"]
     assert [simulator.n for simulator in shown["what"]] == [2, 1]
 
 
 def test_pictures_of_a_scene_are_of_a_motion(shown: dict[str, Any]) -> None:
-    sources.shown(["two_link"], *HERE, motion=(0.2, "weight"))
+    command.shown(["two_link"], *HERE, motion=(0.2, "weight"))
     (film,) = shown["what"]
     assert film.time[-1] == pytest.approx(0.2)
     np.testing.assert_allclose(film.q, np.tile(film.q[0], (201, 1)), atol=1e-9)
@@ -58,7 +59,7 @@ def test_an_arm_without_mass_is_shown(
 ) -> None:
     text = re.sub("<inertial>.*?</inertial>", "", TWO_LINK.read_text(), flags=re.DOTALL)
     (tmp_path / "arm.urdf").write_text(text)
-    sources.shown([str(tmp_path / "arm.urdf")], *HERE)
+    command.shown([str(tmp_path / "arm.urdf")], *HERE)
     (simulator,) = shown["what"]
     assert simulator.joint_names == ("shoulder", "elbow")
     simulator.set_state([0.3, 0.2], [0.0, 0.0])
@@ -68,7 +69,7 @@ def test_an_arm_without_mass_is_shown(
 
 def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:
     run = Simulator("two_link").run(0.1)
-    sources.shown([str(run.save(tmp_path / "run.mcap"))], *HERE)
+    command.shown([str(run.save(tmp_path / "run.mcap"))], *HERE)
     np.testing.assert_array_equal(shown["what"][0].q, run.q)
 
 
@@ -76,8 +77,8 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     table = tmp_path / "robot.csv"
     table.write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
     with pytest.raises(ViewError, match=r"robot.csv' contains no scene.*name it by --scene"):
-        sources.shown([str(table)], *HERE)
-    sources.shown([str(table)], *HERE, scene="two_link")
+        command.shown([str(table)], *HERE)
+    command.shown([str(table)], *HERE, scene="two_link")
     np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 
@@ -131,7 +132,7 @@ class Pages:
 @pytest.fixture
 def pages(monkeypatch: pytest.MonkeyPatch) -> Pages:
     made = Pages()
-    monkeypatch.setattr(sources, "shown", made.shown)
+    monkeypatch.setattr(command, "shown", made.shown)
     return made
 
 
@@ -281,7 +282,7 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         page = live.Follower(server, actors, [left, right], listener)
         assert page._status.content == "waiting"
         for _ in times[:2]:
-            page._beat(0.1)
+            page._update(0.1)
         curves = page._charts._charts._curves
         for title, values in (("torque [N m]", effort), ("error [rad]", error),
                               ("energy [J]", energy)):  # fmt: skip
@@ -294,11 +295,11 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         for frame, place in zip(actors[0]._joints.values(), expected, strict=True):
             np.testing.assert_array_equal(frame.position, place)
         for _ in times[2:]:
-            page._beat(0.1)
-        np.testing.assert_array_equal(curves["left: torque [N m]"][0], [6.5])
+            page._update(0.1)
+        np.testing.assert_array_equal(curves["left: torque [N m]"][0], [0.0])
         monkeypatch.setattr(live, "OLD", -1.0)
-        page._complain("no luck")
-        assert page._status.content.startswith("left: t = 6.50 s, silent for 0 s")
+        page._report("no luck")
+        assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")
         assert page._status.content.endswith("\n\n**no luck**")
     finally:
         close_server(server)

@@ -23,7 +23,7 @@ def told(q: np.ndarray, v: np.ndarray | None = None, **scene: Any) -> list[np.nd
     sensors.restart(0, q[0], v[0], none)
     rows = [sensors.measured.copy()]
     for k in range(1, len(q)):
-        sensors.look(k, q[k], v[k], none)
+        sensors.sample(k, q[k], v[k], none)
         rows.append(sensors.measured.copy())
     return np.split(np.array(rows), 3, axis=1)
 

@@ -18,12 +18,12 @@ import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
-from arm_sim.recording.files import new_file, where
 from arm_sim.recording.files.messages import joint_state_layout
 from arm_sim.recording.files.reader import read_bag
+from arm_sim.recording.files.writer import new_file, where
 from arm_sim.simulation.runtime_changes import external_change
 
-ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+ROWS = ("time", "q", "v", "z", "command", "local_error", "time_stepped", "p")
 KINDS = ("run.mcap", "run")
 ARCHIVES = Path(__file__).with_name("archives")  # written before, when recordings were saved so
 
@@ -56,25 +56,17 @@ def recording() -> Recording:
 @pytest.mark.parametrize("name", KINDS)
 def test_a_file_answers_as_the_original(name: str, recording: Recording, tmp_path: Path) -> None:
     loaded = Recording.load(recording.save(tmp_path / name))
+    again = Recording.load(loaded.save(tmp_path / ("again" + Path(name).suffix)))
     for part in ROWS:
-        mine, theirs = getattr(recording, part), getattr(loaded, part)
-        assert mine.shape == theirs.shape and mine.tobytes() == theirs.tobytes(), part
+        mine = getattr(recording, part)
+        for theirs in (getattr(loaded, part), getattr(again, part)):
+            assert mine.shape == theirs.shape and mine.tobytes() == theirs.tobytes(), part
+    assert [jump.row for jump in again.jumps] == [jump.row for jump in loaded.jumps]
     assert loaded.joint_names == recording.joint_names
     assert loaded.scene == recording.scene
     for answer in ("tau", "energy", "supplied", "lost", "changed", "balance"):
         np.testing.assert_array_equal(getattr(loaded, answer), getattr(recording, answer))
     assert loaded.energy_error == recording.energy_error
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_what_was_loaded_is_saved_again_as_it_was(
-    name: str, recording: Recording, tmp_path: Path
-) -> None:
-    once = Recording.load(recording.save(tmp_path / name))
-    twice = Recording.load(once.save(tmp_path / ("again" + Path(name).suffix)))
-    assert [j.row for j in twice.jumps] == [j.row for j in once.jumps]
-    for part in ROWS:
-        np.testing.assert_array_equal(getattr(twice, part), getattr(once, part))
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -160,7 +152,7 @@ def test_a_file_that_breaks_off_is_read_up_to_there(tmp_path: Path) -> None:
     run = Simulator(models.SCENES / "two_link.yaml").run(2.0)
     whole = run.save(tmp_path / "run.mcap").read_bytes()
     cut, seen = tmp_path / "cut.mcap", set()
-    for size in np.linspace(len(whole) // 10, len(whole) - 1, 40).astype(int).tolist():
+    for size in np.linspace(len(whole) // 10, len(whole) - 1, 16).astype(int).tolist():
         cut.write_bytes(whole[:size])
         try:
             loaded = Recording.load(cut)

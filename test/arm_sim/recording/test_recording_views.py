@@ -80,13 +80,13 @@ def test_what_is_zero_has_no_panel_and_curves_that_coincide_are_one() -> None:
 
 
 def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
-    run = Simulator(models.SCENES / "four_bar.yaml").run(0.3)
+    run = Simulator(models.SCENES / "four_bar.yaml").run(0.09)
     film = run.animate(tmp_path / "a.gif")
     assert "<video" in film._repr_html_() or "<img" in film._repr_html_()
     with Image.open(tmp_path / "a.gif") as image:
-        assert (image.n_frames, image.info["duration"]) == (11, 30)  # [ms]
-    _, links, clock = film._func(10)
-    assert clock.get_text() == "0.30 s"
+        assert (image.n_frames, image.info["duration"]) == (4, 30)  # [ms]
+    _, links, clock = film._func(3)
+    assert clock.get_text() == "0.09 s"
     crank, rocker = run.q[-1, 0], run.q[-1, 2]
     points = links.get_xydata()
     for end in ([0.1 * np.cos(crank), 0.1 * np.sin(crank)],
@@ -151,6 +151,15 @@ def test_a_mask_of_another_length_selects_no_part(size: int) -> None:
     np.testing.assert_array_equal(run.part(run.time > 0.0051).time, run.time[6:])
     with pytest.raises(InvalidInput, match="indices or a mask of 11 are expected"):
         run.part(np.arange(size) == 3)
+
+
+@pytest.mark.parametrize("scene", ["two_link", "flexible_arm"])
+def test_a_part_without_states_has_no_energies_and_no_figure(scene: str) -> None:
+    run = models.simulator(scene).run(0.01)
+    nothing = run.part(run.time > 1.0)
+    assert nothing.energy.shape == nothing.stored.shape == (0,) and not len(nothing.multipliers)
+    with pytest.raises(InvalidInput, match="without states has nothing to draw"):
+        nothing.plot()
 
 
 def test_a_figure_marks_changes_and_says_units() -> None:

@@ -32,8 +32,7 @@ def test_ten_commands_make_a_stream_and_nine_do_not() -> None:
 def test_a_silent_source_loses_them() -> None:
     arbiter = Arbiter(5)
     streaming("left", BOTH, arbiter)
-    for _ in range(5):
-        arbiter.now += 1
+    arbiter.now += 5
     assert arbiter.sources == ("left",)
     with pytest.raises(InvalidInput, match="'right' is refused"):
         arbiter.admit("right", BOTH)
@@ -70,8 +69,7 @@ def test_commands_with_long_silences_between_them_make_no_stream() -> None:
     arbiter = Arbiter(5)
     for _ in range(20):
         arbiter.admit("now and then", BOTH)
-        for _ in range(6):
-            arbiter.now += 1
+        arbiter.now += 6
     arbiter.admit("now and then", BOTH)
     arbiter.admit("other", BOTH)
 
@@ -83,8 +81,7 @@ def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
     assert arbiter.alone
     arbiter.admit("right", SECOND)
     assert not arbiter.alone
-    for _ in range(6):
-        arbiter.now += 1
+    arbiter.now += 6
     arbiter.admit("left", FIRST)
     assert arbiter.alone
 
@@ -115,13 +112,11 @@ def test_a_new_refusal_prolongs_a_conflict() -> None:
     arbiter = Arbiter(5)
     streaming("left", BOTH, arbiter)
     for _ in range(2):
-        for _ in range(4):
-            arbiter.now += 1
+        arbiter.now += 4
         arbiter.admit("left", BOTH)
         with pytest.raises(InvalidInput):
             arbiter.admit("right", BOTH)
-    for _ in range(5):
-        arbiter.now += 1
+    arbiter.now += 5
     assert arbiter.conflict
     arbiter.now += 1
     assert not arbiter.conflict

@@ -12,7 +12,7 @@ from harness import Ros
 from rclpy.serialization import deserialize_message, serialize_message
 from samples import sampled
 from sensor_msgs.msg import JointState
-from sim_by_hand import state_bytes
+from sim_by_hand import follow, state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
@@ -47,27 +47,13 @@ def trajectory(sim: SimNode) -> JointTrajectory:
     return JointTrajectory(joint_names=list(sim.simulator.joint_names), points=points)
 
 
-def follow(sim: SimNode, controller: ControllerNode, ticks: int) -> tuple[np.ndarray, np.ndarray]:
-    """Drive both, each state answered within its tick; return tracking errors and positions."""
-    controller.on_joint_states(state_bytes(sim))
-    controller.on_joint_trajectory(trajectory(sim))
-    errors, positions = [], []
-    for _ in range(ticks):
-        sim.inputs.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
-        sim.tick()
-        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
-        errors.append(reference.q - sim.simulator.state.q)
-        positions.append(sim.simulator.state.q)
-    return np.array(errors), np.array(positions)
-
-
 def rms(errors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
 def test_tracks_with_a_perfect_model(ros: Ros) -> None:
     sim, controller = pair(ros)
-    errors, positions = follow(sim, controller, 3500)
+    errors, positions = follow(sim, controller, trajectory(sim), 3500)
     assert rms(errors) < RMS
     assert np.ptp(positions, axis=0).min() > 0.4
     np.testing.assert_allclose(positions[-1], sim.simulator.model.q0, rtol=0.0, atol=RMS)
@@ -80,7 +66,8 @@ def test_a_wrong_model_shows(ros: Ros) -> None:
             "payloads": [{"frame": "panda_hand", "mass": 2.0, "com": [0.0, 0.0, 0.1]}],
         }
     )
-    errors, _ = follow(*pair(ros, heavy), 1500)
+    sim, controller = pair(ros, heavy)
+    errors, _ = follow(sim, controller, trajectory(sim), 1500)
     assert rms(errors) > 10 * RMS
 
 
@@ -97,15 +84,8 @@ def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) ->
         message.velocity = sent
         return controller.on_joint_states(serialize_message(message))
 
-    errors = []
-    for k in range(1500):
-        sim.inputs.on_joint_commands(answer())
-        if k == 0:
-            controller.on_joint_trajectory(trajectory(sim))
-        sim.tick()
-        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
-        errors.append(reference.q - sim.simulator.state.q)
-    assert rms(np.array(errors)) < RMS
+    errors, _ = follow(sim, controller, trajectory(sim), 1500, answer)
+    assert rms(errors) < RMS
     assert not controller._log.passed_over
 
 

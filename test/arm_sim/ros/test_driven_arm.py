@@ -8,7 +8,7 @@ import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import state_bytes
+from sim_by_hand import follow
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -17,22 +17,6 @@ from arm_dynamics.ros.controller_node import ControllerNode
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
-
-
-def lead(sim: SimNode, controller: ControllerNode, goal: list[float], ticks: int) -> np.ndarray:
-    """Lead the arm to a goal within a second; errors of the joints at each tick."""
-    controller.on_joint_states(state_bytes(sim))
-    point = JointTrajectoryPoint(positions=goal)
-    point.time_from_start.sec = 1
-    names = list(sim.simulator.joint_names)
-    controller.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
-    errors = []
-    for _ in range(ticks):
-        sim.inputs.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
-        sim.tick()
-        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
-        errors.append(sim.simulator.state.q - reference.q)
-    return np.array(errors)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +29,10 @@ def test_controller_leads_an_arm_through_its_motors(
     """Voltages on a motor, a harmonic drive and a belt: the node finds commands by itself."""
     sim = ros.add(SimNode, models.scene(scene), realtime=False)
     controller = ros.add(ControllerNode, models.scene(scene), bandwidth=[20.0])
-    errors = lead(sim, controller, goal, 1500)
+    point = JointTrajectoryPoint(positions=goal)
+    point.time_from_start.sec = 1
+    there = JointTrajectory(joint_names=list(sim.simulator.joint_names), points=[point])
+    errors, _ = follow(sim, controller, there, 1500)
     assert np.abs(errors).max() < error
     assert np.abs(errors[-1]).max() < error / 2
 

@@ -9,6 +9,7 @@ from polled import offered
 from pushes import pushed
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from sim_by_hand import next_command
 from std_msgs.msg import Float64MultiArray
 
 import models
@@ -71,7 +72,7 @@ def command(stamp: int = 0, source: str = "", **joints: float) -> bytes:
 
 
 def acting(engine: TickEngine) -> list[float]:
-    return list(engine.commands.held(engine.simulator.state.q))
+    return list(next_command(engine.commands, engine.simulator.state.q))
 
 
 def lead(inputs: Inputs, source: str = "leader") -> None:
@@ -106,7 +107,7 @@ def test_beside_an_effort_that_is_cut_gaps_stay_gaps(
 ) -> None:
     message = JointState(name=NAMES[:3], effort=[NAN, sign * 1e3, NAN], position=[0.3, NAN, 0.2])
     inputs.on_joint_commands(serialize_message(message))
-    held = engine.commands.held(engine.simulator.state.q)
+    held = next_command(engine.commands, engine.simulator.state.q)
     np.testing.assert_array_equal(held.effort, [NAN, sign * LIMIT[1], *[NAN] * 5])
     np.testing.assert_array_equal(held.position, [0.3, NAN, 0.2, *[NAN] * 4])
 

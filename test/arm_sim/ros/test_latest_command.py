@@ -73,21 +73,3 @@ def test_policies(commands: LatestCommand, policy: str) -> None:
     commands.put(TAU)
     take(commands, Q)
     np.testing.assert_array_equal(take(commands, Q), after[policy])
-
-
-def test_held_does_not_make_it_older(commands: LatestCommand) -> None:
-    np.testing.assert_array_equal(commands.held(Q), [0.0, 0.0])
-    commands.put(TAU)
-    for _ in range(10):
-        np.testing.assert_array_equal(commands.held(Q), TAU)
-    np.testing.assert_array_equal(take(commands, Q), TAU)
-
-
-def test_each_time_that_commands_stop_is_counted_once(commands: LatestCommand) -> None:
-    counts = []
-    for _ in range(3):
-        commands.put(TAU.copy())
-        for _ in range(6):
-            take(commands, Q)
-        counts.append(commands.stale_count)
-    assert counts == [1, 2, 3]

@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from recorded_engine import contents
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, by_hand
+from sim_by_hand import NAMES, by_hand, next_command
 from std_msgs.msg import Float64MultiArray
 
 import models
@@ -55,7 +55,7 @@ def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
     """The native code of the nodes, whose messages come by ``wire.c``."""
     made = node_library.library(WIRE)
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
-    for user in ("tick_engine", "outputs", "commands.latest"):
+    for user in ("tick_engine", "outputs"):
         monkeypatch.setattr(f"arm_sim.ros.{user}.library", lambda: made)
     monkeypatch.setattr("arm_dynamics.ros.joint_state.reader.library", lambda: made)
     return made
@@ -112,7 +112,7 @@ class Sim:
             "acted": simulator.arm.acted.tobytes(),
             "parameters": simulator.arm.parameters.tobytes(),
             "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
-            "next": str(slot.held(simulator.arm.x[:2])),
+            "next": str(next_command(slot, simulator.arm.x[:2])),
             "sources": [(k, s.joints, s.heard, s.count) for k, s in arbiter._streams.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),

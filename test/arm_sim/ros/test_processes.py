@@ -120,18 +120,6 @@ def test_a_node_is_ended_at_once_while_it_is_being_built(
     assert (process.returncode, said) == (0, "")
 
 
-@pytest.mark.parametrize("node", sampled(["sim", "dynamics", "controller"], 1))
-def test_a_scene_that_cannot_be_used_ends_it_with_one_error(
-    processes: Processes, node: str
-) -> None:
-    process = processes.start(node, scene="nowhere.yaml")
-    said, _ = process.communicate(timeout=60.0)
-    assert process.returncode == 2
-    assert said.count("error: ") == 1
-    assert "nowhere.yaml" in said
-    assert "Traceback" not in said
-
-
 def test_a_command_line_that_ros_cannot_read_ends_it_with_one_error(processes: Processes) -> None:
     process = processes.start("dynamics", **{"not a name": 1})
     said, _ = process.communicate(timeout=60.0)

@@ -157,7 +157,7 @@ def test_a_node_that_could_not_be_built_can_be_destroyed(kind: Any, ros: Ros) ->
 def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: Path) -> None:
     publisher = ros.peer.create_publisher(JointState, "states", EVERY)
     recorder = ros.add(TopicRecorder, tmp_path / "run.mcap", ("states", "nobody"))
-    ros.spin_until(lambda: recorder.look() or "/states" in recorder.count)
+    ros.spin_until(lambda: recorder.discover() or "/states" in recorder.count)
     ros.spin_until(lambda: publisher.get_subscription_count() > 0)
     for k in range(20):
         message = JointState(name=["a", "b"], position=[float(k), 0.5])
@@ -275,6 +275,6 @@ def test_a_recorder_hears_every_publisher_of_a_topic(
     recorder = ros.add(TopicRecorder, tmp_path / "run.mcap", ("states",))
     ros.spin_until(lambda: len(recorder.get_publishers_info_by_topic("/states")) == len(offered))
     recorder.count.clear()
-    recorder.look()
+    recorder.discover()
     found = recorder.get_subscriptions_info_by_topic("/states")[-1].qos_profile
     assert (found.reliability, found.durability) == taken

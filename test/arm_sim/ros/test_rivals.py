@@ -86,7 +86,7 @@ def test_what_was_killed_is_listed_and_hinders_nobody(
 ) -> None:
     driver(NAMES)
     made = sim(ros)
-    made.rivals.look()
+    made.rivals.update()
     assert not made.rivals.alarm.message
 
 
@@ -102,7 +102,7 @@ def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[...,
     gripper.speaks.set()
     made = sim(ros)
     ros.spin_until(lambda: len(made.rivals._known) == 2)
-    made.rivals.look()
+    made.rivals.update()
     assert not made.rivals.alarm.message and made.rivals._newest is None  # it listens no more
 
 
@@ -173,7 +173,7 @@ def test_what_is_no_joint_state_is_passed_over(ros: Ros, driver: Callable[..., D
     ros.spin_until(lambda: made.rivals._newest is not None)
     for _ in range(30):
         ros.spin_once()
-        made.rivals.look()
+        made.rivals.update()
     assert not made.rivals.alarm.message
     rival._message = serialize_message(JointState(name=NAMES))
     ros.spin_until(lambda: made.rivals.alarm.message)

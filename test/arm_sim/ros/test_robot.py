@@ -49,18 +49,16 @@ def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any, by_topic
     assert model.joint_names == models.dynamics("two_link").joint_names
 
 
-@pytest.mark.parametrize("make", [SimNode, ControllerNode])
 @pytest.mark.parametrize("by_name", [True, False])
 def test_beside_a_scene_a_description_is_not_used(
-    ros: Ros, make: Any, by_name: bool, capfd: pytest.CaptureFixture[str]
+    ros: Ros, by_name: bool, capfd: pytest.CaptureFixture[str]
 ) -> None:
     scene = models.SCENES / "two_link.yaml"
     given = {"robot_description": "<robot"} | ({"scene": str(scene)} if by_name else {})
-    ros.add(make, None if by_name else models.scene("two_link"), **given)
+    ros.add(SimNode, None if by_name else models.scene("two_link"), **given)
     assert "'robot_description' is not used" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("make", [SimNode, ControllerNode])
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [
@@ -72,9 +70,9 @@ def test_beside_a_scene_a_description_is_not_used(
         ({"robot_description": URDF, "max_description_size": 99}, "'max_description_size' allows"),
     ],
 )
-def test_no_arm_is_an_error(ros: Ros, make: Any, given: dict[str, Any], complaint: str) -> None:
+def test_no_arm_is_an_error(ros: Ros, given: dict[str, Any], complaint: str) -> None:
     with pytest.raises(ArmError, match=complaint):
-        ros.add(make, **given)
+        ros.add(SimNode, **given)
 
 
 def test_a_bad_description_on_the_topic_is_an_error(ros: Ros) -> None:

@@ -12,7 +12,7 @@ from harness import Ros
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, TAU, Waiting, by_hand, command, motion, ticks
+from sim_by_hand import NAMES, TAU, Waiting, by_hand, command, motion, next_command, ticks
 from std_msgs.msg import Float64MultiArray
 
 import models
@@ -31,7 +31,7 @@ def node(ros: Ros) -> SimNode:
 
 def acting(node: SimNode) -> np.ndarray:
     """The torque of the next tick."""
-    return node.engine.commands.held(node.simulator.state.q)
+    return next_command(node.engine.commands, node.simulator.state.q)
 
 
 def ticks_until(ros: Ros, node: SimNode, tau: list[float]) -> None:
@@ -135,31 +135,19 @@ def test_of_bare_commands_only_the_newest_is_taken(ros: Ros, node: SimNode) -> N
     assert node.inputs.refused == 1
 
 
-@pytest.mark.parametrize(
-    ("topic", "reliable"),
-    [
-        ("/joint_commands", False), ("/sim/commands", False), ("/sim/wrench", True),
-        ("/joint_states", True), ("/sim/energy", True), ("/clock", True),
-    ],
-)  # fmt: skip
-def test_quality_of_service(ros: Ros, topic: str, reliable: bool) -> None:
+def test_quality_of_service(ros: Ros) -> None:
     """Best effort where the newest counts, so that every publisher will do."""
-    by_hand(ros, publish_clock=True)
-    found: list[Any] = []
-
-    def ends() -> list[Any]:
-        every = (
-            *ros.peer.get_subscriptions_info_by_topic(topic),
-            *ros.peer.get_publishers_info_by_topic(topic),
-        )
-        found[:] = [end for end in every if end.node_name == "sim"]
-        return found
-
-    ros.spin_until(ends)
-    (end,) = found
-    wanted = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-    assert end.qos_profile.reliability == wanted
-    assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
+    node = by_hand(ros, publish_clock=True)
+    effort, every = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
+    for topic, reliability in (
+        ("/joint_commands", effort), ("/sim/commands", effort), ("/sim/wrench", every),
+        ("/joint_states", every), ("/sim/energy", every), ("/clock", every),
+    ):  # fmt: skip
+        (end,) = (
+            *node.get_subscriptions_info_by_topic(topic), *node.get_publishers_info_by_topic(topic)
+        )  # fmt: skip
+        assert end.qos_profile.reliability == reliability
+        assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
 
 
 def test_commands_go_by_name(node: SimNode) -> None:

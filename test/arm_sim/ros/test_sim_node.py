@@ -13,8 +13,6 @@ import pytest
 from arm_msgs.msg import Energy
 from arm_msgs.srv import Step
 from harness import Ros
-from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
@@ -59,14 +57,6 @@ def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode
     assert message.effort[1] == 0.25
 
 
-def test_policy_may_change_while_it_runs(ros: Ros, node: SimNode) -> None:
-    q = node.simulator.state.q
-    assert node.set_parameters([Parameter("stale_policy", value="gravity")])[0].successful
-    np.testing.assert_array_equal(node.engine.commands.held(q), node.simulator.dynamics.gravity(q))
-    assert not node.set_parameters([Parameter("stale_policy", value="prayer")])[0].successful
-    np.testing.assert_array_equal(node.engine.commands.held(q), node.simulator.dynamics.gravity(q))
-
-
 def test_energy_account_balances(ros: Ros) -> None:
     node = by_hand(ros, "panda", energy_period=0.01, command_timeout=0.0, integrator="rk4")
     heard = ros.listen(Energy, "/sim/energy")
@@ -96,24 +86,6 @@ def test_energies_begin_again_after_a_reset(ros: Ros) -> None:
         ros.spin_until(lambda count=count: len(heard) == count)
         node.engine.reset()
     assert heard[0].total == heard[1].total
-
-
-def test_energy_is_not_computed_without_subscribers(ros: Ros) -> None:
-    node = by_hand(ros)
-    ticks(node, 50)
-    assert node.engine.account() is None
-
-
-def test_clock_is_published_only_on_request(ros: Ros) -> None:
-    by_hand(ros)
-    assert not ros.peer.count_publishers("/clock")
-    other = Ros()
-    node = by_hand(other, publish_clock=True, dt=0.4)
-    heard = other.listen(Clock, "/clock")
-    ticks(node, 3)
-    other.spin_until(lambda: heard and heard[-1].clock.sec == 1)
-    assert heard[-1].clock.nanosec == 200_000_000
-    other.close()
 
 
 def test_publishes_every_so_many_ticks(ros: Ros) -> None:

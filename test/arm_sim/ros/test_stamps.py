@@ -284,7 +284,9 @@ def clock_owner(ros: Ros, namespace: str) -> SimNode:
 
 
 @pytest.mark.ros
-def test_the_clock_is_where_use_sim_time_listens(ros: Ros) -> None:
+def test_the_clock_is_on_request_where_use_sim_time_listens(ros: Ros) -> None:
+    by_hand(ros)
+    assert not ros.peer.count_publishers("/clock")
     node = clock_owner(ros, "left")
     heard = ros.listen(Clock, "/clock")
     ros.spin_until(lambda: ros.peer.count_publishers("/clock") == 1)
@@ -295,16 +297,16 @@ def test_the_clock_is_where_use_sim_time_listens(ros: Ros) -> None:
 @pytest.mark.ros
 def test_two_clocks_are_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
     node = clock_owner(ros, "left")
-    node._outputs.clock.look()
+    node._outputs.clock.check_conflict()
     assert not node._outputs.clock.alarm.message
     clock_owner(ros, "right")
 
     def seen() -> bool:
-        node._outputs.clock.look()
+        node._outputs.clock.check_conflict()
         return bool(node._outputs.clock.alarm.message)
 
     ros.spin_until(seen)
-    node._outputs.clock.look()
+    node._outputs.clock.check_conflict()
     found = next(f for f in node.diagnostics() if f.part == "simulation").message(node)
     assert found.level == b"\x02"
     assert "2 publishers on /clock" in found.message

@@ -203,13 +203,6 @@ def test_steps_out_of_range_are_refused(client: Client, node: SimNode, steps: in
     assert node.simulator.arm.step_count == 0
 
 
-def test_steps_while_it_runs_are_refused(ros: Ros) -> None:
-    ros.add(SimNode, models.scene("two_link"))
-    result = Client(ros)("step_simulation", steps=1).result
-    assert result.result == FAILED
-    assert "allowed only while it is paused" in result.error_message
-
-
 def test_the_robot_and_its_links_are_the_entities(client: Client, node: SimNode) -> None:
     answer = client.entities()
     assert answer.result.result == OK

@@ -20,7 +20,11 @@ from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
 from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
 from arm_sim.ros.sim_node import SimNode
+<<<<<<< HEAD
 from models import features
+=======
+from arm_sim.ros.sim_params import SimParams
+>>>>>>> main
 
 pytestmark = pytest.mark.ros
 
@@ -34,9 +38,7 @@ SCENES["bristles above a table"] = features.scene("planar", ("lugre", "contact")
 
 def braked(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
     """A node with the policy that is the default."""
-    default = ros.add(SimNode, models.scene("two_link"), realtime=False).params.stale_policy
-    assert default == "brake"
-    return by_hand(ros, scene, **{"stale_policy": default, **parameters})
+    return by_hand(ros, scene, **{"stale_policy": SimParams().stale_policy, **parameters})
 
 
 def place(node: SimNode) -> np.ndarray:

@@ -110,20 +110,6 @@ def test_a_change_while_brakes_hold_counts_once(tmp_path: Path) -> None:
     assert np.ptp(loaded.energy) > 1.0 and not loaded.balance.round(12).any()
 
 
-def test_a_scene_without_tunable_quantities_may_be_reset_and_moved(tmp_path: Path) -> None:
-    engine, path = engine_of(scene(tunable=[])), tmp_path / "run.mcap"
-    recorder = TickRecorder(path, engine)
-    run(engine, 20)
-    engine.change(lambda: engine.simulator.set_state([0.4, -0.3], [0.0, 0.5]))
-    run(engine, 20)
-    engine.reset()
-    run(engine, 20)
-    recorder.close()
-    loaded = Recording.load(path)
-    assert [jump.row for jump in loaded.jumps] == [20, 40]
-    assert replay(loaded).equal
-
-
 def test_an_event_after_a_reset_is_at_the_time_of_the_recording(tmp_path: Path) -> None:
     engine, path = engine_of(scene()), tmp_path / "run.mcap"
     recorder = TickRecorder(path, engine)
@@ -336,7 +322,7 @@ def test_messages_larger_than_a_chunk_are_recorded(tmp_path: Path) -> None:
 def test_whatever_goes_wrong_in_the_thread_is_said(tmp_path: Path) -> None:
     said: list[str] = []
     engine = engine_of(scene())
-    recorder = TickRecorder(tmp_path / "run.mcap", engine, tell=said.append)
+    recorder = TickRecorder(tmp_path / "run.mcap", engine, on_failure=said.append)
     recorder.thread.mcap.flush = lambda: 1 / 0
     run(engine, 10)
     recorder.close()
@@ -393,7 +379,7 @@ PROGRAM = """
 
     engine = engine_of(scene())
     said = []
-    recorder = TickRecorder(Path({path!r}), engine, tell=said.append)
+    recorder = TickRecorder(Path({path!r}), engine, on_failure=said.append)
     if {limit}:
         resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
     print("begun", flush=True)

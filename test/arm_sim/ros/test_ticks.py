@@ -118,13 +118,13 @@ def test_in_lockstep_answers_alone_cause_ticks(ros: Ros) -> None:
     lockstep = node.lockstep
     lockstep.on_command(message(0.5, 0.5, stamp=0))
     waiting = Waiting(node)
-    node.engine.ticks.at_once, lockstep._waiting.soon = 0, 60 * SECOND
+    node.engine.ticks.at_once, lockstep.waiting.soon = 0, 60 * SECOND
     for tick in 1, 2, 3:
         for stamp in (7 * MILLISECOND, (tick - 1) * MILLISECOND, tick * MILLISECOND):
             waiting.messages.append(message(tick, stamp * 1e-9, stamp=stamp))
         lockstep.on_command(message(tick, 0.0))
         assert not waiting.messages and node.simulator.arm.step_count == tick + 1
-        assert lockstep.ignored == 3 * tick
+        assert lockstep.waiting.ignored == 3 * tick
         assert node.simulator.effort.tolist() == [tick, tick * MILLISECOND * 1e-9]
 
 

@@ -75,26 +75,6 @@ def test_a_static_hold_of_two_minutes_moves_no_bit(ros: Ros) -> None:
     np.testing.assert_allclose(still, start + 0.2, atol=1e-5 / 7)
 
 
-def test_positions_are_followed(ros: Ros) -> None:
-    node = robot(ros)
-    hardware, start = TopicHardware(offered(node, "position")), node.simulator.state.q.copy()
-    s = np.linspace(0.0, 1.0, 500)[:, None]
-    errors = lead(node, hardware, start + 0.25 * (10 * s**3 - 15 * s**4 + 6 * s**5))
-    assert np.sqrt((errors**2).mean(axis=0)).max() < 2e-3  # a tick late, and the servo's lag
-
-
-def test_until_a_controller_is_active_brakes_hold(ros: Ros) -> None:
-    """The hardware sends values that were never written: NaN."""
-    node = robot(ros)
-    hardware, start = TopicHardware(offered(node, "position")), node.simulator.state.q.copy()
-    for _ in range(50):
-        cycle(node, hardware)
-    assert hardware.published == 50
-    assert node.inputs.refused == 0
-    assert node.engine.held == "brakes"
-    np.testing.assert_array_equal(node.simulator.state.q, start)
-
-
 def test_interfaces_may_differ_from_joint_to_joint(ros: Ros) -> None:
     node = robot(ros)
     names, start = list(node.simulator.joint_names), node.simulator.state.q.copy()

@@ -14,7 +14,7 @@ from arm_dynamics.arrays import Array
 from arm_sim import Simulator
 from arm_sim.derivatives.events import TickTrace
 from arm_sim.stepping import Stepper
-from arm_sim.stepping.stepper import pointer
+from arm_sim.stepping.addresses import pointer
 from models.touching import contact
 
 PLANAR = {"robot": {"urdf": str(models.FOLDER / "planar_3r.urdf")}}

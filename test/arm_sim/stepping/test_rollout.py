@@ -16,7 +16,7 @@ from samples import always, covering
 import models
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.stepping.rollout import share
+from arm_sim.stepping.threads import share
 from models import features
 from models.driven import WINDING, wheel
 from tolerances import BACKENDS, assert_close

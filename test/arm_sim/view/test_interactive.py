@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from arm_sim import Simulator
+from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.interactive import (
     ENERGIES,
     NOTHING,
@@ -18,7 +19,6 @@ from arm_sim.view.interactive import (
     InteractiveArm,
 )
 from arm_sim.view.marks import Marker
-from arm_sim.view.stage import DrawnArm
 
 
 def test_a_push_accelerates_as_its_torque_does() -> None:
@@ -91,7 +91,7 @@ def test_what_is_shown_are_the_forces_of_constraints_and_stops(name: str) -> Non
         rig.place(np.where(np.isfinite(upper), upper, 0.0))
         sim.step(np.full(2, 5.0))
         assert sim.stop_torque.any()
-    shown = rig.look()
+    shown = rig.instant()
     np.testing.assert_array_equal(shown.stop_torque, sim.stop_torque)
     told = sim.multipliers() if name == "four_bar" else np.zeros(0)
     np.testing.assert_array_equal(shown.multipliers, told)

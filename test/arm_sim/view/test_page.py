@@ -93,7 +93,7 @@ _CUT = """() => [...document.querySelectorAll('input')].filter(
   box => box.offsetParent && box.scrollWidth > box.clientWidth).map(box => box.value)"""
 
 
-@pytest.mark.nightly  # test_stage.py drags a link without a browser
+@pytest.mark.nightly  # test_drawn_arm.py drags a link without a browser
 def test_a_link_is_pulled_until_released(panda: Simulator) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import needed
 from PIL import Image, ImageSequence
 
 from arm_sim.exceptions import ViewError
@@ -27,6 +28,16 @@ def test_without_ffmpeg_one_line_says_what_to_install(
     pictures.refuse(tmp_path / "film.gif", films)
     with pytest.raises(ViewError, match=r"unknown format; allowed: \.gif, \.mp4"):
         pictures.refuse(tmp_path / "film.avi", films)
+
+
+@pytest.mark.group("view")
+def test_a_page_that_a_browser_cannot_open_is_named() -> None:
+    needed()
+    with (
+        pytest.raises(ViewError, match="does not show http://localhost:9/: "),
+        pictures.page_in_browser("http://localhost:9/", (64, 64)),
+    ):
+        pass
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")

@@ -82,9 +82,9 @@ def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
     playing._thread.join()  # the beats below are the only ones
     seen = []
     for change in (
-        lambda: playing._beat(0.5), playing.play, lambda: playing._beat(0.5),
-        lambda: playing._beat(1.6), lambda: setattr(playing._loop, "value", False),
-        lambda: playing._beat(2.5), lambda: playing._beat(0.5), playing.play,
+        lambda: playing._update(0.5), playing.play, lambda: playing._update(0.5),
+        lambda: playing._update(1.6), lambda: setattr(playing._loop, "value", False),
+        lambda: playing._update(2.5), lambda: playing._update(0.5), playing.play,
     ):  # fmt: skip
         change()
         seen.append((playing.time, playing._playing))

@@ -14,9 +14,9 @@ from pictures import written
 from arm_dynamics import Dynamics
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim import Simulator
-from arm_studies.cli.excitation_figure import draw
 from arm_studies.cli.main import main
 from arm_studies.identification.excitation import Room
+from arm_studies.identification.figures import draw_excitation
 
 
 def typed(*words: str) -> Result:
@@ -65,7 +65,7 @@ def test_the_figure_shows_shares_of_the_limits_by_joint(
     points = [Waypoint(0.0, [0.3, 0.8]), Waypoint(1.0, [0.9, 0.4]), Waypoint(2.0, [0.3, 0.8])]
     motion = quintic(points)
     with written() as figures:
-        draw(motion, room, tmp_path / "motion.png")
+        draw_excitation(motion, room, tmp_path / "motion.png")
     (figure,) = figures
     shoulder, elbow = figure.axes
     about = "" if acceleration == 20.0 else ", of its largest"

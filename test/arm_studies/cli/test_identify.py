@@ -45,6 +45,20 @@ def table(tmp_path_factory) -> Path:
     return path
 
 
+def changed(table: Path, record: np.ndarray, name: str) -> Path:
+    """The table with other numbers."""
+    path, head = table.with_name(name), table.read_text().splitlines()[0]
+    np.savetxt(path, record, delimiter=",", header=head, comments="")
+    return path
+
+
+def true_scene(folder: Path) -> Path:
+    known = load_scene(TRUE).model_dump(exclude_unset=True, mode="json")
+    (folder / "true.urdf").write_text(known["robot"]["urdf"])
+    (folder / "true.yaml").write_text(json.dumps(known | {"robot": {"urdf": "true.urdf"}}))
+    return folder / "true.yaml"
+
+
 def typed(*arguments: object):
     return CliRunner().invoke(main, ["identify", *map(str, arguments)])
 
@@ -82,22 +96,15 @@ def test_a_payload_alone(table, tmp_path):
         "com": [0.1, 0, 0],
         "inertia": [1e-3, 0, 0, 1e-3, 0, 1e-3],
     }
-    lighter = tmp_path / "known.yaml"
-    known = load_scene(TRUE).model_dump(exclude_unset=True, mode="json")
-    (tmp_path / "known.urdf").write_text(known["robot"]["urdf"])
-    lighter.write_text(json.dumps(known | {"robot": {"urdf": "known.urdf"}}))
     record = np.loadtxt(table, delimiter=",", skiprows=1)
     q, t = record[:, 1:3], record[:, 0]
     v = np.gradient(q, t, axis=0)
     a = np.gradient(v, t, axis=0)
-    loaded = Dynamics({**known, "payloads": [held]}).inverse(q, v, a)
-    record[:, 3:] += loaded - Dynamics(known).inverse(q, v, a)
+    loaded = Dynamics(TRUE | {"payloads": [held]}).inverse(q, v, a)
+    record[:, 3:] += loaded - Dynamics(TRUE).inverse(q, v, a)
     record[500:600, 4] = np.nan
-    heavier = tmp_path / "held.csv"
-    head = table.read_text().splitlines()[0]
-    np.savetxt(heavier, record, delimiter=",", header=head, comments="")
-    out = tmp_path / "holding.yaml"
-    done = typed(heavier, "--scene", lighter, "--payload", "tip", "--out", out)
+    heavier, out = changed(table, record, "held.csv"), tmp_path / "holding.yaml"
+    done = typed(heavier, "--scene", true_scene(tmp_path), "--payload", "tip", "--out", out)
     assert done.exit_code == 0, done.output
     assert re.search(r"\bmass +0\.\d+ +kg +0\.\d+ to 0\.\d+ ", done.output)
     undetermined = r"inertia\.x[xyz] .*the motion does not determine it"
@@ -139,9 +146,7 @@ def test_an_arm_at_rest_at_the_end_has_no_error(table, tmp_path):
     record = np.loadtxt(table, delimiter=",", skiprows=1)
     record[1200:] = record[1199]
     record[:, 0] = np.arange(0.0, 20.0, 0.01)
-    rests = tmp_path / "rests.csv"
-    head = table.read_text().splitlines()[0]
-    np.savetxt(rests, record, delimiter=",", header=head, comments="")
+    rests = changed(table, record, "rests.csv")
     done = typed(rests, "--scene", "two_link", "--out", tmp_path / "a.yaml", "--json")
     told = json.loads(done.stdout)
     assert told["error"] is None and told["torque_error"] == {"shoulder": None, "elbow": None}
@@ -152,16 +157,11 @@ def test_an_arm_at_rest_at_the_end_has_no_error(table, tmp_path):
 
 def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked(table, tmp_path):
     """The nominal scene is the true one, but the first part of the recording has more friction."""
-    true = tmp_path / "true.yaml"
-    known = load_scene(TRUE).model_dump(exclude_unset=True, mode="json")
-    (tmp_path / "true.urdf").write_text(known["robot"]["urdf"])
-    true.write_text(json.dumps(known | {"robot": {"urdf": "true.urdf"}}))
+    true = true_scene(tmp_path)
     record = np.loadtxt(table, delimiter=",", skiprows=1)
     speeds = np.gradient(record[:, 1:3], record[:, 0], axis=0)
     record[:1400, 3:] += np.sign(speeds[:1400])
-    sticky, out = tmp_path / "sticky.csv", tmp_path / "a.yaml"
-    head = table.read_text().splitlines()[0]
-    np.savetxt(sticky, record, delimiter=",", header=head, comments="")
+    sticky, out = changed(table, record, "sticky.csv"), tmp_path / "a.yaml"
     done = typed(sticky, "--scene", true, "--out", out)
     said = " ".join(done.output.split())
     assert done.exit_code == 1

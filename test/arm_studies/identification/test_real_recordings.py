@@ -14,7 +14,7 @@ from samples import always
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, identify, mapped, prepare
-from arm_studies.identification.files import read_joint_record
+from arm_studies.identification.data import read_joint_record
 from arm_studies.identification.filtering import ZeroPhase
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.regressor import RigidRegressor
@@ -50,7 +50,7 @@ def least_squares(robot: str, told: JointRecord, band: float) -> float:
 def test_less_is_left_than_by_least_squares(robot: str) -> None:
     told, band = record(robot), CASES[robot]
     found = identify(robot, told, band=band)
-    assert all(bodies.possible(body) for body in found.bodies)
+    assert all(bodies.consistent(body) for body in found.bodies)
     if robot == "ur10":
         assert found.error[0] < 0.5 * least_squares(robot, told, band)
     else:  # whose residual is the noise of the efforts by two thirds

@@ -69,7 +69,7 @@ def test_a_cluster_makes_the_same_table(alone: dict[str, bytes], tmp_path: Path)
 
 @with_group
 def test_an_address_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("arm_studies.sweeps.sharing._PATIENCE", 0.2)
+    monkeypatch.setattr("arm_studies.sweeps.sharing._TIMEOUT", 0.2)
     with pytest.raises(InvalidInput, match="'tcp://127.0.0.1:1': no Dask scheduler answers"):
         sweep(STUDY, cluster="tcp://127.0.0.1:1")
     with pytest.raises(InvalidInput, match="cluster = 'nonsense://x'"):
@@ -97,8 +97,8 @@ def test_runs_and_the_building_of_their_world_are_timed_apart(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     World(monkeypatch)
-    result = sharing.work(sharing.Task(recipe=None, jobs=(), kind="any"))  # type: ignore[arg-type]
-    assert (result.seconds, result.making) == (3.0, 2.0)
+    result = sharing.work(sharing.Task(recipe=None, jobs=(), compiled=False))  # type: ignore[arg-type]
+    assert (result.seconds, result.building) == (3.0, 2.0)
 
 
 def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

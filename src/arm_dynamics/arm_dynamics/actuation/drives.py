@@ -22,14 +22,7 @@ _NO_STATE = ca.SX(0, 1)
 
 
 def states_of(drive: JointDrive, joint: int, name: str, turning: bool) -> list[InternalState]:
-    """States of a drive.
-
-    Args:
-        drive: The drive.
-        joint: Index of its joint.
-        name: Name of its joint.
-        turning: Whether its joint is revolute.
-    """
+    """States of a drive at the joint of an index and a name, which turns or slides."""
     unit = "rad" if turning else "m"
     found: list[tuple[StateKind, str, float]] = []
     if drive.has_current:
@@ -49,21 +42,20 @@ def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
     states = [0.0] if drive.has_current else []
     if drive.coupling is None:
         return states
-    error, ratio = drive.coupling.kinematic_error, drive.motor.gear_ratio
-    position = _untwisted(q, error, ratio) if error else q
+    error, ratio, position = drive.coupling.kinematic_error, drive.motor.gear_ratio, q
+    if error:  # the motor position θ with θ + e(θ) = q, unique between q - A and q + A
+        low, high = q - error.amplitude, q + error.amplitude
+        while low < (position := 0.5 * (low + high)) < high:
+            ahead = position + transmission.kinematic_error(ratio * position, error) > q
+            low, high = (low, position) if ahead else (position, high)
     states += [position, v / (1.0 + _error_slope(error, ratio, position))]
     return [*states, 0.0] if drive.coupling.hysteresis else states
 
 
 def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-    """Equations of a single drive, as ``Flow`` of its one joint.
+    """Equations of a drive, as ``Flow`` of its one joint at q and v, under the command u.
 
-    Args:
-        drive: The drive.
-        q: Position of its joint in [rad] or [m].
-        v: Velocity of its joint in [rad/s] or [m/s].
-        z: Its states, in the order of ``states_of``.
-        u: Its command in the command's unit.
+    Its states z are in the order of ``states_of``.
     """
     if drive.coupling is None:
         return _electric(drive, q, v, z, u)
@@ -85,57 +77,38 @@ def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
 
 def _electric(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     """The motor: torque of current and cogging on the rotor, reflected to the joint."""
-    m = drive.motor
-    if m.command == "voltage":
-        made = _under_voltage(drive, velocity, z, u)
-    elif m.torque_constant is None:
-        made = Flow(u, _NO_STATE, supplied=u * velocity)
+    m, by_torque = drive.motor, drive.motor.command == "torque"
+    if by_torque and m.torque_constant is None:
+        flow = Flow(u, _NO_STATE, supplied=u * velocity)
     else:
-        made = _under_current(drive, velocity, u)
+        emf, R = motor.back_emf(velocity, drive.back_emf_constant), m.resistance or 0.0
+        slope, stored = _NO_STATE, ca.SX(0.0)
+        if drive.has_current:
+            i, voltage, L = z[0], u, m.inductance or 0.0
+            if m.current_limit:
+                voltage = motor.limited_voltage(voltage, i, emf, m.current_limit, R)
+            slope, stored = motor.current_slope(voltage, i, emf, L, R), 0.5 * L * i**2
+        else:  # or an ideal current controller, whose command may be a torque
+            by_voltage = m.command == "voltage"
+            i = motor.settled_current(u, emf, R) if by_voltage else u
+            i = u / drive.torque_constant if by_torque else i
+            if m.current_limit:
+                i = within(i, -m.current_limit, m.current_limit)
+            if m.voltage_limit and not by_voltage:
+                i = motor.current_under(m.voltage_limit, i, emf, R, m.current_limit)
+            voltage = R * i + emf
+        unlimited = by_torque and not (m.current_limit or m.voltage_limit)
+        torque = u if unlimited else motor.torque(i, drive.torque_constant)
+        lost = R * i**2
+        if drive.back_emf_constant != drive.torque_constant:
+            lost = lost + (drive.back_emf_constant - drive.torque_constant) * velocity * i
+        flow = Flow(torque, slope, stored, voltage * i, lost)
     if m.cogging is None:
-        return made
+        return flow
     rotor = m.gear_ratio * position
     poles = m.gear_ratio * motor.cogging_torque(rotor, m.cogging)
     energy = motor.cogging_energy(rotor, m.cogging)
-    return replace(made, torque=made.torque + poles, stored=made.stored + energy)
-
-
-def _under_voltage(drive: JointDrive, velocity: ca.SX, z: ca.SX, voltage: ca.SX) -> Flow:
-    m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
-    R = m.resistance or 0.0
-    if not drive.has_current:
-        i = motor.settled_current(voltage, emf, R)
-        if m.current_limit:
-            i = within(i, -m.current_limit, m.current_limit)
-        return _carrying(drive, i, R * i + emf, velocity)
-    i, L = z[0], m.inductance or 0.0
-    if m.current_limit:
-        voltage = motor.limited_voltage(voltage, i, emf, m.current_limit, R)
-    slope = motor.current_slope(voltage, i, emf, L, R)
-    carrying = _carrying(drive, i, voltage, velocity)
-    return replace(carrying, slope=slope, stored=0.5 * L * i**2)
-
-
-def _under_current(drive: JointDrive, velocity: ca.SX, u: ca.SX) -> Flow:
-    """An ideal current controller; its command is a current, or a torque divided by N K_t."""
-    m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
-    R, direct = m.resistance or 0.0, m.command == "torque"
-    i = u / drive.torque_constant if direct else u
-    if m.current_limit:
-        i = within(i, -m.current_limit, m.current_limit)
-    if m.voltage_limit:
-        i = motor.current_under(m.voltage_limit, i, emf, R, m.current_limit)
-    made = _carrying(drive, i, R * i + emf, velocity)
-    unlimited = direct and not (m.current_limit or m.voltage_limit)
-    return replace(made, torque=u) if unlimited else made
-
-
-def _carrying(drive: JointDrive, current: ca.SX, voltage: ca.SX, velocity: ca.SX) -> Flow:
-    torque = motor.torque(current, drive.torque_constant)
-    lost = (drive.motor.resistance or 0.0) * current**2
-    if drive.back_emf_constant != drive.torque_constant:
-        lost = lost + (drive.back_emf_constant - drive.torque_constant) * velocity * current
-    return Flow(torque, _NO_STATE, supplied=voltage * current, lost=lost)
+    return replace(flow, torque=flow.torque + poles, stored=flow.stored + energy)
 
 
 def _coupling(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Flow:
@@ -169,17 +142,6 @@ def _error_slope(error: Wave | None, ratio: float, position: Quantity) -> Quanti
     if error is None:
         return 0.0
     return ratio * transmission.kinematic_error_slope(ratio * position, error)
-
-
-def _untwisted(q: float, error: Wave, ratio: float) -> float:
-    """The motor position θ with θ + e(θ) = q, which is unique between q - A and q + A."""
-    low, high = q - error.amplitude, q + error.amplitude
-    while True:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return middle
-        ahead = middle + transmission.kinematic_error(ratio * middle, error) > q
-        low, high = (low, middle) if ahead else (middle, high)
 
 
 class Drives:

@@ -56,8 +56,7 @@ class LugreFriction:
         self.replaces_command = np.zeros(model.n, dtype=bool)
         self.summary = f"{counted(len(self.states), 'joint')}, as many states"
         for i, law in asked.items():
-            _check(model, i)
-            _check_passive(model, i, law)
+            _check(model, i, law)
 
     def initial(self, q: Array, v: Array) -> Array:
         """Bristles without deflection."""
@@ -98,7 +97,8 @@ class LugreFriction:
         return max(math.sqrt(max(0.0, float(swinging))), bending)
 
 
-def _check(model: ArmModel, i: int) -> None:
+def _check(model: ArmModel, i: int, law: Lugre) -> None:
+    """Refuse coefficients that are missing, or with which the model could generate energy."""
     joint, dry = model.joint_names[i], model.friction.by_law
     coulomb = float(dry.coulomb.mean[i] - abs(dry.coulomb.skew[i]))
     if not coulomb > 0.0:
@@ -106,22 +106,18 @@ def _check(model: ArmModel, i: int) -> None:
     falls = dry.static.mean[i] != dry.coulomb.mean[i]
     if falls and model.scene.joint(joint).friction.stribeck_velocity is None:
         raise refusal(joint, "lugre' with static above coulomb needs a 'stribeck_velocity'")
-
-
-def _check_passive(model: ArmModel, i: int, law: Lugre) -> None:
-    """Reject coefficients for which the model could generate energy in either direction."""
-    friction, sigma1, fading = model.friction, law.sigma1, law.sigma1_velocity
-    viscous = friction.viscous.mean[i] + friction.viscous.skew[i] * np.array([1.0, -1.0])
-    coulomb, static = friction.by_law.extremes(i)
-    needed = sigma1 * (static - coulomb) / coulomb
-    given = zip(viscous, coulomb, static, strict=True)
+    sigma1, fading, (mean, skew) = law.sigma1, law.sigma1_velocity, model.friction.viscous
+    viscous = mean[i] + skew[i] * np.array([1.0, -1.0])
+    lowest, highest = dry.extremes(i)
+    needed = sigma1 * (highest - lowest) / lowest
+    given = zip(viscous, lowest, highest, strict=True)
     active = [k for k, side in enumerate(given) if not lugre.is_passive(sigma1, *side, fading)]
     if not active:
         return
     worst = max(active, key=lambda k: float(needed[k] - viscous[k]))
-    slow = lugre.FADING * coulomb[worst] / sigma1
+    slow = lugre.FADING * lowest[worst] / sigma1
     raise refusal(
-        model.joint_names[i],
+        joint,
         f"lugre' is not passive, it could give out energy: viscous >= sigma1 (static - "
         f"coulomb) / coulomb = {needed[worst]:.4g} is expected, got {viscous[worst]:.4g}; or let "
         f"the damping fade: sigma1_velocity <= 4 sqrt(2 e) coulomb / sigma1 = {slow:.4g}, "

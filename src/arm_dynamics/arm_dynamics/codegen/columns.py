@@ -44,15 +44,18 @@ def column_function(function: ca.Function) -> str:
             spread = f"SPREAD({value})" if given[0] in numbers else value
             lines.append(f"res[{into[1]}] = {spread};")
             continue
-        operands = [] if kind in (ca.OP_CONST, ca.OP_INPUT) else [name(i) for i in given]
+        plain = all(i in numbers for i in given)
         if kind == ca.OP_CONST:
-            value, plain = repr(function.instruction_constant(k)), True
+            value = repr(function.instruction_constant(k))
         elif kind == ca.OP_INPUT:
             plain = given[0] == 0
             value = f"c[{given[1]}]" if plain else f"arg[{given[0] - 1}][{given[1]}]"
+        elif kind in _BINARY:
+            value = f" {_BINARY[kind]} ".join(map(name, given))
+        elif kind in _UNARY:
+            value = _UNARY[kind](name(given[0]))
         else:
-            plain = all(i in numbers for i in given)
-            value = _value(kind, operands)
+            raise ValueError(f"no operation of linear functions: CasADi's number {kind}")
         (numbers.add if plain else numbers.discard)(into[0])
         declared.add(f"{'real n' if plain else 'column a'}{into[0]};")
         lines.append(f"{name(into[0])} = {value};")
@@ -60,11 +63,3 @@ def column_function(function: ca.Function) -> str:
     # Inlined into a loop, it would share the vector registers with what surrounds it.
     head = f"static __attribute__((noinline)) void {function.name()}"
     return f"{head}(const real* c, const column* const* arg, column* res) {{\n  {body}\n}}\n"
-
-
-def _value(kind: int, operands: list[str]) -> str:
-    if kind in _BINARY:
-        return f" {_BINARY[kind]} ".join(operands)
-    if kind in _UNARY:
-        return _UNARY[kind](operands[0])
-    raise ValueError(f"no operation of linear functions: CasADi's number {kind}")

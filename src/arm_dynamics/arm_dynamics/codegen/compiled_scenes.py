@@ -91,11 +91,7 @@ def search(key: str) -> tuple[Code | None, list[str]]:
 
 
 def load(entry: Path) -> Code:
-    """Load an entry.
-
-    Raises:
-        KernelError: If it must not or cannot be loaded; it names the file and says why.
-    """
+    """Load an entry; the error says why it must not or cannot be loaded."""
     manifest = read_manifest(entry)
     try:
         library = ctypes.CDLL(str(entry))
@@ -106,11 +102,7 @@ def load(entry: Path) -> Code:
 
 
 def read_manifest(entry: Path) -> Manifest:
-    """Check an entry and read its description.
-
-    Raises:
-        KernelError: If it must not be loaded; it names the file and says why.
-    """
+    """Check an entry and read its description; the error says why it must not be loaded."""
     beside = entry.with_suffix(".json")
     for path in (entry.parent.resolve(), entry, beside):
         _check_owner(path)

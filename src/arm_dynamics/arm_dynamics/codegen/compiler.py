@@ -2,15 +2,12 @@
 """From C or C++ source to a loaded library, by the system's compiler or from a cache.
 
 The folders of ARM_CACHE come first (see ``compiled_scenes``), then the user's own cache, then the
-compiler. An entry of the user's own cache is a shared library followed by the digest of its bytes,
-in a folder that only the user may enter. Its name is the digest of source, headers, compiler,
-flags and processor. An entry that does not match its digest, or belongs to another user, is built
-again and never loaded.
+compiler. The name of an entry is the digest of source, headers, compiler, flags and processor; one
+that is not intact is built again and never loaded.
 """
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import hashlib
 import logging
@@ -19,7 +16,6 @@ import re
 import shlex
 import shutil
 import signal
-import stat
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -30,7 +26,7 @@ from functools import cache
 from pathlib import Path
 from threading import Lock
 
-from arm_dynamics.codegen import compiled_scenes, processor
+from arm_dynamics.codegen import compiled_scenes, processor, user_cache
 from arm_dynamics.codegen.compiled_scenes import Code, Manifest
 from arm_dynamics.codegen.one_at_a_time import others_may_build
 from arm_dynamics.codegen.split_functions import units
@@ -63,7 +59,6 @@ HOW_TO_GET_CODE = (
 )
 # Lines of C that take a compiler more than about two seconds.
 LONG = 20_000
-_DIGEST = hashlib.sha256().digest_size
 _COMPILERS = {
     "c": ("C", "CC", ("cc", "gcc", "clang")),
     "c++": ("C++", "CXX", ("c++", "g++", "clang++")),
@@ -160,24 +155,20 @@ def build(
     flags += _FLAGS_OF_LANGUAGE[language]
     names = (Path(flag).name for flag in local)
     texts = [source, *others]
-    key = digest(*texts, *_headers(texts, flags + local), language, *flags, *names)
+    key = user_cache.digest(*texts, *_headers(texts, flags + local), language, *flags, *names)
     with others_may_build(), _building.setdefault(key, Lock()):
-        return _build(key, texts, language, flags + local)
-
-
-def _build(key: str, texts: list[str], language: str, flags: tuple[str, ...]) -> Code:
-    destination = _destination.get()
-    if destination is not None:
-        return _build_into(destination, key, texts, language, flags)
-    found, refusals = compiled_scenes.search(key)
-    if found is None:
-        command = find_compiler(language)
-        if command is None:
-            raise CompilerMissing(_nothing_found(language, refusals))
-        entry, version = _own_entry(key, command)
-        if read_sound(entry) is None:
-            write_sound(entry, _compiled(texts, language, command, flags, processor.NATIVE))
-        found = Code(ctypes.CDLL(str(entry)), version, key)
+        if (destination := _destination.get()) is not None:
+            return _build_into(destination, key, texts, language, flags + local)
+        found, refusals = compiled_scenes.search(key)
+        if found is None:
+            command = find_compiler(language)
+            if command is None:
+                raise CompilerMissing(_nothing_found(language, refusals))
+            entry, version = _own_entry(key, command)
+            if user_cache.read(entry) is None:
+                library = _compiled(texts, language, command, flags + local, processor.NATIVE)
+                user_cache.write(entry, library)
+            found = Code(ctypes.CDLL(str(entry)), version, key)
     for refusal in refusals:
         _log.warning("%s", refusal)
     return found
@@ -207,7 +198,7 @@ def find(key: str) -> Code | None:
     command = find_compiler()
     if found is None and command is not None:
         entry, version = _own_entry(key, command)
-        if read_sound(entry) is not None:
+        if user_cache.read(entry) is not None:
             return Code(ctypes.CDLL(str(entry)), version, key)
     return found
 
@@ -231,42 +222,6 @@ def building_into(destination: Destination) -> Iterator[None]:
         yield
     finally:
         _destination.reset(token)
-
-
-def cache_folder() -> Path:
-    """Folder of compiled kernels, owned by the user, mode 0700.
-
-    If it cannot be created, this process uses a new temporary folder.
-    """
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    folder = Path(base) / "arm_dynamics"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        mode = folder.lstat()
-        private = (
-            stat.S_ISDIR(mode.st_mode) and mode.st_uid == os.getuid() and not mode.st_mode & 0o077
-        )
-        if private and os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return _temporary_folder(folder)
-
-
-@cache
-def _temporary_folder(unusable: Path) -> Path:
-    _log.warning(
-        "'%s' cannot be used: compiled code is kept for this process only; "
-        "XDG_CACHE_HOME names a folder that can be written", unusable,
-    )  # fmt: skip
-    folder = Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def digest(*parts: str) -> str:
-    """Digest of some texts, as a file name."""
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
 
 
 def _headers(texts: list[str], flags: tuple[str, ...]) -> list[str]:
@@ -321,25 +276,8 @@ def _build_into(
 def _own_entry(key: str, command: tuple[str, ...]) -> tuple[Path, str]:
     """File of the user's own cache, and the compiler's version."""
     version = compiler_version(command)
-    name = digest(key, *command, version, *sorted(processor.instructions()))
-    return cache_folder() / f"{name}.so", version
-
-
-def read_sound(entry: Path) -> bytes | None:
-    """Content written by ``write_sound``; None if it is missing, damaged or another user's."""
-    try:
-        if not stat.S_ISREG(entry.lstat().st_mode) or entry.lstat().st_uid != os.getuid():
-            return None
-        content = entry.read_bytes()
-    except OSError:
-        return None
-    whole = hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
-    return content[:-_DIGEST] if len(content) > _DIGEST and whole else None
-
-
-def write_sound(entry: Path, content: bytes) -> None:
-    """Write a file of the user's own cache: content, followed by the digest of its bytes."""
-    compiled_scenes.put(entry, content + hashlib.sha256(content).digest(), 0o600)
+    name = user_cache.digest(key, *command, version, *sorted(processor.instructions()))
+    return user_cache.folder() / f"{name}.so", version
 
 
 def _compiled(
@@ -352,7 +290,7 @@ def _compiled(
     parts = [*units(source, len(os.sched_getaffinity(0))), *others]
     if (lines := source.count("\n")) > LONG:
         _log.info("compiling %d lines of C on %d cores", lines, len(parts))
-    with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
+    with tempfile.TemporaryDirectory(dir=user_cache.folder()) as scratch:
         library, names = Path(scratch) / "kernel.so", list[str]()
         for number, text in enumerate(parts):
             code = Path(scratch) / f"kernel{number or ''}.{suffix}"

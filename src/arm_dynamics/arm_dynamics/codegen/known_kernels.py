@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen import compiler, user_cache
 from arm_dynamics.codegen.compiled_scenes import Code
 
 
@@ -56,7 +56,7 @@ class Note(BaseModel):
 
 def recall(recipe: str) -> tuple[Code, Note] | None:
     """The code of a recipe; None if there is no note, or its code no longer exists."""
-    content = compiler.read_sound(_place(recipe))
+    content = user_cache.read(_place(recipe))
     if content is None:
         return None
     try:
@@ -72,7 +72,7 @@ def keep(
 ) -> None:
     """Note which code belongs to a recipe."""
     note = Note(key=key, functions=functions, operations=dict(operations))
-    compiler.write_sound(_place(recipe), note.model_dump_json().encode())
+    user_cache.write(_place(recipe), note.model_dump_json().encode())
 
 
 @cache
@@ -90,4 +90,4 @@ def digest_of(*packages: str) -> str:
 
 
 def _place(recipe: str) -> Path:
-    return compiler.cache_folder() / f"{compiler.digest(recipe)}.json"
+    return user_cache.folder() / f"{user_cache.digest(recipe)}.json"

@@ -33,13 +33,7 @@ _TAKES = ctypes.c_void_p, _SIZE, _SIZE, ctypes.c_int, ctypes.c_void_p, ctypes.py
 def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall:
     """A native function of vectors of one length, with one result; for one thread at a time.
 
-    Args:
-        kernel: Its kernel, native code.
-        name: Its name.
-        shape: Shape of the result, of one or two dimensions, row by row.
-
-    Raises:
-        KernelError: If the headers of Python are missing, or the compiler refuses them.
+    ``shape`` is that of the result, of one or two dimensions, row by row.
     """
     call = kernel.call(name)
     dimensions = (ctypes.c_ssize_t * len(shape))(*shape)
@@ -54,15 +48,8 @@ def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall
 def python_function(source: Path, takes: tuple[type, ...], *folders: Path) -> Any:
     """The C function ``python_function`` of a file, which makes functions for Python.
 
-    It and they are called with the interpreter lock.
-
-    Args:
-        source: The file, which includes ``python_function.h``.
-        takes: Types of its arguments, of ctypes.
-        folders: Further folders of headers.
-
-    Raises:
-        KernelError: If the headers of Python are missing, or the compiler refuses them.
+    It and they are called with the interpreter lock. The file includes ``python_function.h``;
+    ``takes`` are types of its arguments, ``folders`` further ones of headers.
     """
     headers = Path(sysconfig.get_path("include"))
     if not (headers / "Python.h").is_file():

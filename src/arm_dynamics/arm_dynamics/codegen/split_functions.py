@@ -48,15 +48,10 @@ class _Line:
 
 
 def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
-    """Divide the long functions of generated C source.
+    """Generated C source with its long functions divided.
 
-    Args:
-        source: As CasADi generates it.
-        whole: Functions of up to so many lines stay as they are.
-        piece: Lines of a piece.
-
-    Returns:
-        The source; functions that are not plain lists of assignments stay as they are.
+    Those of up to ``whole`` lines stay as they are, and those that are not plain lists of
+    assignments.
     """
 
     def division(match: re.Match[str]) -> str:
@@ -74,14 +69,9 @@ def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
 
 
 def units(source: str, count: int) -> list[str]:
-    """Source files that make up source together, about as long as one another.
+    """At most ``count`` source files, about as long as one another, that make up divided source.
 
-    Args:
-        source: As ``divided`` makes it, with anything before and after.
-        count: How many files at most.
-
-    Returns:
-        The files; the source alone if it has no pieces.
+    The source alone if it has no pieces.
     """
     head, found, rest = source.partition(_HEAD_ENDS)
     if not found or count < 2:

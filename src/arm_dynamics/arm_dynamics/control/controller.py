@@ -84,13 +84,8 @@ def restart(control: object) -> None:
 def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Array]:
     """Positions and velocities of a state, each of shape (n,) and finite.
 
-    Args:
-        state: State of the arm. A ``Checked`` one, with a valid reference, is not checked again.
-        n: Number of joints.
-        reference: The reference, if its shapes must be checked as well.
-
-    Raises:
-        InvalidInput: If they are anything else.
+    A ``Checked`` one, with a valid reference, is not checked again. The shapes of the reference
+    are checked as well, if there is one.
     """
     q, v = state.q, state.v
     if type(state) is Checked:
@@ -115,10 +110,6 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
 
 
 def added_torques(reference: object, n: int) -> Array | None:
-    """Torques of a reference to add to a controller's, shape (n,); None for none.
-
-    Raises:
-        InvalidInput: If they have another shape, or are not finite.
-    """
+    """Torques of a reference to add to a controller's, shape (n,); None for none."""
     tau = getattr(reference, "tau", None)
     return None if tau is None else vector("reference.tau", tau, n)

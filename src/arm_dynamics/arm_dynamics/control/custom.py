@@ -80,16 +80,7 @@ def load_controller(name: str) -> Maker:
 
 
 def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
-    """Construct a user-defined controller.
-
-    Args:
-        maker: A class or function.
-        offered: Available arguments by name; others must have defaults.
-        n: Number of joints.
-
-    Raises:
-        InvalidInput: If it needs another argument, raises, or its result has no ``torque``.
-    """
+    """Construct a user-defined controller with those of the offered arguments that it takes."""
     name = label(maker)
     try:
         parameters = inspect.signature(maker).parameters.values()
@@ -142,7 +133,21 @@ class Watched(Wrapper):
                 f"controller {name} is of type {type(control).__name__}, which has no method "
                 "torque(state, reference)"
             )
-        _check_parts(control, name)
+        try:
+            law: Any = control if isinstance(control, Law) else None
+            hash(None if law is None else law.key)
+        except Exception as error:  # user code may raise anything
+            raise InvalidInput(
+                f"the key of controller {name} raised {_cause(error)}; a tuple of strings, "
+                "numbers and the like is expected, or None"
+            ) from error
+        for what in () if law is None else ("tuning", "memory"):
+            parts = getattr(law, what)
+            if not isinstance(parts, tuple) or not all(isinstance(x, np.ndarray) for x in parts):
+                raise InvalidInput(
+                    f"controller {name}: {what} = {reprlib.repr(parts)}; a tuple of arrays is "
+                    "expected"
+                )
         super().__init__(control, n)
         self.name = name
         self._failed: ControllerFailed | None = None
@@ -226,24 +231,6 @@ class Watched(Wrapper):
 
     def _failure(self, what: str) -> ControllerFailed:
         return ControllerFailed(f"controller {self.name} {what}")
-
-
-def _check_parts(control: object, name: str) -> None:
-    """Refuse a formula whose numbers are not arrays, or whose key cannot be compared."""
-    try:
-        if not isinstance(control, Law):
-            return
-        hash(control.key)
-    except Exception as error:  # user code may raise anything
-        raise InvalidInput(
-            f"the key of controller {name} raised {_cause(error)}; a tuple of strings, numbers "
-            "and the like is expected, or None"
-        ) from error
-    for what, parts in (("tuning", control.tuning), ("memory", control.memory)):
-        if not isinstance(parts, tuple) or not all(isinstance(x, np.ndarray) for x in parts):
-            raise InvalidInput(
-                f"controller {name}: {what} = {reprlib.repr(parts)}; a tuple of arrays is expected"
-            )
 
 
 def _cause(error: Exception) -> str:

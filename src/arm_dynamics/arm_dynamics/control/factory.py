@@ -16,8 +16,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
 from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
-from arm_dynamics.control.margin import MARGIN, largest_delay
-from arm_dynamics.control.pole_placement import gain
+from arm_dynamics.control.pole_placement import MARGIN, gain, largest_delay
 from arm_dynamics.control.wrappers import (
     AnyController,
     DisturbanceObserver,
@@ -26,7 +25,7 @@ from arm_dynamics.control.wrappers import (
 )
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import postures
 from arm_dynamics.task_space.axes import chosen_axes
 from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
@@ -187,11 +186,7 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
 
 
 def _lacking(name: str | custom.Maker, control: AnyController) -> str | None:
-    """The friction that a controller leaves out; None if that is its own affair.
-
-    Raises:
-        InvalidInput: If nobody knows.
-    """
+    """The friction that a controller leaves out; None if that is its own affair."""
     if isinstance(name, str) or not isinstance(control, custom.Watched):
         return _FRICTION.get(str(name))
     if (terms := control.friction_terms) is None and not custom.takes(name, "settings"):
@@ -204,11 +199,7 @@ def _lacking(name: str | custom.Maker, control: AnyController) -> str | None:
 
 
 def refuse_unsteady(s: Settings) -> None:
-    """Refuse a bandwidth with which any arm swings up if torques act one ``dt`` late.
-
-    Raises:
-        InvalidInput: With the largest value and the largest sensible one.
-    """
+    """Refuse a bandwidth with which any arm swings up if torques act one ``dt`` late."""
     omega, zeta = numbers("bandwidth", s.bandwidth), numbers("damping_ratio", s.damping_ratio)
     most, sensible = (
         np.minimum(1.0, largest_delay(omega**2, 2.0 * zeta * omega, margin) / (1.5 * s.dt))
@@ -225,8 +216,7 @@ def refuse_unsteady(s: Settings) -> None:
 def mismatch(dynamics: Dynamics, s: Settings, joints: Sequence[str], dt: float) -> str:
     """Warning of a controller for other joints, or other ticks in [s], than those of an arm.
 
-    Raises:
-        InvalidInput: If it is for another number of joints.
+    Another number of joints is refused.
     """
     own, theirs = known_names(dynamics.joint_names, 8), known_names(joints, 8)
     if dynamics.n != len(joints):
@@ -241,11 +231,7 @@ def mismatch(dynamics: Dynamics, s: Settings, joints: Sequence[str], dt: float) 
 def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: float) -> str:
     """Warning of gains that a loop does not carry; empty if it carries them.
 
-    Args:
-        name: As for ``make_controller``, which accepts it with these settings.
-        dynamics: The model.
-        s: The settings.
-        delay: Time in [s] from a state until its torque acts, which is then held for ``dt``.
+    ``delay`` is the time in [s] from a state until its torque acts, which is then held for ``dt``.
     """
     if name == "float" or not (isinstance(name, str) or custom.takes(name, "bandwidth")):
         return ""

@@ -16,8 +16,8 @@ from arm_dynamics.control.pole_placement import gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, diagonal, root
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import postures
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.model.sampling import postures
 from arm_dynamics.trajectory.reference import Reference
 
 _POSTURES = 200  # over which inertia is averaged

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gains that place the poles of a joint's error: ë + 2 ζ ω ė + ω² e = 0."""
+"""Gains that place the poles of a joint's error, ë + 2 ζ ω ė + ω² e = 0, and their margin."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from arm_dynamics.exceptions import InvalidInput
 
 FASTEST = 1e6
 """Largest bandwidth in [rad/s], beyond anything that a torque can follow."""
+MARGIN = 2.0
+"""Gain margin that is sensible: with so many times its gains a loop is still stable."""
 
 
 def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
@@ -61,22 +63,30 @@ def held_gains(
 
 
 def gain(name: str, value: ArrayLike, n: int) -> Array:
-    """Check a gain of every joint.
-
-    Args:
-        name: Name of the gain, for messages.
-        value: A number or shape (n,), not negative.
-        n: Number of joints.
-
-    Returns:
-        The gain of shape (n,).
-
-    Raises:
-        InvalidInput: If it has a wrong shape or value.
-    """
+    """Check a gain of every joint, a number or shape (n,), not negative; shape (n,)."""
     given = numbers(name, value)
     if given.shape not in ((), (1,), (n,)):
         raise InvalidInput(f"{name} has shape {given.shape}; allowed: a number or shape ({n},)")
     if np.any(given < 0.0):
         raise InvalidInput(f"{name} is {given}; allowed: numbers of at least 0")
     return np.array(np.broadcast_to(given, (n,)))
+
+
+def largest_delay(stiffness: ArrayLike, damping: ArrayLike, margin: float = MARGIN) -> Array:
+    """Largest time by which a torque may act late without the arm swinging up.
+
+    The error obeys ë(t) = -k e(t - T) - c ė(t - T). The gain of this loop is 1 at the frequency w,
+    w⁴ = c² w² + k², where damping leads by the phase atan(c w/k) and the delay takes w T of it
+    (Åström and Murray, Feedback Systems, 2021, section 10.3).
+
+    Args:
+        stiffness: k by inertia in [1/s²].
+        damping: c by inertia in [1/s].
+        margin: Factor of both.
+
+    Returns:
+        T in [s]; infinite without damping, which is then left to others.
+    """
+    k, c = margin * np.asarray(stiffness, float), margin * np.asarray(damping, float)
+    w = np.sqrt(0.5 * (c**2 + np.sqrt(c**4 + 4.0 * k**2)))
+    return np.where(c > 0.0, np.arctan2(c * w, k) / np.where(w > 0.0, w, 1.0), np.inf)

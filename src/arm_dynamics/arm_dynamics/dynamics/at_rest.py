@@ -7,7 +7,7 @@ through M: which of them slide is a linear complementarity problem, solved by pi
 with the largest violation changes its mode until there is none; if that cycles, the first
 violating joint changes instead, a rule that cannot cycle (Murty, Linear Complementarity, Linear
 and Nonlinear Programming, 1988, section 4.1). Joints whose torques statics does not determine hold
-together: see ``together``. The simulator does the same in C, with contacts and stops.
+together: see ``indeterminate``. The simulator does the same in C, with contacts and stops.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.gauss import constrained_motion, times
-from arm_dynamics.dynamics.together import held_together
+from arm_dynamics.dynamics.indeterminate import indeterminate_sets
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.loop_closure import RANK
 
@@ -80,11 +80,7 @@ class MotionAtRest:
 
 
 class AtRest:
-    """Joints at rest with dry friction.
-
-    Args:
-        friction: The friction.
-    """
+    """Joints at rest with dry friction."""
 
     def __init__(self, friction: SteadyFriction) -> None:
         self._friction, self._joints = friction, friction.joints
@@ -147,7 +143,7 @@ class AtRest:
         released = way.copy()
         for k in np.flatnonzero(((way == 0.0) & (excess > 0.0)).any(axis=1)):
             held = self.resting(points.v[k]) & (way[k] == 0.0)
-            for each in held_together(points.A[k], held, motion.reaction[k], bears[:, k]):
+            for each in indeterminate_sets(points.A[k], held, motion.reaction[k], bears[:, k]):
                 motion.multipliers[k] += each.multipliers
                 excess[k, each.joints] = 0.0 if each.holds else 1.0
                 released[k, each.joints] = each.way

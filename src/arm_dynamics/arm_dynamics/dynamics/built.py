@@ -12,7 +12,6 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.scene.drive import Actuator
 from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.urdf.units import FAR
 
@@ -106,23 +105,20 @@ def _drives(model: ArmModel, q: Array) -> Found:
         if inertia > _INERT * largest > 0.0:
             what = f"its drive has {inertia:.3g} at the joint, and the arm at most {largest:.3g}"
             yield name, what, f"inertias are in kg{'' if unit == 'N' else ' m²'}"
-        if drive is not None:
-            yield from ((name, *odd) for odd in _of_motor(drive.motor, unit == "N m"))
-
-
-def _of_motor(motor: Actuator, turns: bool) -> Iterator[tuple[str, str]]:
-    gear, constant = abs(motor.gear_ratio), motor.torque_constant or 0.0
-    if turns and not _LEAST_GEAR <= gear <= _LARGEST_GEAR:
-        yield f"gear_ratio = {motor.gear_ratio:g}", "it is the motor's turns over the joint's"
-    if gear > 1.0 and constant > _STRONGEST:
-        yield f"torque_constant = {constant:g}", "it is in N m/A"
-    back = motor.back_emf_constant or constant
-    if constant and not 1.0 / _SAME < back / constant < _SAME:
-        meant = "in N m/A and V s/rad the two are equal"
-        yield f"back_emf_constant = {back:g} with torque_constant = {constant:g}", meant
-    if (motor.inductance or 0.0) > _SLOWEST * (motor.resistance or np.inf):
-        what = f"inductance = {motor.inductance:g} with resistance = {motor.resistance:g}"
-        yield what, "they are in H and Ω"
+        if drive is None:
+            continue
+        motor, constant = drive.motor, drive.motor.torque_constant or 0.0
+        gear, back = motor.gear_ratio, motor.back_emf_constant or constant
+        if unit == "N m" and not _LEAST_GEAR <= abs(gear) <= _LARGEST_GEAR:
+            yield name, f"gear_ratio = {gear:g}", "it is the motor's turns over the joint's"
+        if abs(gear) > 1.0 and constant > _STRONGEST:
+            yield name, f"torque_constant = {constant:g}", "it is in N m/A"
+        if constant and not 1.0 / _SAME < back / constant < _SAME:
+            what = f"back_emf_constant = {back:g} with torque_constant = {constant:g}"
+            yield name, what, "in N m/A and V s/rad the two are equal"
+        if (motor.inductance or 0.0) > _SLOWEST * (motor.resistance or np.inf):
+            what = f"inductance = {motor.inductance:g} with resistance = {motor.resistance:g}"
+            yield name, what, "they are in H and Ω"
 
 
 def _friction(model: ArmModel) -> Found:

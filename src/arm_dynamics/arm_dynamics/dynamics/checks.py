@@ -121,12 +121,16 @@ def closed_states(
     places = closure.wander(start, names) if names else list(random_states(len(start), 1)[0])
     rows = [closure.rows.stacked(q, 0.0 * q, names).jacobian[kept] for q in places]
     found = [closure.factors(q, A, len(A)) for q, A in zip(places, rows, strict=True)]
-    condition = np.array([_condition(factors.s, sum(kept)) for factors in found])
-    count = -(-CHECK_STATES // len(places))
+    count = sum(kept)
+    # 1 without rows, infinite where fewer are independent
+    condition = np.array(
+        [(f.s[0] / f.s[-1] if len(f.s) == count else np.inf) if count else 1.0 for f in found]
+    )
+    repeats = -(-CHECK_STATES // len(places))
     states = [
         (places[i], v - found[i].nearest(rows[i] @ v), tau, condition[i])
         for i in np.flatnonzero(condition <= max(WELL_CONDITIONED, condition.min()))
-        for v, tau in np.random.default_rng(i).uniform(-np.pi, np.pi, (count, 2, len(start)))
+        for v, tau in np.random.default_rng(i).uniform(-np.pi, np.pi, (repeats, 2, len(start)))
     ]
     q, v, tau, conditions = (np.array(part) for part in zip(*states, strict=True))
     return q, v, tau, conditions
@@ -136,13 +140,6 @@ def slack(condition: Array) -> Array:
     """Multiple of ``CHECK_TOLERANCE`` allowed for rounding, by condition number; at least 1."""
     rounding = ROUNDINGS * np.finfo(float).eps * condition
     return np.clip(rounding / CHECK_TOLERANCE, 1.0, MOST_SLACK)
-
-
-def _condition(s: Array, rows: int) -> float:
-    """Condition number of rows with singular values s, zero values excluded; 1 without rows."""
-    if not rows:
-        return 1.0
-    return float(s[0] / s[-1]) if len(s) == rows else np.inf
 
 
 def _mass_matrices(dynamics: Dynamics, q: Array) -> Array:

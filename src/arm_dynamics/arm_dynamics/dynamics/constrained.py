@@ -21,7 +21,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion, check_moving
-from arm_dynamics.scene.constraint import ORIGIN, Touching
+from arm_dynamics.scene.constraint import ORIGIN
 from arm_dynamics.terms.answers import Answers
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, INVERSE, MASS_MATRIX, WITHOUT_FRICTION
 
@@ -189,7 +189,16 @@ def contact_torque(
     Raises:
         InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
     """
-    name, point, offset = _contact_place(model, frame)
+    if frame is None:
+        touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]
+        if len(touching) != 1:
+            raise InvalidInput(
+                f"frame is expected: the scene has {len(touching)} places that touch the world; "
+                f"allowed: {known_names(model.frame_names)}"
+            )
+        name, point, offset = touching[0]
+    else:
+        name, point, offset = frame, ORIGIN, ORIGIN
     f = real_array("wrench", wrench)
     if f.shape[-1:] not in ((3,), (6,)) or not np.isfinite(f).all():
         raise InvalidInput(
@@ -206,16 +215,3 @@ def contact_torque(
         return torque
 
     return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
-
-
-def _contact_place(model: ArmModel, frame: str | None) -> Touching:
-    """Frame of the arm that touches the world."""
-    if frame is not None:
-        return Touching(frame, ORIGIN)
-    touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]
-    if len(touching) != 1:
-        raise InvalidInput(
-            f"frame is expected: the scene has {len(touching)} places that touch the world; "
-            f"allowed: {known_names(model.frame_names)}"
-        )
-    return touching[0]

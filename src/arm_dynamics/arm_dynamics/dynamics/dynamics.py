@@ -50,8 +50,8 @@ class Term(IntFlag):
 _log = logging.getLogger(__name__)
 _FLOAT, _ALL = np.dtype(float), Term.ALL
 LARGE = 1e50  # vectors up to which no term overflows
-LOOKS = 100
-"""Calls whose angles are looked at: a person makes few, a loop many."""
+CHECKED_CALLS = 100
+"""Calls whose angles are checked: a person makes few, a loop many."""
 
 
 def unanswered(*_: object) -> None:
@@ -139,7 +139,8 @@ class Dynamics:
         self._alone = True  # no external torques and other active constraints
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # said when torques are first requested
-        self._turning, self._looks = np.array(self.model.joint_types) != "prismatic", LOOKS
+        self._turning = np.array(self.model.joint_types) != "prismatic"
+        self._checks_left = CHECKED_CALLS
         self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
         self._calls: dict[Entry, Any] = {x: {} if x.which else unanswered for x in TERMS}
 
@@ -179,7 +180,7 @@ class Dynamics:
     def of_motions(self) -> Self:
         """The same, for computed states, in which many turns do not mean degrees."""
         other = copy(self)
-        other._looks = 0
+        other._checks_left = 0
         return other
 
     def compiled(self, frames: str | Iterable[str] = ()) -> Self:
@@ -239,7 +240,7 @@ class Dynamics:
             otherwise: Computes it of valid vectors, if ``Answers`` alone do not.
             quick: Whether these alone do for single states.
         """
-        quick = quick and call is unanswered and self._silent and not self._looks
+        quick = quick and call is unanswered and self._silent and not self._checks_left
         if quick and self._are_plain(entry, given):
             made: Array = entry.formula(self._numbers, *given, *which)
             if made.ndim == 2 or -LARGE < sum(made.tolist()) < LARGE:
@@ -279,11 +280,11 @@ class Dynamics:
             self._silent = True
             _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
         checked = vectors(self.joint_names, **dict(zip(entry.of, given, strict=False)))
-        if self._looks:
-            self._looks -= 1
+        if self._checks_left:
+            self._checks_left -= 1
             turned = float(np.max(abs(checked[0]) * self._turning, initial=0.0))
             if remark := degrees_meant(turned):
-                self._looks = 0
+                self._checks_left = 0
                 _log.warning("position %s", remark)
         return checked
 
@@ -500,11 +501,7 @@ def _chosen(terms: Term | int) -> Array:
 
 
 def model_of(dynamics: Any) -> ArmModel:
-    """The model of a ``Dynamics``; a model is its own.
-
-    Raises:
-        InvalidInput: If it is neither.
-    """
+    """The model of a ``Dynamics``; a model is its own."""
     if isinstance(dynamics, ArmModel):
         return dynamics
     if isinstance(dynamics, Dynamics):

@@ -21,6 +21,7 @@ from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import ROUNDED, Range, stops_of
 from arm_dynamics.scene.schema import Joint, Limits, Scene
+from arm_dynamics.scene.urdf import Mimic
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +60,7 @@ class ArmModel(Robot):
         super().__init__(scene)
         joints = {name: scene.joint(name) for name in self._index}
         self.drives = tuple(drives_of(scene, self.joint_names, self._rules))
-        index = velocity_index(self._whole)
+        index = velocity_index(self.whole)
         self._set_drives(joints, index)
         self.springs = springs_of(self)
         self._set_limits([joints[name].limits for name in self.joint_names], index)
@@ -119,31 +120,23 @@ class ArmModel(Robot):
                     f"scene: 'joints.{name}.limits': with that of the robot description, lower = "
                     f"{lower:g} is not below upper = {upper:g}; give both, or robot.lock"
                 )
-            own = self._rules.get(name)
-            leader = own.leader if own else name
-            found.append(
-                Range(
-                    name,
-                    lower,
-                    upper,
-                    limits.stop,
-                    self.joint_names.index(leader),
-                    *((own.multiplier, own.offset) if own else (1.0, 0.0)),
-                )
-            )
+            rule = self._rules.get(name, Mimic(name, 1.0, 0.0))
+            leader = self.joint_names.index(rule.leader)
+            ends = lower, upper, limits.stop
+            found.append(Range(name, *ends, leader, rule.multiplier, rule.offset))
         return found
 
     def _described_range(self, name: str) -> tuple[float, float]:
         """Position limits of any joint in the URDF; infinite where its <limit> gives none."""
-        whole = self._whole
+        whole = self.whole
         joint = whole.joints[whole.getJointId(name)]
         if joint.nq != 1:
             return -np.inf, np.inf
         lower, upper = whole.lowerPositionLimit[joint.idx_q], whole.upperPositionLimit[joint.idx_q]
         return (float(lower), float(upper)) if lower != upper else (-np.inf, np.inf)
 
-    def _refuse_locked(self) -> None:
-        """Reject locked joints whose positions are beyond their limits."""
+    def _start(self) -> Array:
+        """Initial positions before constraints are closed, shape (n,)."""
         given = self.scene.initial.position
         for name in set(self.scene.robot.lock) & given.keys():
             lower, upper = self._described_range(name)
@@ -153,11 +146,6 @@ class ArmModel(Robot):
                     f"scene: 'initial.position': locked joint '{name}' at {given[name]:.6g} is "
                     f"beyond its limits; allowed: {lower:.6g} to {upper:.6g}"
                 )
-
-    def _start(self) -> Array:
-        """Initial positions before constraints are closed, shape (n,)."""
-        given = self.scene.initial.position
-        self._refuse_locked()
         q = np.array([given.get(name, 0.0) for name in self.joint_names])
         nearest, named = self.stops.within(q), [name in given for name in self.joint_names]
         self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")
@@ -199,7 +187,7 @@ class ArmModel(Robot):
 
         Those of a follower act through its leader.
         """
-        drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self._whole
+        drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self.whole
         armature, given = [], []
         for name, joint in joints.items():
             drive, i = drives.get(name), index[name]
@@ -221,7 +209,7 @@ class ArmModel(Robot):
 
     def _set_limits(self, limits: Sequence[Limits], index: Mapping[str, int]) -> None:
         """Limits from the scene, else from the URDF, where zero or an absurd value means none."""
-        whole = self._whole
+        whole = self.whole
         rows = [index[name] for name in self.joint_names]
         speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
         self.velocity_limit = _chosen([x.velocity for x in limits], speeds)
@@ -238,6 +226,13 @@ class ArmModel(Robot):
         self.effort_limit, self.command_limit = read_only(efforts), read_only(commands)
         self.standing_limit = read_only(standing)
         self.command_unit = tuple(units)
+
+
+def postures(model: ArmModel, count: int) -> Array:
+    """Deterministic positions within the joint limits, or one revolution, shape (count, n)."""
+    low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
+    high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
+    return np.random.default_rng(0).uniform(low, high, (count, model.n))
 
 
 def _bound(value: float) -> float:

@@ -82,7 +82,15 @@ class ConstraintRows:
         self.constraints, self.places = tuple(listed.values()), tuple(listed)
         self.names = tuple(label(constraint, i) for i, constraint in listed.items())
         for name, constraint in zip(self.names, self.constraints, strict=True):
-            self._check_mobile(name, constraint)
+            if isinstance(constraint, CouplingConstraint):
+                continue
+            first, second = constraint.frames
+            if robot.frame(first).parentJoint == robot.frame(second).parentJoint:
+                raise SceneError(
+                    f"scene: constraint '{name}' connects '{first}' to '{second}', which cannot "
+                    "move relative to each other: no joint is between them, or all of them are "
+                    "locked"
+                )
         still = np.zeros(robot.n)
         self.joint_names = robot.joint_names
         self.counts = tuple(len(row.residual) for row in self.at(still, still))
@@ -150,17 +158,6 @@ class ConstraintRows:
             a.linear + _cross(alpha, r) + _cross(w, _cross(w, r)),
         )
         return moved, _Derivatives(still, J[3:], w, alpha), M.rotation.copy()
-
-    def _check_mobile(self, name: str, constraint: FrameBased | CouplingConstraint) -> None:
-        if isinstance(constraint, CouplingConstraint):
-            return
-        first, second = map(self._robot.frame, constraint.frames)
-        if first.parentJoint == second.parentJoint:
-            raise SceneError(
-                f"scene: constraint '{name}' connects '{constraint.frames[0]}' to "
-                f"'{constraint.frames[1]}', which cannot move relative to each other: no joint "
-                "is between them, or all of them are locked"
-            )
 
 
 def _cross(a: Array, b: Array) -> Array:

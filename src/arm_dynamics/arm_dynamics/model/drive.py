@@ -106,11 +106,8 @@ class JointDrive:
         """Largest command at any speed, in the command's unit.
 
         A voltage limit bounds torques and currents by the speed, see ``motor.current_under``: not
-        the command, but what acts.
-
-        Args:
-            effort: Largest torque of the joint in [N m] or [N], inf for none; it does not limit a
-                voltage.
+        the command, but what acts. The largest torque of the joint, inf for none, does not limit a
+        voltage.
         """
         motor = self.motor
         if motor.command == "voltage":
@@ -127,12 +124,7 @@ class JointDrive:
 def drives_of(
     scene: Scene, free: Iterable[str], followers: Iterable[str]
 ) -> list[JointDrive | None]:
-    """Drives of the independent joints, None for joints without one.
-
-    Args:
-        scene: The scene.
-        free: Names of the independent joints.
-        followers: Names of the mimic joints.
+    """Drives of the independent joints (``free``), None for joints without one.
 
     Raises:
         SceneError: If the keys of a drive contradict one another, or a mimic joint has a drive.
@@ -161,15 +153,6 @@ def _drive(where: str, joint: Joint) -> JointDrive | None:
             f"{where}.actuator.rotor_inertia' {inertia}: a flexible transmission carries the "
             "rotor on a spring, so the rotor needs an inertia of more than zero"
         )
-    _check_motor(where, motor)
-    if coupling is not None:
-        if coupling.hysteresis and coupling.hysteresis.torque == 0.0:
-            coupling = coupling.model_copy(update={"hysteresis": None})
-        _check_coupling(where, coupling, motor)
-    return JointDrive(motor, coupling)
-
-
-def _check_motor(where: str, motor: Actuator) -> None:
     direct, limit = motor.command == "torque", motor.voltage_limit
     for key, needed, by in (
         ("torque_constant", not direct or motor.current_limit or limit, "current_limit"),
@@ -180,9 +163,10 @@ def _check_motor(where: str, motor: Actuator) -> None:
             raise SceneError(
                 f"{where}.actuator.{key}' is missing: '{reason}' requires a positive number"
             )
-
-
-def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None:
+    if coupling is None:
+        return JointDrive(motor, None)
+    if coupling.hysteresis and coupling.hysteresis.torque == 0.0:
+        coupling = coupling.model_copy(update={"hysteresis": None})
     if coupling.stiffness is None:
         raise SceneError(
             f"{where}.transmission.stiffness' is missing: a positive number is expected; "
@@ -200,3 +184,4 @@ def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None
             f"order · |gear_ratio| = {error.amplitude * error.order * abs(motor.gear_ratio):g} "
             "must stay below 1, or the output would reverse while the motor continues"
         )
+    return JointDrive(motor, coupling)

@@ -54,6 +54,10 @@ class Sided(NamedTuple):
 class DryFriction:
     """Dry friction of joints; arrays of shape (n,) in model order, zero for joints without it.
 
+    Methods take velocities v in [rad/s] or [m/s], the direction of sliding, -1 to 1, positions q
+    in [rad] or [m], used only if ``by_position``, and torques of the drives in [N m] or [N], used
+    only if ``by_load`` and by gears: arrays of shape (…, n) or expressions.
+
     Attributes:
         coulomb: Dry friction in sliding in [N m] or [N].
         static: Dry friction at rest in [N m] or [N].
@@ -96,14 +100,7 @@ class DryFriction:
         )
 
     def sliding(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Sliding friction of joints, of the sign of ``direction``.
-
-        Args:
-            v: Joint velocities in [rad/s] or [m/s], shape (…, n).
-            direction: -1, 0 or 1 for each joint.
-            q: Joint positions in [rad] or [m]; used only if ``by_position``.
-            load: Drives' torques in [N m] or [N]; used only if ``by_load``.
-        """
+        """Sliding friction of joints, of the sign of ``direction``."""
         numbers, (coulomb, excess) = like(v), (self.coulomb, self.excess)
         fall = numbers(self.stribeck_velocity)
         torque = friction.dry(v, direction, numbers(coulomb.mean), numbers(excess.mean), fall)
@@ -220,12 +217,7 @@ class JointFriction(DryFriction):
         return replace(self, viscous=self.viscous._replace(mean=read_only(viscous)))
 
     def scaled(self, coulomb: Quantity) -> JointFriction:
-        """Copy with other levels in sliding, and levels at rest in proportion.
-
-        Args:
-            coulomb: Levels in [N m] or [N], shape (n,), or an expression: the mean of both
-                directions, zero for joints without dry friction.
-        """
+        """Copy with other mean levels in sliding, and those at rest in proportion."""
         nominal = self.coulomb.mean
         part = coulomb / like(coulomb)(np.where(nominal > 0.0, nominal, 1.0))
         return replace(self, scale=larger(part, UNLOADED))
@@ -233,10 +225,7 @@ class JointFriction(DryFriction):
     def smooth(self, v: Quantity, q: Quantity, coefficient: Quantity = None) -> Quantity:
         """Viscous friction, and that of tables but for their dry part.
 
-        Args:
-            v: Joint velocities in [rad/s] or [m/s], shape (…, n).
-            q: Joint positions in [rad] or [m]; used only if ``by_position``.
-            coefficient: Replaces the scene's mean of viscous friction, if given, shape (n,).
+        A coefficient, if given, replaces the scene's mean of viscous friction.
         """
         numbers, (mean, skew) = like(v), self.viscous
         mean = numbers(mean) if coefficient is None else coefficient
@@ -250,17 +239,7 @@ class JointFriction(DryFriction):
         return _replaced(torque, added)
 
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Sliding friction in ``direction``, without that of friction models with states.
-
-        Args:
-            v: Joint velocities in [rad/s] or [m/s], shape (…, n).
-            direction: -1, 0 or 1 for each joint.
-            q: Joint positions in [rad] or [m]; used only if ``by_position``.
-            load: Drives' torques in [N m] or [N]; used only if ``by_load``.
-
-        Returns:
-            Torques in [N m] or [N], of the sign of ``direction``.
-        """
+        """Sliding friction of the sign of ``direction``, without that of models with states."""
         torque = self.sliding(v, direction, q, load)
         lost = {i: _column(torque, i) + self._lost(i, direction, load) for i in self.gears}
         return _replaced(torque, lost)
@@ -286,22 +265,13 @@ class JointFriction(DryFriction):
         return _replaced(reaction if factors is None else reaction / factors, relative)
 
     def most_held(self, way: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Size of the largest holding torque of each joint in a direction.
-
-        Args:
-            way: The direction, -1 or 1, shape (…, n).
-            q: Joint positions in [rad] or [m]; used only if ``by_position``.
-            load: Drives' torques in [N m] or [N]; used only if ``by_load`` and by gears.
-        """
+        """Size of the largest holding torque of each joint in a direction, -1 or 1."""
         return like(way)(self.level) / size(self.relative_hold(way, q, load))
 
     def gear_input(self, required: Quantity, direction: Quantity) -> Quantity:
-        """Motor torques that deliver ``required`` at the gears' outputs.
+        """Motor torques that deliver those ``required`` at the gears' outputs.
 
-        Args:
-            required: In [N m] or [N], shape (…, n).
-            direction: Sliding direction of the joints, -1 to 1; a fraction takes that fraction of
-                the loss.
+        A fraction of a direction takes that fraction of the loss.
         """
         motors = {}
         for i in self.gears:
@@ -354,37 +324,12 @@ class Given:
         return _sides(self.own.viscous, 0.0 if self.table else self.damping)
 
 
-def _dry(joints: Sequence[Given], coulomb: Sided, static: Sided) -> DryFriction:
-    """Dry friction of joints with these levels."""
-    falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in joints])
-    tables = [joint.table for joint in joints]
-    excess = Sided(static.mean - coulomb.mean, static.skew - coulomb.skew)
-    return DryFriction(
-        coulomb=coulomb,
-        static=static,
-        excess=excess.times(falls > 0.0),
-        stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
-        position=tuple(
-            table.dry_by_position if table else _curve(joint.own.position)
-            for joint, table in zip(joints, tables, strict=True)
-        ),
-        load=tuple(_curve(joint.own.load) for joint in joints),
-    )
-
-
 def friction_of(
     scene: Scene, joints: Sequence[Given], free: Sequence[str], followers: Array
 ) -> JointFriction:
-    """Friction of the independent joints; that of a mimic joint acts on its leader.
+    """Friction of the independent joints (``free``); that of a mimic joint acts on its leader.
 
-    Args:
-        scene: The scene.
-        joints: Every moving joint, mimic joints too, in the order of the rows of ``followers``.
-        free: Independent joints, in model order.
-        followers: Matrix E of shape (len(joints), n).
-
-    Returns:
-        The friction.
+    ``joints`` are all that move, in the order of the rows of ``followers``, the matrix E.
 
     Raises:
         SceneError: If the coefficients of a joint contradict one another.
@@ -399,7 +344,19 @@ def friction_of(
     )
     fc, fs = (Sided(*(level.T @ abs(followers))) for level in (coulomb, static))
     mine = [next(joint for joint in joints if joint.name == name) for name in free]
-    dry = _dry(mine, fc, fs)
+    tables = tuple(joint.table for joint in mine)
+    falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in mine])
+    dry = DryFriction(
+        coulomb=fc,
+        static=fs,
+        excess=Sided(fs.mean - fc.mean, fs.skew - fc.skew).times(falls > 0.0),
+        stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
+        position=tuple(
+            table.dry_by_position if table else _curve(joint.own.position)
+            for joint, table in zip(mine, tables, strict=True)
+        ),
+        load=tuple(_curve(joint.own.load) for joint in mine),
+    )
     _check_loads(mine, dry)
     levels = zip(mine, np.transpose(fc), np.transpose(fs), strict=True)
     refuse_of_joints(scene, {joint.name: _without_effect(joint.own, *x) for joint, *x in levels})
@@ -408,7 +365,7 @@ def friction_of(
     return JointFriction(
         **vars(dry.of(sticking)),
         viscous=Sided(*map(read_only, viscous.T @ followers**2)),
-        tables=tuple(joint.table for joint in mine),
+        tables=tables,
         by_law=dry.of(lawful),
         efficiency=np.array([joint.efficiency for joint in mine]),
     )
@@ -487,10 +444,7 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
 def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:
     """Keys of a joint's friction that change nothing, and why.
 
-    Args:
-        own: Keys given for it.
-        coulomb: Its level in sliding, followers' included: mean of both directions and skew.
-        static: Its level at rest, likewise.
+    Levels are mean of both directions and skew, followers' included.
     """
     lost = {}
     if np.array_equal(coulomb, static):

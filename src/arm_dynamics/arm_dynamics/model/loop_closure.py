@@ -239,9 +239,13 @@ class Closure:
         if not len(candidates):
             return []
         try:
-            bases = [self._metric_rows(q) for q in self.wander(near, names)]
+            places = self.wander(near, names)
         except ConstraintError:  # an inactive constraint need not be closable
             return [int(k) for k in candidates]
+        bases = list[Array]()  # Y of all constraints at each place
+        for q in places:
+            A = self.rows.stacked(q, 0 * q, self.rows.names).jacobian
+            bases.append(np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T)
         for k in taken:
             bases = [_without(Y, k) for Y in bases]
         chosen: list[int] = []
@@ -255,12 +259,6 @@ class Closure:
             bases = [_without(Y, best) for Y in bases]
             chosen.append(best)
         return chosen
-
-    def _metric_rows(self, q: Array) -> Array:
-        """Y of all constraints, shape (m, n)."""
-        A = self.rows.stacked(q, 0 * q, self.rows.names).jacobian
-        Y: Array = np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T
-        return Y
 
     def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
         """Sample closed positions along the motion that the named constraints allow.

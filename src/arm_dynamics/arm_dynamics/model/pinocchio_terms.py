@@ -288,11 +288,7 @@ _REFERENCES = {
 
 
 def check_moving(model: Robot, frame: str) -> None:
-    """Reject a frame that no joint moves.
-
-    Raises:
-        InvalidInput: If the frame is unknown, or does not move.
-    """
+    """Refuse a frame that is unknown, or that no joint moves."""
     movable = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
     check_frame(model, frame, movable)
     if model.frame(frame).parentJoint == 0:
@@ -300,11 +296,7 @@ def check_moving(model: Robot, frame: str) -> None:
 
 
 def check_frame(model: Robot, frame: str, allowed: Sequence[str]) -> None:
-    """Reject the name of a frame that does not exist.
-
-    Raises:
-        InvalidInput: Naming those that are ``allowed``.
-    """
+    """Refuse a frame that does not exist, naming those that are ``allowed``."""
     if not model.has_frame(frame):
         names = choices(frame, allowed)
         raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {names}")

@@ -20,9 +20,6 @@ class RigidExpressions:
 
     Arguments are expressions of shape (n,); those by which a term is differentiated must be
     symbols. Results have the shapes of those of ``RigidTerms``.
-
-    Args:
-        model: The arm.
     """
 
     def __init__(self, model: ArmModel) -> None:

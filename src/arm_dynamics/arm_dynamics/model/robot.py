@@ -38,6 +38,7 @@ class Robot:
         scene: The scene it was made from.
         pin: Pinocchio's model with joints locked, payloads attached and gravity set.
         bare: The same without the payloads.
+        whole: Pinocchio's model of the unmodified description: no joint locked, no payload.
         joint_names: Independent joints, in the order of every vector; a tuple that knows others.
         joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
         has_followers: Whether there are mimic joints.
@@ -56,12 +57,12 @@ class Robot:
         urdf = read_urdf(scene.description, scene.robot.lock)
         self.doubtful = urdf.doubtful
         try:
-            self._whole = pin.buildModelFromXML(urdf.text)
+            self.whole = pin.buildModelFromXML(urdf.text)
         except (ValueError, RuntimeError) as error:
             raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
         self._rules = _resolved(urdf)
         self.locked = _locked_positions(scene, urdf, self._rules)
-        self.pin = _reduced(self._whole, self.locked)
+        self.pin = _reduced(self.whole, self.locked)
         self.pin.gravity.linear = np.array(scene.gravity)
         self.bare = self.pin.copy()
         self._frames = _frames(self.pin)
@@ -98,11 +99,6 @@ class Robot:
         other.pin.armature = self.pin.armature
         other._weld()
         return other
-
-    @property
-    def whole(self) -> pin.Model:
-        """Pinocchio's model of the unmodified description: no joint locked, no payload."""
-        return self._whole
 
     def __repr__(self) -> str:
         """Its joints."""

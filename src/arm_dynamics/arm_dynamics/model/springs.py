@@ -9,13 +9,12 @@ import numpy as np
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.interpolation import Curve, chords
 from arm_dynamics.equations.spring import Springs, energy, torque
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.tree_builder import frame_of, tree_of
-from arm_dynamics.scene.spring import DeflectionTable, spring_name
+from arm_dynamics.scene.spring import spring_name
 
 
 def springs_of(robot: Robot) -> Springs:
@@ -25,42 +24,24 @@ def springs_of(robot: Robot) -> Springs:
         SceneError: If a stiffness is missing, or a spring connects frames that cannot move
             relative to each other.
     """
-    stiffness, rest, damping = map(read_only, _of_joints(robot))
-    scene = robot.scene
-    own = [scene.joint(name).spring for name in velocity_index(robot.pin)]
-    tables = tuple(_curve(spring.table) if spring else None for spring in own)
-    return Springs(stiffness, rest, damping, tables, scene.springs, _frames(robot))
-
-
-def _curve(table: DeflectionTable | None) -> Curve | None:
-    if table is None:
-        return None
-    at, torque = np.array(table.deflection), np.array(table.torque)
-    steep = chords(at, torque)
-    return Curve.through(at, torque, ends=(steep[0], steep[-1]))
-
-
-def _of_joints(robot: Robot) -> Array:
-    """Stiffness, rest position and damping of each of Pinocchio's joints, shape (3, joints)."""
     scene, names = robot.scene, list(velocity_index(robot.pin))
-    numbers = np.zeros((3, len(names)))
+    numbers, tables = np.zeros((3, len(names))), list[Curve | None]()
     for column, name in zip(numbers.T, names, strict=True):
-        if (spring := scene.joint(name).spring) is None:
+        tables.append(None)
+        if (own := scene.joint(name).spring) is None:
             continue
-        if spring.stiffness is None and spring.table is None:
+        if own.stiffness is None and own.table is None:
             raise SceneError(
                 f"scene: 'joints.{name}.spring.stiffness' is missing: a number of at least zero "
                 "is expected"
             )
-        column[:] = spring.stiffness or 0.0, spring.rest, spring.damping
-    return numbers
-
-
-def _frames(robot: Robot) -> dict[str, Frame]:
-    """The frames of springs between points."""
-    springs = robot.scene.springs
-    frames = {name: frame_of(robot, name) for spring in springs for name in spring.frames}
-    for i, spring in enumerate(springs):
+        column[:] = own.stiffness or 0.0, own.rest, own.damping
+        if own.table is not None:
+            at, torques = np.array(own.table.deflection), np.array(own.table.torque)
+            steep = chords(at, torques)
+            tables[-1] = Curve.through(at, torques, ends=(steep[0], steep[-1]))
+    frames = {name: frame_of(robot, name) for spring in scene.springs for name in spring.frames}
+    for i, spring in enumerate(scene.springs):
         first, second = spring.frames
         if frames[first].link == frames[second].link:
             raise SceneError(
@@ -68,7 +49,8 @@ def _frames(robot: Robot) -> dict[str, Frame]:
                 "which cannot move relative to each other: no joint is between them, or all of "
                 "them are locked"
             )
-    return frames
+    stiffness, rest, damping = map(read_only, numbers)
+    return Springs(stiffness, rest, damping, tuple(tables), scene.springs, frames)
 
 
 class SpringTerms:

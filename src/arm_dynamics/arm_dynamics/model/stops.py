@@ -119,14 +119,11 @@ class Stops:
 
 
 def stops_of(ranges: Iterable[Range], names: tuple[str, ...]) -> Stops:
-    """Stops of independent joints.
+    """The nearest stop on each side of each independent joint.
 
     Args:
         ranges: Ranges of all moving joints of the robot, mimic joints included.
         names: Names of the independent joints.
-
-    Returns:
-        The nearest stop on each side of each joint.
     """
     shape, contradicting = (2, len(names)), []
     limit = np.array([[-np.inf] * len(names), [np.inf] * len(names)])

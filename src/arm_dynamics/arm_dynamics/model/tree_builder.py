@@ -20,7 +20,7 @@ from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.tree import Link, Tree, clean, constant, moved, regrouped, skew, sparse
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.scene.constraint import Contact, CouplingConstraint, FrameConstraint
+from arm_dynamics.scene.constraint import CouplingConstraint, FrameConstraint
 
 
 def tree_of(robot: Robot, payloads: Sequence[ca.SX] | None = None, regroup: bool = True) -> Tree:
@@ -79,31 +79,30 @@ def contact_points(robot: Robot) -> list[ContactPoint]:
     Raises:
         SceneError: If a contact's frame does not move relative to its plane.
     """
-    return [_contact_point(robot, name, contact) for name, contact in robot.scene.contacts]
-
-
-def _contact_point(robot: Robot, name: str, contact: Contact) -> ContactPoint:
-    plane = contact.plane
-    frame, carrier = frame_of(robot, contact.frame), frame_of(robot, plane.frame)
-    if carrier.link in _one_body(robot, frame.link):
-        raise SceneError(
-            f"contact '{name}': no joint moves its frame '{contact.frame}' relative to its "
-            f"plane's frame '{plane.frame}'; frames of two bodies are expected"
+    points = []
+    for name, contact in robot.scene.contacts:
+        plane = contact.plane
+        frame, carrier = frame_of(robot, contact.frame), frame_of(robot, plane.frame)
+        if carrier.link in _one_body(robot, frame.link):
+            raise SceneError(
+                f"contact '{name}': no joint moves its frame '{contact.frame}' relative to its "
+                f"plane's frame '{plane.frame}'; frames of two bodies are expected"
+            )
+        normal = carrier.R @ np.array(plane.normal)
+        point = ContactPoint(
+            name,
+            frame.link,
+            place=frame.R @ np.array(contact.point) + frame.p,
+            radius=contact.radius,
+            carrier=carrier.link,
+            axes=np.vstack([normal, across(normal)]),
+            offset=float(normal @ (carrier.R @ np.array(plane.point) + carrier.p)),
+            friction=contact.friction,
+            static_friction=contact.sticking,
+            restitution=contact.restitution,
         )
-    normal = carrier.R @ np.array(plane.normal)
-    axes = np.vstack([normal, across(normal)])
-    return ContactPoint(
-        name,
-        frame.link,
-        place=frame.R @ np.array(contact.point) + frame.p,
-        radius=contact.radius,
-        carrier=carrier.link,
-        axes=axes,
-        offset=float(normal @ (carrier.R @ np.array(plane.point) + carrier.p)),
-        friction=contact.friction,
-        static_friction=contact.sticking,
-        restitution=contact.restitution,
-    )
+        points.append(point)
+    return points
 
 
 def _one_body(robot: Robot, link: int) -> set[int]:

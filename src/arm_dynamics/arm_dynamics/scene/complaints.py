@@ -42,15 +42,19 @@ def complaints(
     told: dict[str, None] = {}
     for error in errors:
         few = error["type"] == "too_short"  # also where pydantic does not count bad entries
-        counted = few and len(error["input"]) >= error["ctx"]["min_length"]
-        if counted or _of_another_kind(error, errors):
+        if few and len(error["input"]) >= error["ctx"]["min_length"]:
             continue
+        (*place, own), kinds = error["loc"], (*_KINDS, *_MAPPINGS)
+        if error["type"] in kinds and _internal(own):  # of one of several kinds that are allowed
+            beside = [e for e in errors if [*e["loc"][: len(place)]] == place]
+            if any(len(e["loc"]) > len(error["loc"]) or e["type"] not in kinds for e in beside):
+                continue  # the value is of another one
         if error["type"] == "missing" and isinstance(error["loc"][-1], int):
-            place = error["loc"][:-1]  # a list that is too short: each missing entry is an error
-            ends = [e["loc"][-1] for e in errors if e["loc"][:-1] == place]
-            length = 1 + max(end for end in ends if isinstance(end, int))
+            # A list that is too short: each missing entry is an error.
+            ends = [e["loc"][-1] for e in errors if [*e["loc"][:-1]] == place]
+            context = {"length": 1 + max(end for end in ends if isinstance(end, int))}
             error = ErrorDetails(
-                type="too_short", loc=place, msg="", input=error["input"], ctx={"length": length}
+                type="too_short", loc=tuple(place), msg="", input=error["input"], ctx=context
             )
         told[complaint(error, whole, tagged, hidden, file)] = None
     return list(told)
@@ -86,15 +90,6 @@ def complaint(
     return f"{file}: '{where}' = {value}: {_reason(error, whole, tagged)}"
 
 
-def _of_another_kind(error: ErrorDetails, errors: Sequence[ErrorDetails]) -> bool:
-    """Whether an error is of an alternative of another kind than the value, which fits one."""
-    kinds, (*place, own) = (*_KINDS, *_MAPPINGS), error["loc"]
-    if error["type"] not in kinds or not _internal(own):
-        return False
-    beside = [e for e in errors if [*e["loc"][: len(place)]] == place]
-    return any(len(e["loc"]) > len(error["loc"]) or e["type"] not in kinds for e in beside)
-
-
 def _internal(key: int | str) -> bool:
     """Whether an item of an error's location is internal to pydantic, and not a key."""
     return isinstance(key, str) and ("[" in key or key in ("bool", "function-after"))
@@ -125,19 +120,16 @@ def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Pa
         end, words = _ENDS[kind]
         return words.format(context[end])
     if kind == "tuple_type":
-        return f"a list is expected{_as_list(error['input'])}"
+        value, meant = error["input"], ""
+        if isinstance(value, str):
+            entries = value.strip("[]() \n").replace(",", " ").split()
+            meant = f", such as [{', '.join(entries)}]"
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            meant = f", such as [0, 0, {value}]"
+        return f"a list is expected{meant}"
     if kind == "string_type" and isinstance(error["input"], bool | int | float):
         return "text is expected; in quotes it is text"
     return _KINDS.get(kind, error["msg"].removeprefix("Value error, "))
-
-
-def _as_list(value: object) -> str:
-    """The list that is probably meant by a value, as the end of a message, or empty."""
-    if isinstance(value, str):
-        words = value.strip("[]() \n").replace(",", " ").split()
-        return f", such as [{', '.join(words)}]"
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return f", such as [0, 0, {value}]" if number else ""
 
 
 def fields_at(
@@ -146,13 +138,9 @@ def fields_at(
     tagged: Mapping[str, type[Part]],
     default: bool = True,
 ) -> list[str]:
-    """Names of the keys that the schema allows at a path.
+    """Names of the keys that the schema allows at a path of keys from the top.
 
-    Args:
-        path: Keys from the top.
-        whole: The schema.
-        tagged: Parts by the value of their key ``type``.
-        default: Whether a path that leads to no part refers to its parent.
+    A path that leads to no part refers to its parent, unless ``default`` is false.
     """
     parts: list[type[Part]] = [whole]
     for key in map(str, path):

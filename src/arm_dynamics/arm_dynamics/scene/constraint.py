@@ -290,16 +290,7 @@ def label(constraint: Constraint, place: int) -> str:
 
 
 def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: set[str]) -> None:
-    """Check that frames and joints of constraints exist and can move as needed.
-
-    Args:
-        constraints: Those of the scene.
-        urdf: The robot.
-        locked: Joints that do not move.
-
-    Raises:
-        SceneError: Naming the constraint, the name and what is allowed.
-    """
+    """Check that frames and joints of constraints exist and can move as needed."""
     labels = [label(constraint, i) for i, constraint in enumerate(constraints)]
     for i, constraint in enumerate(constraints):
         check_new("constraints", labels, i)
@@ -313,17 +304,7 @@ def check_new(kind: str, names: Sequence[str], place: int) -> None:
 
 
 def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
-    """Refuse a frame that the robot does not have.
-
-    Args:
-        key: The key that names it.
-        frame: Its name.
-        urdf: The robot.
-        others: Other names that are allowed.
-
-    Raises:
-        SceneError: Naming the key, the frame and what is allowed.
-    """
+    """Refuse a frame, the value of a key, that the robot does not have, and that is no other."""
     if not urdf.has_frame(frame):
         allowed = choices(frame, [*others, *urdf.frames])
         raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}")

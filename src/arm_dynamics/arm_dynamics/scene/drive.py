@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keys of a joint's drive in a scene: the motor, and the transmission between motor and link.
+"""Keys of a joint's drive in a scene: motor, transmission between motor and link, and servo.
 
 Combinations of keys are checked after the joint's own entry has been merged with that of ``"*"``:
 see ``model.drive``.
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 
@@ -107,3 +107,31 @@ class Transmission(Part):
     backlash: NonNegative = 0.0
     hysteresis: Hysteresis | None = None
     kinematic_error: Wave | None = None
+
+
+class Servo(Part):
+    """The servo of one joint, used where the joint is commanded a position or velocity.
+
+    Attributes:
+        bandwidth: ω in [rad/s] of the error dynamics ë + 2 ζ ω ė + ω² e = 0; by default 100, lower
+            for long ticks and flexible transmissions.
+        damping_ratio: Damping ratio ζ; 1 is critical.
+        stiffness: Stiffness in [N m/rad] or [N/m], in place of a bandwidth.
+        damping: Damping in [N m s/rad] or [N s/m], with a stiffness; by default by the damping
+            ratio and the inertia of the joint at the start.
+    """
+
+    bandwidth: Positive | None = None
+    damping_ratio: Positive = 1.0
+    stiffness: Positive | None = None
+    damping: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Servo:
+        if self.stiffness is not None and self.bandwidth is not None:
+            raise ValueError("a servo has a bandwidth or a stiffness, not both")
+        if self.damping is not None and self.stiffness is None:
+            raise ValueError(
+                "damping belongs to a stiffness; with a bandwidth it is damping_ratio"
+            )
+        return self

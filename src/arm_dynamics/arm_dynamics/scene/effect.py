@@ -6,16 +6,16 @@ Those of friction, which need the levels of mimic joints, are refused in ``model
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.imperfections import ALL
-from arm_dynamics.scene.schema import Joint, Scene, Stop
+from arm_dynamics.scene.schema import Scene, Stop
 from arm_dynamics.scene.types import Part
 from arm_dynamics.scene.urdf import Urdf
 
-type Idle = dict[str, str]
+Idle = dict[str, str]
 """Keys that change nothing, their parts separated by dots, each with the reason."""
 
 _MORE = "more than 0 is expected"
@@ -30,11 +30,7 @@ _RANDOM = ("position.noise", "velocity.noise", "effort.noise", "jitter", "loss")
 
 
 def check_effect(scene: Scene, urdf: Urdf) -> None:
-    """Refuse entries without effect.
-
-    Raises:
-        SceneError: Naming the key, its value and what would make it act.
-    """
+    """Refuse entries without effect."""
     locked = set(scene.robot.lock)
     free = [name for name in urdf.moving if not locked & {name, urdf.leader(name)}]
     refuse_of_joints(scene, {name: _of_joint(scene, name, urdf) for name in free})
@@ -54,13 +50,7 @@ def check_effect(scene: Scene, urdf: Urdf) -> None:
 def refuse_of_joints(scene: Scene, idle: Mapping[str, Idle]) -> None:
     """Refuse entries of joints that are without effect.
 
-    Args:
-        scene: The scene.
-        idle: By joint, the keys that change nothing for it. Under ``"*"``, a key is refused only
-            if it changes nothing for all of them.
-
-    Raises:
-        SceneError: Naming the key, its value and what would make it act.
+    Under ``"*"``, a key is refused only if it changes nothing for all of them.
     """
     for name, keys in idle.items():
         _refuse(scene.joints.get(name), f"joints.{name}.", keys)
@@ -94,32 +84,23 @@ def given(part: Part | None, key: str) -> Any:
 
 def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
     """What is idle of a joint's settings, merged with those for all joints."""
-    joint = scene.joint(name)
-    idle = dict(_of_zeros(joint))
+    joint, idle = scene.joint(name), Idle()
+    for key, beside in _OF_ZERO.items():
+        path, _, own = key.rpartition(".")
+        if given(joint, key) == 0.0 and given(joint, f"{path}.table") is None:
+            idle |= {f"{path}.{other}": f"'{own}' is 0; {_MORE}" for other in beside}
     if given(scene.joints.get(ALL), "transmission.hysteresis.torque"):
         idle.pop("transmission.hysteresis.deflection", None)  # required where it is taken away
-    stop = joint.limits.stop
-    if (stop is True or isinstance(stop, Stop)) and not _has_range(joint, name, urdf):
+    limits = joint.limits
+    limited = limits.lower is not None or limits.upper is not None or name in urdf.limited
+    limited &= not (name in urdf.mimics and urdf.mimics[name].multiplier == 0.0)
+    if (limits.stop is True or isinstance(limits.stop, Stop)) and not limited:
         idle["limits.stop"] = (
             "the joint has no position limits; 'lower' or 'upper' is expected beside it"
         )
     if joint.servo.damping is not None:
         idle["servo.damping_ratio"] = "'damping' is given; one of the two is expected"
     return idle
-
-
-def _of_zeros(joint: Joint) -> Iterator[tuple[str, str]]:
-    for key, beside in _OF_ZERO.items():
-        path, _, own = key.rpartition(".")
-        if given(joint, key) == 0.0 and given(joint, f"{path}.table") is None:
-            yield from ((f"{path}.{name}", f"'{own}' is 0; {_MORE}") for name in beside)
-
-
-def _has_range(joint: Joint, name: str, urdf: Urdf) -> bool:
-    """Whether a joint has a position limit that a stop could be at."""
-    limits = joint.limits
-    limited = limits.lower is not None or limits.upper is not None or name in urdf.limited
-    return limited and not (name in urdf.mimics and urdf.mimics[name].multiplier == 0.0)
 
 
 def has_chance(scene: Scene) -> bool:

@@ -28,18 +28,12 @@ _log = logging.getLogger(__name__)
 
 
 def find_scene(name: str, folder: Path) -> Path:
-    """Find the file of a scene.
+    """Find the existing file of a scene.
 
     Args:
         name: A path, a ``package://`` URI, or the bare name of a ready scene with or without
             ``.yaml``. A file of that name in the folder comes first.
         folder: Where relative paths start.
-
-    Returns:
-        An existing file.
-
-    Raises:
-        SceneError: If there is none, with similar names.
     """
     if not name.strip() or set(name) & {"/", os.sep, "\n", "\0"}:  # it has a folder
         return find_file(name, folder)
@@ -59,18 +53,7 @@ def find_scene(name: str, folder: Path) -> Path:
 
 
 def find_file(name: str, folder: Path) -> Path:
-    """Resolve a path or ``package://`` URI.
-
-    Args:
-        name: The name as given by the user.
-        folder: Where relative paths start.
-
-    Returns:
-        An existing file.
-
-    Raises:
-        SceneError: If there is none, with the places that were searched.
-    """
+    """Find the existing file of a path or ``package://`` URI; relative paths start in a folder."""
     if name.startswith("package://"):
         inside = Path(name.removeprefix("package://"))
         package = inside.parts[0] if inside.parts else ""
@@ -102,13 +85,7 @@ def file_text(
 ) -> str:
     """The text of a file in UTF-8, in UTF-16 with its mark, or else in Latin-1, with a warning.
 
-    Args:
-        path: An existing file.
-        file: What it is to be, for messages.
-        expected: The formats that it may have, for messages.
-
-    Raises:
-        SceneError: If it cannot be read, or is not text.
+    ``file`` and ``expected`` say in messages what it is to be, and in which formats.
     """
     try:
         with path.open("rb") as stream:

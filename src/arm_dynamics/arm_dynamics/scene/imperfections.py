@@ -143,11 +143,7 @@ def values(by_joint: Mapping[str, float], names: Sequence[str]) -> list[float]:
 
 
 def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None:
-    """Check that joints of sensors move independently, and are revolute if they have counts.
-
-    Raises:
-        SceneError: Naming the key, the joint and what is allowed.
-    """
+    """Check that joints of sensors move independently, and are revolute if they have counts."""
     free = urdf.free(locked)
     for kind in ("position", "velocity", "effort"):
         part: Part = getattr(sensors, kind)

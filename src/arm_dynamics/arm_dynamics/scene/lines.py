@@ -77,8 +77,26 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
         for i, item in enumerate(node.value):
             _refuse_traps(item, file, *place, str(i))
     elif isinstance(node, yaml.MappingNode):
-        _refuse_decimal_commas(node, file, *place)
-        _refuse_twins(node, file, *place)
+        # {viscous: 0,5} is viscous: 0 and a key 5 without value.
+        for (key, whole), (rest, nothing) in pairwise(node.value if node.flow_style else ()):
+            if nothing.value == "" and all(_WHOLE.fullmatch(str(x.value)) for x in (whole, rest)):
+                raise SceneError(
+                    f"{file}: '{'.'.join((*place, key.value))}' = {whole.value},{rest.value}: a "
+                    f"decimal point is expected, as in {whole.value}.{rest.value}"
+                )
+        seen: dict[str, int] = {}  # of a repeated key YAML would use the last
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise SceneError(
+                    f"{file}: a key in line {line} is a list or a mapping; a name is expected"
+                )
+            if key.value in seen and key.value != "<<":
+                where, lines = ".".join((*place, key.value)), f"{seen[key.value]} and {line}"
+                raise SceneError(
+                    f"{file}: '{where}' is given twice, in lines {lines}; once is expected"
+                )
+            seen[key.value] = line
         for key, child in node.value:
             _refuse_traps(child, file, *place, key.value)
     elif isinstance(node, yaml.ScalarNode):
@@ -90,42 +108,11 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
             )
 
 
-def _refuse_decimal_commas(node: yaml.MappingNode, file: str, *place: str) -> None:
-    """Refuse ``{viscous: 0,5}``, which YAML reads as ``viscous: 0`` and a key 5 without value."""
-    for (key, whole), (rest, nothing) in pairwise(node.value if node.flow_style else ()):
-        if nothing.value == "" and all(_WHOLE.fullmatch(str(x.value)) for x in (whole, rest)):
-            raise SceneError(
-                f"{file}: '{'.'.join((*place, key.value))}' = {whole.value},{rest.value}: a "
-                f"decimal point is expected, as in {whole.value}.{rest.value}"
-            )
-
-
-def _refuse_twins(node: yaml.MappingNode, file: str, *place: str) -> None:
-    """Refuse a repeated key, of which YAML would use the last, and keys that are not text."""
-    seen: dict[str, int] = {}
-    for key, _ in node.value:
-        line = key.start_mark.line + 1
-        if not isinstance(key, yaml.ScalarNode):
-            raise SceneError(
-                f"{file}: a key in line {line} is a list or a mapping; a name is expected"
-            )
-        if key.value in seen and key.value != "<<":
-            where, lines = ".".join((*place, key.value)), f"{seen[key.value]} and {line}"
-            raise SceneError(
-                f"{file}: '{where}' is given twice, in lines {lines}; once is expected"
-            )
-        seen[key.value] = line
-
-
 def line_of(content: str, place: str) -> int | None:
-    """The line of a key, or of its nearest parent that exists.
+    """The line, from 1, of a key of a scene file, or of its nearest parent that exists.
 
-    Args:
-        content: A scene file.
-        place: Keys from the top, separated by dots, as in messages.
-
-    Returns:
-        Its number from 1; None if not even the first key exists.
+    ``place`` has the keys from the top, separated by dots, as in messages. None if not even the
+    first exists.
     """
     try:
         node, found = yaml.compose(content, yaml.SafeLoader), None
@@ -160,17 +147,16 @@ def in_file(path: Path) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        said = str(error)
-        if not said.startswith(f"{path}:"):
-            error.args = ("\n".join(_located(path, line) for line in said.split("\n")),)
+        messages = str(error).split("\n")
+        if messages[0].startswith(f"{path}:"):
+            raise
+        try:
+            content = path.read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            content = ""
+        for i, message in enumerate(messages):
+            key = _PLACE.search(message) if message.startswith(("scene: ", "study: ")) else None
+            line = line_of(content, key[1]) if key else None
+            messages[i] = f"{path}:{line}: {message}" if line else f"{path}: {message}"
+        error.args = ("\n".join(messages),)
         raise
-
-
-def _located(path: Path, message: str) -> str:
-    found = _PLACE.search(message) if message.startswith(("scene: ", "study: ")) else None
-    try:
-        content = path.read_text(encoding="utf-8", errors="replace")
-        line = line_of(content, found[1]) if found else None
-    except OSError:
-        line = None
-    return f"{path}:{line}: {message}" if line else f"{path}: {message}"

@@ -22,11 +22,10 @@ from pydantic import (
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.complaints import complaints
 from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, Fraction, label
-from arm_dynamics.scene.drive import Actuator, Transmission
+from arm_dynamics.scene.drive import Actuator, Servo, Transmission
 from arm_dynamics.scene.friction import IN_TABLE, KINDS, Friction
 from arm_dynamics.scene.imperfections import Commands, Sensors
 from arm_dynamics.scene.inertia import Body, LinkBody
-from arm_dynamics.scene.servo import Servo
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import Finite, Limit, NonNegative, Part, Positive, Vector3
 from arm_dynamics.scene.urdf import with_bodies

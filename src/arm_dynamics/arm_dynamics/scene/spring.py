@@ -100,11 +100,7 @@ def spring_name(spring: PointSpring, place: int) -> str:
 
 
 def check_springs(springs: tuple[PointSpring, ...], urdf: Urdf) -> None:
-    """Check that frames of springs exist and that names of springs differ.
-
-    Raises:
-        SceneError: Naming the spring, the name and what is allowed.
-    """
+    """Check that frames of springs exist and that names of springs differ."""
     names = [spring_name(spring, i) for i, spring in enumerate(springs)]
     for i, spring in enumerate(springs):
         check_new("springs", names, i)

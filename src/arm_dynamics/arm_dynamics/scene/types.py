@@ -70,11 +70,7 @@ class Part(BaseModel):
             yield name, plain(value, 60) if isinstance(value, str) else value
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Refuse to be changed.
-
-        Raises:
-            NotAssignable: Always, for public names.
-        """
+        """Refuse to be changed."""
         if not name.startswith("_"):
             raise not_assignable(self, name, type(self).model_fields, _COPY)
         super().__setattr__(name, value)
@@ -83,14 +79,8 @@ class Part(BaseModel):
 def check_curve(key: str, at: Sequence[float], *rows: Sequence[float]) -> None:
     """Refuse points that no curve passes through.
 
-    Args:
-        key: Name of the abscissas, for the error.
-        at: Abscissas.
-        rows: Values there, of one curve each.
-
-    Raises:
-        ValueError: If the abscissas do not increase, or a curve is too steep for its slopes to be
-            computed.
+    Abscissas, named by a key, must increase, and no row of values may be too steep for its slopes
+    to be computed.
     """
     steps = np.diff(at)
     if not (steps > 0.0).all():

@@ -52,13 +52,7 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
 
 
 def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
-    """The second part of ``task_inertia``, for a scaled mobility.
-
-    Args:
-        scaled: S⁻¹ A S⁻¹, shape (…, m, m).
-        scale: Diagonal of S, shape (…, m).
-        threshold: ε, dimensionless.
-    """
+    """The second part of ``task_inertia``, for S⁻¹ A S⁻¹ and the diagonal of S."""
     values, vectors = np.linalg.eigh(scaled)
     least = np.maximum(values[..., 0], 0.0)
     lack = np.maximum(1.0 - least / threshold, 0.0)
@@ -98,9 +92,6 @@ def manipulability(J: Array) -> Array:
     """Volume of the velocity ellipsoid √det(J Jᵀ), zero at a singularity, shape (…).
 
     Source: Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985.
-
-    Args:
-        J: Jacobian of shape (…, m, n).
     """
     m, n = J.shape[-2:]
     if m > n:

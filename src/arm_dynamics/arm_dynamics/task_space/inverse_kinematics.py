@@ -8,7 +8,6 @@ reach a limit are held there while the others continue.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import compress
 
 import numpy as np
@@ -18,7 +17,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.exceptions import InvalidInput, Unreachable
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import postures
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 
 _ANGLE = 0.3  # [m/rad]: weight of an angle relative to a distance
@@ -97,14 +96,20 @@ class InverseKinematics:
         """
         pose = checked_pose(pose)
         tries = []
-        for start in self._starts(seed):
+        model = self.task.model
+        first = model.q0 if seed is None else vector("seed", seed, model.joint_names)
+        if first.ndim != 1:
+            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is expected")
+        starts = [first] if seed is None else [first, model.q0]
+        starts = [*starts, *postures(model, self._seeds)][: self._seeds]
+        for start in np.clip(starts, self._lower, self._upper):
             tries.append(self._descend(pose, start))
             if self._reached(*tries[-1][1:3]):
                 break
         q, distance, angle, _ = min(tries, key=lambda end: end[1] + _ANGLE * end[2])
         q.setflags(write=False)
         reached, steps = self._reached(distance, angle), sum(end[3] for end in tries)
-        stopped = compress(self.task.model.joint_names, (q <= self._lower) | (q >= self._upper))
+        stopped = compress(model.joint_names, (q <= self._lower) | (q >= self._upper))
         return Solution(q, reached, distance, angle, len(tries), steps, tuple(stopped))
 
     def reach(self, pose: Pose, seed: ArrayLike | None = None) -> Array:
@@ -137,15 +142,6 @@ class InverseKinematics:
     def missing(self, pose: Pose, q: Array) -> tuple[float, float]:
         """Distance of the frame from a pose, in [m] and [rad], for joint positions (n,)."""
         return self._missing(self._error(pose, q)[0])
-
-    def _starts(self, seed: ArrayLike | None) -> Iterator[Array]:
-        model = self.task.model
-        first = model.q0 if seed is None else vector("seed", seed, model.joint_names)
-        if first.ndim != 1:
-            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is expected")
-        starts = [first] if seed is None else [first, model.q0]
-        both = [*starts, *postures(model, self._seeds)][: self._seeds]
-        return (np.clip(q, self._lower, self._upper) for q in both)
 
     def _descend(self, pose: Pose, q: Array) -> tuple[Array, float, float, int]:
         """Iterate until the pose is reached or the error no longer decreases."""
@@ -199,12 +195,7 @@ class InverseKinematics:
 
 
 def checked_pose(pose: Pose) -> Pose:
-    """Check a pose from a caller.
-
-    Raises:
-        InvalidInput: If a shape is wrong, a number is not finite, or the rotation is not a
-            rotation matrix.
-    """
+    """Check a pose from a caller."""
     position = vector("pose.position", pose.position, 3)
     rotation = vector("pose.rotation", pose.rotation, 3)
     if position.ndim != 1 or rotation.shape != (3, 3):

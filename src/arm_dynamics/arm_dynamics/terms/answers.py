@@ -22,11 +22,7 @@ class Answers:
     """Terms for vectors of shape (n,) or batches (k, n) that have been validated already.
 
     Pinocchio computes them point by point; from ``MANY`` points, compiled code does, which is
-    built on first use where possible.
-
-    Args:
-        model: The arm; used from one thread only.
-        friction: Its friction.
+    built on first use where possible. For one thread at a time.
     """
 
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
@@ -37,10 +33,7 @@ class Answers:
     def __call__(self, entry: Entry, *given: Array, which: tuple[Any, ...] = ()) -> Array:
         """The result of an entry, its shape after (k,) for a batch; see ``Entry``.
 
-        Args:
-            entry: The entry.
-            given: Its arguments; single vectors among batches are shared by all points.
-            which: Its arguments that are not numbers.
+        Single vectors among batches are shared by all points; ``which`` are no numbers.
         """
 
         def point(*state: Array) -> Array:

@@ -20,10 +20,6 @@ from arm_dynamics.model.rigid_expressions import RigidExpressions
 class Expressions:
     """Expressions of shape (n,).
 
-    Args:
-        model: The arm.
-        friction: Its friction in steady motion.
-
     Attributes:
         rigid: Its rigid bodies and springs.
         sprung: Whether there are springs.

@@ -43,13 +43,7 @@ def function(
     """Entries as one function with dense results, their parts apart.
 
     Matrices are transposed, since CasADi stores them by columns, and C and NumPy by rows.
-
-    Args:
-        arm: The arm, with expressions.
-        n: Its degrees of freedom.
-        name: Name of the function.
-        asked: The entries.
-        fixed: Arguments that are no arguments of the function, see ``FIXED``.
+    ``fixed`` names arguments that are no arguments of the function, see ``FIXED``.
     """
     wanted = {x for entry, _ in asked for x in entry.of}
     symbols = {x: ca.SX.sym(x, size or n) for x, size in SIZES.items()}
@@ -72,11 +66,7 @@ def _square(entry: Entry) -> bool:
 class Rows:
     """A function of vectors, compiled to be evaluated for many points in one call.
 
-    Args:
-        function: The function; its results are dense.
-
-    Attributes:
-        entry: The C function ``answer_rows`` of ``rows.c``.
+    ``entry`` is the C function ``answer_rows`` of ``rows.c``.
 
     Raises:
         KernelError: If it cannot be compiled.
@@ -85,7 +75,19 @@ class Rows:
 
     def __init__(self, function: ca.Function) -> None:
         self._sizes = [function.numel_out(i) for i in range(function.n_out())]
-        kernel = Kernel([function], "native", _driver(function))
+        macros = {
+            "POINT": function.name(),
+            "ARGUMENTS": function.n_in(),
+            "RESULTS": function.n_out(),
+            "SIZES": ", ".join(map(str, self._sizes)),
+            "SZ_ARG": function.sz_arg() + 1,
+            "SZ_RES": function.sz_res() + 1,
+            "SZ_IW": function.sz_iw() + 1,
+            "SZ_W": function.sz_w() + 1,
+        }
+        lines = [f"#define {name} {value}" for name, value in macros.items()]
+        driver = "\n".join(["", *lines, _DRIVER.read_text(encoding="utf-8")])
+        kernel = Kernel([function], "native", driver)
         self.entry = getattr(kernel.library, "answer_rows")  # noqa: B009 - the library's
         self.entry.restype = None
 
@@ -115,36 +117,14 @@ def _readable(x: Array) -> Array:
     return x if one_after_the_other and x.flags.aligned else np.ascontiguousarray(x)
 
 
-def _driver(function: ca.Function) -> str:
-    sizes = {
-        "POINT": function.name(),
-        "ARGUMENTS": function.n_in(),
-        "RESULTS": function.n_out(),
-        "SIZES": ", ".join(str(function.numel_out(i)) for i in range(function.n_out())),
-        "SZ_ARG": function.sz_arg() + 1,
-        "SZ_RES": function.sz_res() + 1,
-        "SZ_IW": function.sz_iw() + 1,
-        "SZ_W": function.sz_w() + 1,
-    }
-    lines = [f"#define {name} {value}" for name, value in sizes.items()]
-    return "\n".join(["", *lines, _DRIVER.read_text(encoding="utf-8")])
-
-
 @one_at_a_time
 def rows(
     model: ArmModel, friction: SteadyFriction, asked: Sequence[Asked], fixed: Iterable[str] = ()
 ) -> Rows | None:
-    """Compile and verify terms of an arm for batches.
+    """Compile and verify terms of an arm for batches; ``fixed`` as for ``function``.
 
-    Args:
-        model: The arm.
-        friction: Its friction.
-        asked: The entries.
-        fixed: As for ``function``.
-
-    Returns:
-        A function of batches, which agrees with Pinocchio to 1e-10 of the size of the summands;
-        None if there is no code of an entry, or it cannot be compiled, or does not agree.
+    None if there is no code of an entry, or it cannot be compiled, or does not agree with
+    Pinocchio to 1e-10 of the size of the summands.
     """
     if not compiler.may_build() or not all(entry.compiles(model) for entry, _ in asked):
         return None
@@ -156,20 +136,16 @@ def rows(
         made = Rows(point := function(expressions, model.n, "point", asked, fixed))
         for entry, which in asked:
             parts = slice(first, first + max(1, len(entry.fields)))
-            values = _answering(made, point.name_in(), parts)
+
+            def values(given: Mapping[str, Array], parts: slice = parts) -> Array:
+                return np.hstack(made(*(given[x] for x in point.name_in()))[parts])
+
             verify(numbers, (entry, which), values, point.name_in())
             first = parts.stop
     except (ArmError, OSError) as error:
         _log.warning("%s; computed by Pinocchio, which is slower", error)
         return None
     return made
-
-
-def _answering(made: Rows, names: list[str], parts: slice) -> Callable[..., Array]:
-    def values(given: Mapping[str, Array]) -> Array:
-        return np.hstack(made(*(given[x] for x in names))[parts])
-
-    return values
 
 
 @one_at_a_time
@@ -179,14 +155,6 @@ def calls(
     """Compile and verify terms of an arm for single states.
 
     The acceleration of a joint with dry friction at rest, which may stick, is no number.
-
-    Args:
-        model: The arm.
-        friction: Its friction.
-        asked: The entries.
-
-    Raises:
-        KernelError: If there is no compiler, or code differs from Pinocchio.
     """
     expressions, numbers = Expressions(model, friction), Numbers(model, friction)
     sticks = friction.joints.level > 0.0

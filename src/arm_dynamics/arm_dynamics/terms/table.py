@@ -33,11 +33,6 @@ WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
 """``chosen`` of everything else."""
 
 
-def always(model: Any) -> bool:
-    """True."""
-    return True
-
-
 def relative(arm: Arm, made: Any, formula: Callable[..., Any], *state: Any) -> Any:
     """The difference of a result from Pinocchio's, and its size."""
     right = formula(arm, *state)
@@ -75,7 +70,7 @@ class Entry:
     compared: Callable[..., Any] = relative
     fields: tuple[str, ...] = ()
     method: str = ""
-    compiles: Callable[[Any], bool] = always
+    compiles: Callable[[Any], bool] = lambda model: True
 
     @property
     def asked(self) -> str:
@@ -153,7 +148,7 @@ def _with_inertia(arm: Arm, made: Any, formula: Any, q: Any, *more: Any) -> Any:
     return made - right, abs(right) + abs(arm.rigid.mass(q)).sum(axis=1)
 
 
-def _coriolis(arm: Arm, made: Any, formula: Any, q: Any, v: Any) -> Any:
+def _with_speed(arm: Arm, made: Any, formula: Any, q: Any, v: Any) -> Any:
     return made - formula(arm, q, v), arm.rigid.mass(q) * abs(v).max()
 
 
@@ -192,7 +187,7 @@ MASS_MATRIX = Entry(
 CORIOLIS_MATRIX = Entry(
     "coriolis_matrix", ("q", "v"), ("n", "n"), "C", "N m s/rad, N s/m",
     "Coriolis matrix C(q, v); dM/dt - 2 C is skew-symmetric.",
-    lambda arm, q, v: arm.rigid.coriolis(q, v), compared=_coriolis,
+    lambda arm, q, v: arm.rigid.coriolis(q, v), compared=_with_speed,
     compiles=lambda model: model.n <= 16,  # an expression of the size of n³
 )  # fmt: skip
 GRAVITY = Entry(

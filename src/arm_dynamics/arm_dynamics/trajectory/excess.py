@@ -103,10 +103,8 @@ class Bounds:
         if (capacity := self._capacity) is not None:
             times, shares = self._strains(capacity, trajectory)
             if abs(shares).max(initial=0.0) > 1.0 + _ROUNDED:
-                strain = Strain(capacity, *trajectory.at(times))
-                slower = max(
-                    slower, 1.0 / strain.pace((1.0 + self.margin) * (1.0 - 2.0 * BETWEEN))
-                )
+                allowed = (1.0 + self.margin) * (1.0 - 2.0 * BETWEEN)
+                slower = max(slower, 1.0 / Strain(capacity, *trajectory.at(times)).pace(allowed))
         return slower if slower > 1.0 + _ROUNDED else 1.0
 
     def _beyond(self, trajectory: Trajectory) -> Iterator[Excess]:

@@ -7,9 +7,8 @@ They can be passed to ``ros2 topic pub`` unchanged, and read without ROS.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -51,9 +50,17 @@ class JointTrajectory:
         Raises:
             InvalidInput: If ``turns`` is not a positive whole number, or the motion cannot repeat.
         """
-        ends = motion.table(np.array([0.0]))
-        last = motion.sample(motion.duration)
-        _check_turns(turns, joint_names, motion)
+        if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or turns < 1:
+            raise InvalidInput(f"turns = {turns!r}; a whole number of at least 1 is expected")
+        first, end = motion.ends
+        apart = abs(end - first) > _JUMP * np.maximum(1.0, abs(first))
+        if turns > 1 and apart.any():
+            i = int(np.argmax(apart))
+            raise InvalidInput(
+                f"turns = {turns}: the motion begins at {first[i]:g} of joint '{joint_names[i]}' "
+                f"and ends at {end[i]:g}, so it cannot repeat; allowed: turns = 1"
+            )
+        ends, last = motion.table(np.array([0.0])), motion.sample(motion.duration)
         q, v, a = (np.vstack([part, end]) for part, end in
                    zip(ends[1:], (last.q, last.v, last.a), strict=True))  # fmt: skip
         added = motion.torques if motion.torques is not None else [None] * len(motion.times)
@@ -132,8 +139,13 @@ class JointTrajectory:
         try:
             found = yaml.load(Path(path).read_text(encoding="utf-8"), yaml.CSafeLoader)
             names = tuple(map(str, found["joint_names"]))
-            points = tuple(map(_waypoint, found["points"]))
-            made = cls(names, points)
+            points = list[Waypoint]()
+            for point in found["points"]:
+                time = point["time_from_start"]
+                seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
+                rest = [point.get(key) or None for key in list(_PARTS)[1:]]  # [] is: not given
+                points.append(Waypoint(seconds, point["positions"], *rest))
+            made = cls(names, tuple(points))
             made.motion(names)
         except (KeyError, TypeError, AttributeError, UnicodeDecodeError, yaml.YAMLError) as error:
             raise InvalidInput(
@@ -143,29 +155,6 @@ class JointTrajectory:
         except InvalidInput as error:
             raise InvalidInput(f"'{path}': {error}") from None
         return made
-
-
-def _check_turns(turns: int, names: Sequence[str], motion: Trajectory) -> None:
-    """Reject repetitions of a motion that would jump from its end to its beginning."""
-    if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or turns < 1:
-        raise InvalidInput(f"turns = {turns!r}; a whole number of at least 1 is expected")
-    first, last = motion.ends
-    apart = abs(last - first) > _JUMP * np.maximum(1.0, abs(first))
-    if turns > 1 and apart.any():
-        i = int(np.argmax(apart))
-        raise InvalidInput(
-            f"turns = {turns}: the motion begins at {first[i]:g} of joint '{names[i]}' and ends "
-            f"at {last[i]:g}, so it cannot repeat; allowed: turns = 1"
-        )
-
-
-def _waypoint(point: Mapping[str, Any]) -> Waypoint:
-    time = point["time_from_start"]
-    rest = [
-        point.get(key) or None for key in list(_PARTS)[1:]
-    ]  # in ROS an empty list means not given
-    seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
-    return Waypoint(seconds, point["positions"], *rest)
 
 
 def _number(x: float) -> str:

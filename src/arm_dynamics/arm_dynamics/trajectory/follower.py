@@ -33,11 +33,7 @@ class Outset:
     here: Reference
 
     def through(self, waypoints: Sequence[Waypoint], limits: Limits | None) -> Trajectory:
-        """Plan a motion through waypoints, timed in [s] after ``start``; past ones are omitted.
-
-        Raises:
-            InvalidInput: If they cannot be followed.
-        """
+        """Plan a motion through waypoints, timed in [s] after ``start``; past ones are omitted."""
         return quintic(self.ahead(waypoints), limits)
 
     @property
@@ -46,11 +42,7 @@ class Outset:
         return 1e-9 * (self.begin - self.start)
 
     def ahead(self, waypoints: Sequence[Waypoint]) -> list[Waypoint]:
-        """The start and the remaining waypoints, with times in [s] after the beginning.
-
-        Raises:
-            InvalidInput: If all are in the past, or these are no waypoints.
-        """
+        """The start and the remaining waypoints, with times in [s] after the beginning."""
         check_kind(waypoints, first=1)  # waypoint 0 is where the arm is
         late, here = self.late, self.here
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
@@ -59,22 +51,17 @@ class Outset:
                 f"no waypoint lies in the future; allowed: times (time_from_start) after {late:g} "
                 "s, as the arm needs time to get there"
             )
-        begin, rest = self._with_torques(waypoints, ahead)
-        return [Waypoint(0.0, here.q, here.v, here.a, begin), *rest]
-
-    def _with_torques(
-        self, waypoints: Sequence[Waypoint], ahead: list[Waypoint]
-    ) -> tuple[ArrayLike | None, list[Waypoint]]:
-        """Torques at the beginning, and the remaining waypoints; without any, those fade out."""
-        now, still = self.here.tau, np.zeros_like(self.here.q)
-        if not have_torques(waypoints, first=1):
-            return now, ahead if now is None else [replace(w, tau=still) for w in ahead]
-        if len(ahead) < len(waypoints):
-            last, following = waypoints[-len(ahead) - 1], waypoints[-len(ahead)]
-            share = (self.late - last.time) / (following.time - last.time)
-            first, then = np.asarray(last.tau, float), np.asarray(following.tau, float)
-            now = first + share * (then - first)
-        return still if now is None else now, ahead
+        now, still = here.tau, np.zeros_like(here.q)
+        if have_torques(waypoints, first=1):
+            if len(ahead) < len(waypoints):
+                last, following = waypoints[-len(ahead) - 1], waypoints[-len(ahead)]
+                share = (late - last.time) / (following.time - last.time)
+                first, then = np.asarray(last.tau, float), np.asarray(following.tau, float)
+                now = first + share * (then - first)
+            now = still if now is None else now
+        elif now is not None:  # torques at the beginning fade out
+            ahead = [replace(w, tau=still) for w in ahead]
+        return [Waypoint(0.0, here.q, here.v, here.a, now), *ahead]
 
 
 @sealed

@@ -191,11 +191,7 @@ def _singular(task: TaskSpace, u: float) -> Unreachable:
 
 
 def check_limits(task: TaskSpace, q: Array, u: float) -> None:
-    """Check joint positions at the fraction ``u`` of a path.
-
-    Raises:
-        Unreachable: If one is beyond its limits.
-    """
+    """Refuse joint positions beyond their limits at the fraction ``u`` of a path."""
     model = task.model
     beyond = np.maximum(model.position_lower - q, q - model.position_upper)
     joint = np.argmax(beyond)

@@ -1,24 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint motions to Cartesian goals: a line to a pose, or a path, from a moving reference.
+"""Joint motions to Cartesian goals, from a reference that is brought to rest first.
 
-A moving reference is brought to rest first.
+A line to a pose, or a path through several: sampled straight segments, joined by a minimum-jerk
+spline.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import CartesianTrajectory, line
-from arm_dynamics.trajectory.joint_paths import JointPath, check_limits, joint_path, paced
-from arm_dynamics.trajectory.pose_path import through, way
-from arm_dynamics.trajectory.reference import InTurn, Limits, Motion, Reference, hold
+from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Line, Place, line
+from arm_dynamics.trajectory.joint_paths import (
+    JointPath,
+    check_limits,
+    derivatives,
+    joint_path,
+    paced,
+)
+from arm_dynamics.trajectory.reference import InTurn, Limits, Motion, Reference, Trajectory, hold
 from arm_dynamics.trajectory.timing import Quintic
 from arm_dynamics.trajectory.waypoints import stop
+
+LEVER = 0.25
+"""Distance in [m] that is equivalent to a rotation by 1 rad."""
+MAX_KNOTS = 10_000
+_SPACING = 0.02  # [m] between knots
+_NEAR = 1e-7  # [m], [rad] at a knot
+_FAR = 0.3  # [rad], [m] between successive knots
 
 
 @frozen
@@ -26,7 +44,7 @@ class Pace:
     """Speed and acceleration of a frame.
 
     Attributes:
-        speed: Largest speed in [m/s]; a rotation is converted by the lever arm ``pose_path.ARM``.
+        speed: Largest speed in [m/s]; a rotation is converted by the lever arm ``LEVER``.
         acceleration: Largest acceleration along the path in [m/s²], likewise.
         limits: Limits of the joints.
     """
@@ -79,17 +97,42 @@ class CartesianGoals:
     def through(self, here: Reference, poses: Sequence[Pose]) -> Motion:
         """A motion through poses without stops, along straight lines with rounded corners.
 
+        Corners are rounded within a few knots, 20 mm apart; repeated poses are ignored.
+
         Raises:
-            Unreachable: If a pose or the path to it cannot be reached.
-            InvalidInput: If there are no poses, one is invalid, or a limit prevents the motion.
+            Unreachable: If a pose or the path to it cannot be reached; the message states where.
+            InvalidInput: If there are no poses, one is invalid, the path is too long, or a limit
+                prevents the motion.
         """
         rest, begin = self._at_rest(here)
-        found = through(self._task, rest, [checked_pose(pose) for pose in poses])
-        if found is None:
+        if not poses:
+            raise InvalidInput("no poses; at least one is expected")
+        pieces, ways, at = list[Line](), list[float](), self._task.pose(rest)
+        for pose in map(checked_pose, poses):
+            if (ahead := way(self._task, at, pose)) > 1e-9:
+                pieces.append(line(at, pose))
+                ways.append(ahead)
+                at = pose
+        if not pieces:
             return begin or hold(rest)
-        over, length = found
+        length, counts = sum(ways), [int(np.ceil(w / _SPACING)) for w in ways]
+        if sum(counts) > MAX_KNOTS:
+            raise InvalidInput(f"the path is {length:.4g} m; allowed: {MAX_KNOTS * _SPACING:g} m")
+        places = [
+            (piece.at(k / count), w / length / count)
+            for piece, w, count in zip(pieces, ways, counts, strict=True)
+            for k in range(1, count + 1)
+        ]
+        us = np.concatenate([[0.0], np.cumsum([step for _, step in places])])
+        us[-1] = 1.0
+        q = _joints(self._task, rest, [place for place, _ in places], us)
+        v, a = np.full_like(q, np.nan), np.full_like(q, np.nan)
+        for i, u in ((0, 0.0), (-1, 1.0)):
+            end = pieces[i].at(u)
+            end = replace(end, first=length / ways[i] * end.first)  # u is that of the piece alone
+            v[i], a[i] = derivatives(self._task, end, q[i], u)
         timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
-        return self._after(begin, JointPath(over, timing))
+        return self._after(begin, JointPath(Trajectory.through(us, q, v, a), timing))
 
     def _at_rest(self, here: Reference) -> tuple[Array, Motion | None]:
         if not (here.v.any() or here.a.any()):
@@ -102,3 +145,28 @@ class CartesianGoals:
         limits = self._pace.limits
         motion = self._within(path, self._dynamics, acceleration=limits.acceleration)
         return motion if begin is None else InTurn(begin, motion)
+
+
+def way(task: TaskSpace, start: Pose, end: Pose) -> float:
+    """Length of a path in [m] in the task's axes, rotations converted by the lever ``LEVER``."""
+    turn = float(np.linalg.norm(pin.log3(end.rotation @ start.rotation.T)))
+    step = float(np.linalg.norm(end.position - start.position))
+    return max(step if task.linear else 0.0, LEVER * turn if task.linear < task.m else 0.0)
+
+
+def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
+    """Joint positions at every knot, each computed from the previous one, shape (k, n)."""
+    solver, rows = InverseKinematics(task), [q]
+    for place, u in zip(places, us[1:], strict=True):
+        rows.append(solver.correct(place, rows[-1]))
+        distance, angle = solver.missing(place, rows[-1])
+        leap = float(abs(rows[-1] - rows[-2]).max())
+        if not (max(distance, angle) < _NEAR and leap < _FAR):
+            raise Unreachable(
+                f"frame '{task.frame}' cannot follow the path after {u:.1%} of its length: "
+                f"{distance:.3g} m and {angle:.3g} rad remain, or a joint would jump by "
+                f"{leap:.3g}",
+                distance + LEVER * angle,
+            )
+        check_limits(task, rows[-1], u)
+    return np.array(rows)

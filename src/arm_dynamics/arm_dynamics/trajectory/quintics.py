@@ -54,24 +54,8 @@ def knot_derivatives(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Arr
     open_v, open_a = np.isnan(v[:, 0]), np.isnan(a[:, 0])
     if not (open_v.any() or open_a.any()):
         return v, a
-    given = np.where(np.isnan(np.stack((v, a), axis=1)), 0.0, np.stack((v, a), axis=1))
-    lower, middle, upper, right = _jerk_equations(h, q)
-    known = np.stack((~open_v, ~open_a), axis=1)
-    for block in (lower, middle, upper):
-        block[known] = 0.0
-    middle[:, (0, 1), (0, 1)] += known
-    right = np.where(known[..., None], given, right)
-    x = _solve_block_tridiagonal(lower, middle, upper, right)
-    return x[:, 0], x[:, 1]
-
-
-def _jerk_equations(h: Array, q: Array) -> tuple[Array, Array, Array, Array]:
-    """Write continuity of snap (first rows) and of jerk (second rows) at inner knots.
-
-    Returns:
-        Blocks below, on and above the diagonal, (w, 2, 2), and the right side (w, 2, n), for the
-        unknowns (vᵢ, aᵢ); rows of the first and last knot are left zero.
-    """
+    # Blocks below, on and above the diagonal, (w, 2, 2), and the right side, (w, 2, n), for the
+    # unknowns (vᵢ, aᵢ): continuity of snap in first rows, of jerk in second rows, at inner knots.
     w, n = q.shape
     lower, middle, upper = np.zeros((3, w, 2, 2))
     right = np.zeros((w, 2, n))
@@ -83,7 +67,14 @@ def _jerk_equations(h: Array, q: Array) -> tuple[Array, Array, Array, Array]:
     d, b, f = np.diff(q, axis=0), b[:, None], f[:, None]
     right[1:-1, 0] = 360 * (d[1:] * f**4 + d[:-1] * b**4)
     right[1:-1, 1] = 60 * (d[1:] * f**3 - d[:-1] * b**3)
-    return lower, middle, upper, right
+    given = np.nan_to_num(np.stack((v, a), axis=1))
+    known = np.stack((~open_v, ~open_a), axis=1)
+    for block in (lower, middle, upper):
+        block[known] = 0.0
+    middle[:, (0, 1), (0, 1)] += known
+    right = np.where(known[..., None], given, right)
+    x = _solve_block_tridiagonal(lower, middle, upper, right)
+    return x[:, 0], x[:, 1]
 
 
 def _block(vv: Array, va: Array, av: Array, aa: Array) -> Array:

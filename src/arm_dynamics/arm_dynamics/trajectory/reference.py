@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -234,18 +234,16 @@ class Trajectory:
         q, v, a, tau = motion
         return Reference(q, v, a, None if self.torques is None else tau)
 
-    def _torques_at(self, t: float) -> Array | float:
+    def _torques_at(self, t: float) -> Any:
         """Torques at a time in [s], as ``sample.c`` computes them."""
         if self.torques is None:
             return 0.0
         if not 0.0 <= t < self.times[-1]:
-            outside: Array = self.torques[0 if t < 0.0 else -1]
-            return outside
+            return self.torques[0 if t < 0.0 else -1]
         i = int(np.searchsorted(self.times, t, "right")) - 1
         before, after = self.torques[i : i + 2]
         s = (t - self.times[i]) / (self.times[i + 1] - self.times[i])
-        torques: Array = before + s * (after - before)
-        return torques
+        return before + s * (after - before)
 
     def at(self, times: Array) -> Array:
         """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintics import segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
@@ -66,7 +65,18 @@ def stretched_spline(
 
 def _trajectory(knots: Knots, stretch: float) -> Trajectory:
     times, q, v, a = knots.slower(stretch)
-    return Trajectory(times, _coefficients(times, q, v, a), q[[0, -1]], stretch)
+    h, d = np.diff(times), np.diff(q, axis=0)
+    linear, cubic = np.zeros((2, *d.shape, 6))
+    linear[..., 0] = cubic[..., 0] = q[:-1]
+    linear[..., 1] = d
+    v0, v1 = v[:-1] * h[:, None], v[1:] * h[:, None]
+    cubic[..., 1] = v0
+    cubic[..., 2] = 3.0 * d - 2.0 * v0 - v1  # Craig, Introduction to Robotics, section 7.3
+    cubic[..., 3] = v0 + v1 - 2.0 * d
+    quintic = segment_coefficients(h, q, v, a)
+    by_v, by_a = (~np.isnan(x[:-1]) & ~np.isnan(x[1:]) for x in (v, a))
+    coefficients = np.where(by_v[..., None], np.where(by_a[..., None], quintic, cubic), linear)
+    return Trajectory(times, coefficients, q[[0, -1]], stretch)
 
 
 def _knots(waypoints: Sequence[Waypoint]) -> Knots:
@@ -79,18 +89,3 @@ def _knots(waypoints: Sequence[Waypoint]) -> Knots:
     if np.any(np.abs(np.nan_to_num(v[-1])) > STANDING):
         raise InvalidInput(f"velocity of the last waypoint is {v[-1]}; allowed: zero")
     return Knots(times, q, v, a)
-
-
-def _coefficients(times: Array, q: Array, v: Array, a: Array) -> Array:
-    """Polynomials of every segment in τ = (t − tᵢ)/hᵢ, shape (w − 1, n, 6)."""
-    h, d = np.diff(times), np.diff(q, axis=0)
-    linear, cubic = np.zeros((2, *d.shape, 6))
-    linear[..., 0] = cubic[..., 0] = q[:-1]
-    linear[..., 1] = d
-    v0, v1 = v[:-1] * h[:, None], v[1:] * h[:, None]
-    cubic[..., 1] = v0
-    cubic[..., 2] = 3.0 * d - 2.0 * v0 - v1  # Craig, Introduction to Robotics, section 7.3
-    cubic[..., 3] = v0 + v1 - 2.0 * d
-    quintic = segment_coefficients(h, q, v, a)
-    by_v, by_a = (~np.isnan(x[:-1]) & ~np.isnan(x[1:]) for x in (v, a))
-    return np.where(by_v[..., None], np.where(by_a[..., None], quintic, cubic), linear)

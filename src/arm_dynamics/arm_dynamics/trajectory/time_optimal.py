@@ -156,12 +156,7 @@ class _Way:
         self._strain = Strain(capacity, q, first, second, way)
 
     def fastest(self) -> Profile:
-        """The fastest timing that keeps the limits at these points.
-
-        Raises:
-            Unreachable: If there is none.
-            InvalidInput: If nothing limits it.
-        """
+        """The fastest timing that keeps the limits at these points."""
         x = _FAST * self._us * (1.0 - self._us)
         if (pace := self._pace(x)) == 1.0:
             raise InvalidInput("nothing limits the motion along this path")

@@ -117,17 +117,7 @@ class Strain:
         return self._inverse(self._q, self._still, self._first) - self._weight
 
     def shares(self, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-        """Signed shares, shape (k, m).
-
-        Args:
-            x: (du/dt)² in [1/s²], a number or shape (k,).
-            y: d²u/dt² in [1/s²], likewise; None for zero.
-        """
-        tau, (v, a) = self._torques(x, y)
-        return self._capacity.shares(self._q, v, a, tau)
-
-    def _torques(self, x: ArrayLike, y: ArrayLike | None) -> tuple[Array, tuple[Array, Array]]:
-        """Joint torques, and velocities and accelerations."""
+        """Signed shares, shape (k, m), for x and y in [1/s²], numbers or shape (k,)."""
         x = np.reshape(x, (-1, 1))
         v, a, tau = self._first * np.sqrt(x), self._second * x, self._weight + self._by_x * x
         if y is not None:
@@ -137,7 +127,8 @@ class Strain:
         if dynamics.model.springs:
             tau = tau + each(self._capacity.rigid.spring, self._q, v)
         friction = dynamics.steady_friction
-        return friction.demanded(tau, v, self._way if friction.has_dry else v, self._q), (v, a)
+        tau = friction.demanded(tau, v, self._way if friction.has_dry else v, self._q)
+        return self._capacity.shares(self._q, v, a, tau)
 
     def pace(
         self,

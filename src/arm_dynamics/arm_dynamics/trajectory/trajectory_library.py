@@ -30,11 +30,7 @@ def library() -> CDLL | None:
 
 
 def compiled() -> CDLL:
-    """Compile the function.
-
-    Raises:
-        KernelError: If there is no compiler, or it refuses the code.
-    """
+    """Compile the function."""
     library = build(SOURCE.read_text(encoding="utf-8"), local=(f"-I{HEADER.folder}",)).library
     HEADER.bind(library)
     return library

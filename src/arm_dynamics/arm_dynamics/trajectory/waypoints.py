@@ -153,11 +153,7 @@ class Knots(NamedTuple):
 
 
 def have_torques(waypoints: Sequence[Waypoint], first: int = 0) -> bool:
-    """Whether waypoints have torques to add to a controller's; ``first`` numbers the first one.
-
-    Raises:
-        InvalidInput: If some have and others have not.
-    """
+    """Whether waypoints, all or none, have torques; ``first`` numbers the first one."""
     lacking = [i for i, w in enumerate(waypoints) if w.tau is None]
     if lacking and len(lacking) < len(waypoints):
         raise InvalidInput(
@@ -186,11 +182,7 @@ def with_torques(motion: Trajectory, waypoints: Sequence[Waypoint]) -> Trajector
 
 
 def check_kind(waypoints: Sequence[Waypoint], first: int = 0) -> None:
-    """Check that these are waypoints; ``first`` is the number of the first one in messages.
-
-    Raises:
-        InvalidInput: If they are anything else, such as lists of positions.
-    """
+    """Check that these are waypoints; ``first`` is the number of the first one in messages."""
     allowed = "allowed: a list of waypoints, such as [Waypoint(1.0, [0.5, -0.2])]"
     if not isinstance(waypoints, Sequence) or isinstance(waypoints, str):
         raise InvalidInput(f"waypoints = {plain(waypoints, 80)}; {allowed}")
@@ -219,11 +211,7 @@ def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
 
 
 def given_rows(rows: Sequence[ArrayLike | None], n: int, what: str) -> Array:
-    """Check and stack values given at waypoints, shape (w, n); NaN in free rows.
-
-    Raises:
-        InvalidInput: If a row has another length than ``n`` or is not finite.
-    """
+    """Check and stack values given at waypoints, shape (w, n); NaN in free rows."""
     stacked = np.full((len(rows), n), np.nan)
     for i, row in enumerate(rows):
         if row is not None:

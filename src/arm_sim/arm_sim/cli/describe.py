@@ -65,7 +65,7 @@ def describe(
             why = MASSLESS if model.massless else str(error)
             motion = {"not_simulated": why}
         else:
-            motion = _motion(simulator)  # number of runs for measuring the time of a tick
+            motion = _motion(simulator)
     if as_json:
         click.echo(to_json(_robot(model) | motion, indent=1))
         return

@@ -126,7 +126,7 @@ def run_node(
     Returns:
         The exit status, and the node, or None if it was ended before it was complete.
     """
-    from arm_dynamics.ros.common.executor import run
+    from arm_dynamics.ros.common.executable import run
 
     made: list[Any] = []
 

@@ -59,10 +59,10 @@ def print_anything() -> None:
 
 def progress_on_stderr() -> AbstractContextManager[None]:
     """Print progress messages of the cores on stderr within the context."""
-    return heard_by(_Said())
+    return heard_by(_StderrHandler())
 
 
-class _Said(logging.Handler):
+class _StderrHandler(logging.Handler):
     """Writes to the current stderr, so that lines appear above a progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:

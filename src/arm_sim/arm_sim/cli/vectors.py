@@ -94,6 +94,8 @@ def parse(text: str) -> Vector:
             name, _, value = word.partition("=")
             if not name or not value:
                 raise ValueError(f"{word!r} is not of the form joint=number")
+            if name in named:
+                raise ValueError(f"joint {name!r} is named twice")
             named[name] = _number(value)
         return Vector((), named)
     if len({len(line) for line in lines}) > 1:

@@ -26,8 +26,9 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
-from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, lanes_source
-from arm_sim.stepping.stepper import address, pointer
+from arm_sim.stepping.addresses import address, pointer
+from arm_sim.stepping.arm_table import Engine
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 
 STRETCH = 1024
 """Ticks that are made in one call."""

@@ -34,21 +34,12 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
+from arm_sim.stepping.addresses import address
+from arm_sim.stepping.arm_table import ArmTable, Marks, repeated
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.rollout import (
-    ADDRESS,
-    NUMBER,
-    ArmTable,
-    Batch,
-    Marks,
-    alike,
-    built_of_lanes,
-    lanes_source,
-    repeated,
-    share,
-    widths,
-)
-from arm_sim.stepping.stepper import address
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widths
+from arm_sim.stepping.rollout import Batch
+from arm_sim.stepping.threads import share
 
 
 @frozen

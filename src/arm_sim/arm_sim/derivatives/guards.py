@@ -35,14 +35,11 @@ def guard_names(plant: Plant) -> list[str]:
     joints = [f"joint '{name}'" for name in plant.model.joint_names]
     stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
     sliding = [f"sliding of {point}" for point in points]
-    return [*points, *sliding, *joints, *stops, *_switch_names(plant)]
-
-
-def _switch_names(plant: Plant) -> list[str]:
-    symbols, names = plant.mechanics.symbols, plant.model.joint_names
-    owners = symbols.drives.joints if symbols.drives else ()
-    limits = [f"a limit, backlash or load of the drive of joint '{names[i]}'" for i in owners]
-    return ["a cord"] * (plant.layout.switches - len(owners)) + limits
+    drives = plant.mechanics.symbols.drives
+    driven = drives.joints if drives else ()
+    limits = [f"a limit, backlash or load of the drive of {joints[i]}" for i in driven]
+    cords = ["a cord"] * (plant.layout.switches - len(limits))
+    return [*points, *sliding, *joints, *stops, *cords, *limits]
 
 
 def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Function, ...]:

@@ -32,8 +32,9 @@ from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
+from arm_sim.stepping.arm_table import repeated
+from arm_sim.stepping.lanes import natural_width, widths
 from arm_sim.stepping.python_step import unanswered
-from arm_sim.stepping.rollout import natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
 
 
@@ -166,8 +167,8 @@ class Linearizer(TickDerivatives):
         arms, p = len(x), self._stepper.p
         held = repeated(dr[None, None], (arms, ticks, *dr.shape))
         commands = repeated(r[:, None], (arms, ticks, r.shape[1]))
-        given = repeated(dx[None], (arms, *dx.shape))
-        return Arms(x, commands, repeated(p[None], (arms, len(p))), given, held)
+        initial = repeated(dx[None], (arms, *dx.shape))
+        return Arms(x, commands, repeated(p[None], (arms, len(p))), initial, held)
 
     def prepare(self) -> None:
         """Compile what ticks need, unless that is done."""

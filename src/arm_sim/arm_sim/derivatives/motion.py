@@ -25,7 +25,8 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
-from arm_sim.stepping.rollout import Engine, alike
+from arm_sim.stepping.arm_table import Engine
+from arm_sim.stepping.lanes import alike
 from arm_sim.stepping.stepper import Stepper
 
 # Ticks without events that are differentiated at a time.
@@ -273,14 +274,14 @@ def columns_of_one(
     linearizer: TickDerivatives, arms: Arms, arm: int, side: int | None
 ) -> Iterator[Array]:
     """Columns after each tick of one arm."""
-    motion, moved = Motion(linearizer, arms.x[arm], arms.p[arm], side), arms.given[arm]
-    tau, pushed, nx = arms.tau[arm], arms.pushed[arm], len(moved)
+    motion, moved = Motion(linearizer, arms.x[arm], arms.p[arm], side), arms.initial[arm]
+    tau, held, nx = arms.tau[arm], arms.held[arm], len(moved)
     while (k := motion.ticks) < len(tau):
         most = min(STRETCH, linearizer.nonsmooth.ticks_before(motion.x, tau[k:]))
         if (event_free := linearizer.event_free) and most:
             ahead = slice(k, k + most)
             part = Arms(motion.x[None], tau[None, ahead], arms.p[arm][None],
-                        np.ascontiguousarray(moved)[None], pushed[None, ahead])  # fmt: skip
+                        np.ascontiguousarray(moved)[None], held[None, ahead])  # fmt: skip
             columns, _, after, done = event_free.columns(part, True, 1, 1, begins=k == 0)
             yield from columns[0, : done[0]]
             motion.go_on(after[0], int(done[0]))
@@ -289,7 +290,7 @@ def columns_of_one(
             if done[0] == most:
                 continue
         slope = motion.slope(tau[k := motion.ticks])
-        moved = slope[:, :nx] @ moved + slope[:, nx:] @ pushed[k]
+        moved = slope[:, :nx] @ moved + slope[:, nx:] @ held[k]
         yield moved
 
 

@@ -10,9 +10,9 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.header import Header
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.plant.plant import Plant
+from arm_sim.stepping.addresses import address
 from arm_sim.stepping.engine import NATIVE, address_of
 from arm_sim.stepping.python_step import of_states, unanswered
-from arm_sim.stepping.stepper import address
 
 Linearize = Callable[[object, object], Array | None]
 """Function of a state and a command: derivatives by both side by side, or None where it does not

@@ -35,10 +35,10 @@ def rollout_change(
         of_start = zip(batch.x0, dx0, strict=True)
         dz0 = [initial_slope(plant, x[: dx0.shape[1]]) @ dx for x, dx in of_start]
         dx0 = np.hstack([dx0, np.array(dz0)])
-    given, ticks = np.ascontiguousarray(dx0)[:, :, None], batch.steps
-    arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, given, dtau[:, :ticks, :, None])
+    initial, ticks = np.ascontiguousarray(dx0)[:, :, None], batch.steps
+    arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, initial, dtau[:, :ticks, :, None])
     moved = linearizer.carried(arms, threads, lanes, every=True, side=side)
-    changes = np.concatenate([given[:, None], moved], axis=1)[..., 0]
+    changes = np.concatenate([initial[:, None], moved], axis=1)[..., 0]
     return changes[..., : 2 * plant.model.n]
 
 

@@ -17,35 +17,40 @@ import casadi as ca
 
 from arm_dynamics.codegen import generate
 
+# int f(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
 _FUNCTION = re.compile(
     r"\A((?:static )?[^\n]*\()([^()\n]*\bcasadi_real\*\* arg[^()\n]*)(\) ?\{\n)"
 )
 _EXPORT = "CASADI_SYMBOL_EXPORT "
-_NAME = re.compile(r"(\w+)[(\[]")
+_NAME = re.compile(r"(\w+)[(\[]")  # of a function or a table: f( or s0[
 _WORD = re.compile(r"\w+")
-_USED = re.compile(r"(?<!->)(?<!\.)(?<!\(\*)\b\w+")
+_USED = re.compile(r"(?<!->)(?<!\.)(?<!\(\*)\b\w+")  # x and y of x->a + y.b, without members
+# } scene_t;   typedef struct scene scene_t;   typedef void (*log_t)(
 _TYPE = re.compile(r"^(?:\} |typedef \w+ (?:\(\*)?)(\w+)(?:;|\)?\()", re.MULTILINE)
 _DEFINED = re.compile(r"^#define (\w+)", re.MULTILINE)
-_ENUM = re.compile(r"\benum (\w* ?\{[^}]*)\}")
-_SPLIT = re.compile(r"(/\*.*?\*/)", re.DOTALL)
-_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_ENUM = re.compile(r"\benum (\w* ?\{[^}]*)\}")  # enum trouble { NONE, NUMBERS }
+_COMMENT = re.compile(r"(/\*.*?\*/)", re.DOTALL)
+# What a static definition begins with: its comment, and the word that silences pedantic compilers.
 _ABOUT = r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:__extension__ )?static "
+# static int f(int a) { return a; }   and with lines up to the first that is only }
 _STATIC_FUNCTION = re.compile(
     _ABOUT + r"([^;={}]*?\)) ?\{(?: [^\n]*\}\n|\n.*?^\}\n)", re.DOTALL | re.MULTILINE
 )
+# static const double level[7] = {0.0, ...};
 _STATIC_TABLE = re.compile(
     _ABOUT + r"const [\w ]*?(\w+)(?:\[[^=;]*\])? = [^;]*;[^\n]*\n", re.DOTALL | re.MULTILINE
 )
-_MACRO = re.compile(r"^#define (\w+)\b.*(?<!\\)\n", re.MULTILINE)
+_MACRO = re.compile(r"^#define (\w+)\b.*(?<!\\)\n", re.MULTILINE)  # of one line
 # Truth of numbers, which compilers take for mistakes, and macros that CasADi defines elsewhere.
 _PLAIN = (
-    (re.compile(r"\((\w+)\?"), r"(\1!=0?"),
-    (re.compile(r"\(!(\w+)\)"), r"(\1==0)"),
-    (re.compile(r"\((\w+)(\|\||&&)(\w+)\)"), r"(\1!=0\2\3!=0)"),
+    (re.compile(r"\((\w+)\?"), r"(\1!=0?"),  # (a1?a2:0)
+    (re.compile(r"\(!(\w+)\)"), r"(\1==0)"),  # (!a1)
+    (re.compile(r"\((\w+)(\|\||&&)(\w+)\)"), r"(\1!=0\2\3!=0)"),  # (a1&&a2)
     (re.compile(r"\bcasadi_inf\b"), "INFINITY"),
     (re.compile(r"\bcasadi_nan\b"), "NAN"),
 )
-# CasADi's helpers call fmax and fmin only where C99 is declared, which C++ does not do.
+# CasADi's helpers call fmax and fmin only where C99 is declared, which C++ does not do:
+# /* Pre-c99 compatibility */ #if ... #else (what is kept) #endif
 _OLD_C = re.compile(r"^/\* Pre-c99.*?^#else\n(.*?)^#endif\n", re.DOTALL | re.MULTILINE)
 
 
@@ -81,7 +86,7 @@ def prefixed(source: str, prefix: str) -> str:
     for enumerators in _ENUM.findall(source):
         names |= set(re.findall(r"\b[^\W\d]\w*", _COMMENT.sub("", enumerators)))
     own = re.compile(rf"\b(?:{'|'.join(sorted(names))})\b")
-    pieces = _SPLIT.split(source)  # every other one is a comment
+    pieces = _COMMENT.split(source)  # every other one is a comment
     pieces[::2] = [own.sub(lambda word: prefix + word[0], code) for code in pieces[::2]]
     return "".join(pieces)
 

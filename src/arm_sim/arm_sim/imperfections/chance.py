@@ -51,14 +51,12 @@ class Chance:
         k = tick - self._first
         if not 0 <= k < _BLOCK:
             block, k = divmod(tick, _BLOCK)
-            self._first, self._rows = block * _BLOCK, self._drawn(block)
+            # A block leaves the lowest word of the counter to the generator.
+            philox = np.random.Philox(key=self._key, counter=[0, block, 0, 0])
+            self._rows = self._draw(np.random.Generator(philox), _BLOCK)
+            self._first = block * _BLOCK
         row: Array = self._rows[k]
         return row
-
-    def _drawn(self, block: int) -> Array:
-        # A block leaves the lowest word of the counter to the generator.
-        philox = np.random.Philox(key=self._key, counter=[0, block, 0, 0])
-        return self._draw(np.random.Generator(philox), _BLOCK)
 
 
 def normal(mean: Array, deviation: Array) -> Draw:

@@ -91,7 +91,7 @@ class Sensors:
             self._line.restart(self._now.copy())
             self.measured[:] = self._now
 
-    def look(self, tick: int, q: Array, v: Array, effort: Array) -> None:
+    def sample(self, tick: int, q: Array, v: Array, effort: Array) -> None:
         """Sample the state at the end of the previous tick, and return the measurements by now.
 
         Args:

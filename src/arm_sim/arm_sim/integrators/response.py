@@ -23,7 +23,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import spring
 from arm_dynamics.model import ConstraintRows
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import postures
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
 

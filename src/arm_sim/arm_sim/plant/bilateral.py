@@ -103,7 +103,8 @@ class Bilateral(Response):
         before, after = ca.SX.sym("before", 2 * n), ca.SX.sym("after", 2 * n)
         still, q = ca.SX(n, 1), s.q
         for _ in range(CLOSING_STEPS):
-            left = _beyond_rounding(ca.substitute(rows.residual, s.q, q))
+            residual = ca.substitute(rows.residual, s.q, q)
+            left = residual - ca.fmax(-ROUNDING, ca.fmin(ROUNDING, residual))
             q = q + metric.motion(self._obeyed.nearest(still, -left))
         A = ca.substitute(rows.jacobian, s.q, q)
         moving = Projector(metric, ca.sparsify(A @ self._sliding), SINGULAR)
@@ -120,10 +121,6 @@ class Bilateral(Response):
     def _projected(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
         free = self._metric.of_forces(self._sliding @ load)
         return self._obeyed.solved(free, -self.rows.drift)
-
-
-def _beyond_rounding(residual: ca.SX) -> ca.SX:
-    return residual - ca.fmax(-ROUNDING, ca.fmin(ROUNDING, residual))
 
 
 def _astray(correction: ca.SX, *wholes: ca.SX) -> ca.SX:

@@ -19,7 +19,6 @@ from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions
 from arm_sim.plant.options import Options
 from arm_sim.plant.response import (
-    AnyResponse,
     Reactions,
     Response,
     joint_reactions,
@@ -97,9 +96,10 @@ class Mechanics:
         """Functions of q and v: with stops ``impact_map``, with compliant stops ``pressures``."""
         if not (self._eventful and self._at_stops):
             return ()
-        compliant = self.joints.pressed.numel()
-        more = (_pressures(self.symbols, self.joints),) if compliant else ()
-        return (self.impact_map, *more)
+        if not self.joints.pressed.numel():
+            return (self.impact_map,)
+        x = ca.vertcat(self.symbols.q, self.symbols.v)
+        return self.impact_map, dense_function("pressures", [x], self.joints.pressures)
 
     @built_once
     def impact_map(self) -> ca.Function:
@@ -108,7 +108,14 @@ class Mechanics:
         ((q, v), p, velocity changes of held joints, impulses of contacts) -> velocities after it
         and the impulses on the held joints.
         """
-        return _strike(self.symbols, self.joints, self._reactions, self._response)
+        s, jacobian = self.symbols, self._reactions.jacobian
+        change, impulse = (
+            ca.SX.sym("change", s.q.shape[0]),
+            ca.SX.sym("impulse", jacobian.shape[0]),
+        )
+        gain, held = self._response.struck(jacobian.T @ impulse, change)
+        given = [ca.vertcat(s.q, s.v), self.joints.p, change, impulse]
+        return dense_function("impact_map", given, s.v + gain, held)
 
     def taken(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         """Power that contact friction and compliant stops take from the joints in [W]."""
@@ -177,19 +184,3 @@ def _statics(
     ways = ca.SX.ones(n), -ca.SX.ones(n)
     bears = [s.friction.most_held(way, s.q, s.tau) for way in ways]
     return dense_function("statics", arguments, push, reactions.held, ca.vertcat(*bears), drift)
-
-
-def _strike(
-    s: Symbols, joints: Joints, reactions: Reactions, response: AnyResponse
-) -> ca.Function:
-    """An impact, see ``Mechanics.impact_map``."""
-    n, jacobian = s.q.shape[0], reactions.jacobian
-    change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
-    gain, held = response.struck(jacobian.T @ impulse, change)
-    given = [ca.vertcat(s.q, s.v), joints.p, change, impulse]
-    return dense_function("impact_map", given, s.v + gain, held)
-
-
-def _pressures(s: Symbols, joints: Joints) -> ca.Function:
-    """``Joints.pressures`` of (q, v), evaluated where joints meet compliant stops."""
-    return dense_function("pressures", [ca.vertcat(s.q, s.v)], joints.pressures)

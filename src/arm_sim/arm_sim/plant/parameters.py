@@ -15,6 +15,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.inertia import fault, possible
 
+EXTERNAL = "external"
 # Mass, centre of mass, and ixx, ixy, ixz, iyy, iyz, izz.
 _LEAST_OF_A_BODY = [0.0, *[-np.inf] * 3, 0.0, *[-np.inf] * 2, 0.0, -np.inf, 0.0]
 
@@ -56,7 +57,7 @@ class Parameters:
             "payload": np.array(payloads, dtype=float).ravel(),
             "friction": model.viscous,
             "coulomb": model.friction.coulomb.mean,
-            "external": np.zeros(model.n),
+            EXTERNAL: np.zeros(model.n),
             "constraints": switches(model.scene.constraints),
         }
         dry = nominal["coulomb"] > 0.0

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +62,7 @@ class PresentDynamics:
         """
         own = p[:, self._columns_of((*OF_THE_ARM, *others))]
         ends = [int(i) + 1 for i in np.flatnonzero((own[1:] != own[:-1]).any(axis=1))]
-        return [slice(a, b) for a, b in zip([0, *ends], [*ends, len(own)], strict=True)]
+        return [slice(a, b) for a, b in pairwise([0, *ends, len(own)]) if a < b]
 
     def _columns_of(self, names: tuple[str, ...]) -> NDArray[np.intp]:
         places = (self._plant.parameters.place(name) for name in names)

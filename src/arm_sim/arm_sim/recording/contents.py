@@ -103,16 +103,12 @@ class Contents:
     @property
     def x(self) -> Array:
         """States at each time, shape (k+1, nx): positions, velocities and internal states."""
-        return read_only(self.states(slice(None)))
-
-    def states(self, rows: slice | NDArray[np.intp]) -> Array:
-        """States at some of the times, see ``x``."""
-        return np.hstack([self.q[rows], self.v[rows], self.z[rows]])
+        return read_only(np.hstack([self.q, self.v, self.z]))
 
     @property
     def ended(self) -> Array:
         """States at the end of each tick, before changes between ticks, shape (k+1, nx)."""
-        x = self.states(slice(None))
+        x = self.x.copy()
         for jump in self.first_jumps:
             x[jump.row] = jump.x
         return read_only(x)

@@ -20,6 +20,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
@@ -86,7 +87,7 @@ class EnergyAccount:
 
     def stored(self, x: Array) -> Array:
         """Energy stored in drives and friction at states of shape (k, nx), in [J], shape (k,)."""
-        if not self._plant.laws:
+        if not self._plant.laws or not len(x):
             return np.zeros(len(x))
         return np.array(self._stored(x.T)).ravel()
 
@@ -108,7 +109,7 @@ class EnergyAccount:
             np.transpose(self._dynamics(p[run.start]).energy(q[run], v[run]))
             for run in self._present.runs(p)
         ]
-        return np.column_stack([np.concatenate(parts), self.stored(x)])
+        return np.column_stack([np.concatenate([np.zeros((0, 2)), *parts]), self.stored(x)])
 
     def multipliers(self, x: Array, tau: Array, p: Array) -> Array:
         """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
@@ -128,7 +129,7 @@ class EnergyAccount:
             )[1]
             for run in self._present.runs(p, "constraints")
         ]
-        return np.concatenate(parts)
+        return np.concatenate(parts) if parts else np.zeros((0, 0))
 
     def flows(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """Work supplied and heat lost in each tick, whatever other ticks there are.
@@ -155,7 +156,7 @@ class EnergyAccount:
 
     def _quadrature(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """See ``flows``, of smooth ticks."""
-        pushed = self._plant.parameters.place("external")
+        pushed = self._plant.parameters.place(EXTERNAL)
         acting = u if pushed is None else u + p[:, pushed]
         way = self._parts(after)[0] - self._parts(x)[0]
         work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick

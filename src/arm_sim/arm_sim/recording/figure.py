@@ -14,8 +14,11 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_sim.figures import COLORS, STYLE, WIDTH, joint_words, legend_outside, most_moved, units
 from arm_sim.recording.motion import RecordedMotion
-from arm_sim.recording.tables import UNITS, parts
 
+QUANTITIES = {
+    "position": ("q", "rad", "m"), "velocity": ("v", "rad/s", "m/s"), "effort": ("tau", "N m", "N")
+}  # fmt: skip
+"""Of joints: attribute of a recording, and units of revolute and of prismatic ones."""
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
@@ -35,14 +38,18 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     from matplotlib import pyplot
 
     names, first = _joints(recordings, joints), recordings[0]
+    short, panels = joint_words(names), dict[str, list[list[_Curve]]]()
     types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
-    panels = {
-        f"{part} [{units(types, *UNITS[part])}]": [
-            list(_of_joints(one, part, names)) for one in recordings
-        ]
-        for part in ("position", "velocity", "effort")
-        if part == "position" or any(np.nan_to_num(parts(one)[part]).any() for one in recordings)
-    }
+    for part, (attribute, *unit) in QUANTITIES.items():
+        arrays: list[Array] = [getattr(one, attribute) for one in recordings]
+        if part == "position" or any(np.nan_to_num(array).any() for array in arrays):
+            panels[f"{part} [{units(types, *unit)}]"] = [
+                [
+                    (label, array[:, one.joint_names.index(name)], color)
+                    for name, label, color in zip(names, short, cycle(COLORS), strict=False)
+                ]
+                for one, array in zip(recordings, arrays, strict=True)
+            ]
     if any(energies := [list(_energies(one)) for one in recordings]):
         panels[_ENERGY] = energies
     with mpl.rc_context(STYLE):
@@ -77,6 +84,8 @@ def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[
             raise InvalidInput(
                 f"plot: {other!r} is no recording; joints are chosen by plot(joints=[…])"
             )
+        if not len(other):
+            raise InvalidInput("plot: a recording without states has nothing to draw")
     if isinstance(asked, str):
         raise InvalidInput(f"joints = '{asked}'; a list of names is expected, ['{asked}']")
     shared = [
@@ -94,11 +103,6 @@ def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[
         return list(asked)
     columns = [recordings[0].joint_names.index(name) for name in shared]
     return [shared[i] for i in most_moved(recordings[0].q[:, columns])]
-
-
-def _of_joints(recording: RecordedMotion, part: str, names: list[str]) -> Iterator[_Curve]:
-    for name, short, color in zip(names, joint_words(names), cycle(COLORS), strict=False):
-        yield short, parts(recording)[part][:, recording.joint_names.index(name)], color
 
 
 def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -119,10 +123,11 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
     edges = np.linspace(0, len(time), points // 2 + 1).astype(int)
     columns, times, rows = np.arange(values.shape[1]), [], []
     for a, b in pairwise(edges):
-        part = np.nan_to_num(values[a:b])
-        ends = np.sort([part.argmin(axis=0), part.argmax(axis=0)], axis=0)
+        part, unknown = values[a:b], np.isnan(values[a:b])
+        least = np.where(unknown, np.inf, part).argmin(axis=0)
+        ends = np.sort([least, np.where(unknown, -np.inf, part).argmax(axis=0)], axis=0)
         times += [time[a], time[(a + b) // 2]]
-        rows += list(values[a:b][ends, columns])
+        rows += list(part[ends, columns])
     return np.array(times), np.array(rows)
 
 

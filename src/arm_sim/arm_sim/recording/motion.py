@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
+from arm_sim.figures import units
 from arm_sim.imperfections import Measured
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, Contents
 from arm_sim.recording.energy_account import EnergyAccount, relative_error
@@ -141,7 +143,7 @@ class RecordedMotion(Contents):
     @cached_property
     def multipliers(self) -> Array:
         """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
-        outside, x = self.plant.parameters.place("external"), self.x
+        outside, x = self.plant.parameters.place(EXTERNAL), self.x
         tau = np.array(self.plant.joint_torque(x, self.command))
         tau += 0.0 if outside is None else self.p[:, outside]
         if self.plant.eventful and self.plant.constrained:
@@ -185,19 +187,11 @@ class RecordedMotion(Contents):
     def energy_error(self) -> float:
         """Largest unexplained energy, relative to the energy that moved; inf if it is unknown."""
         parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
-        moved = float(np.ptp(parts, axis=0).sum()) + self._turnover
+        moved = float(np.ptp(parts, axis=0).sum())
+        if len(self) > 1 and self.account.makes_ticks_again(self.x):
+            moved += self.account.turnover(self.x[:-1], self.ended[1:], self.p[:-1])
         balance = float(np.max(abs(self.balance)))
         return relative_error(balance, moved, float(abs(self._energies).max()))
-
-    @cached_property
-    def _turnover(self) -> float:
-        if not self._made_again:
-            return 0.0
-        return self.account.turnover(self.x[:-1], self.ended[1:], self.p[:-1])
-
-    @property
-    def _made_again(self) -> bool:
-        return len(self) > 1 and self.account.makes_ticks_again(self.x)
 
     # --- error ---------------------------------------------------------------------------------
 
@@ -221,9 +215,9 @@ class RecordedMotion(Contents):
         last = len(self) - 1
         if self.control is None or self.edges != [0, last]:
             return None
-        rows = np.unique(np.linspace(0, last - 1, SAMPLES, dtype=int))
-        for row in rows:
-            if self.control(self.x[row], row).tobytes() != self.command[row].tobytes():
+        x = self.x
+        for row in np.unique(np.linspace(0, last - 1, SAMPLES, dtype=int)):
+            if self.control(x[row], row).tobytes() != self.command[row].tobytes():
                 return None
         return self.control
 
@@ -265,8 +259,7 @@ class RecordedMotion(Contents):
             return self.doubt
         n, run = len(self.joint_names), self.second_run
         largest = float(self.error[:, :n].max(initial=0.0))
-        kinds = {kind == "prismatic" for kind in self.plant.model.joint_types}
-        unit = " or ".join(["rad"] * (False in kinds) + ["m"] * (True in kinds))
+        unit = units(self.plant.model.joint_types, "rad", "m", " or ")
         return f"right to {largest:.1g} {unit}, by a second run {run.how} ({run.means})"
 
     def _magnification(self, row: int) -> float:

@@ -114,9 +114,14 @@ class Recording(RecordedMotion):
         Positions, velocities, efforts (torques on the joints), commands of joints with drives, and
         internal states.
         """
-        from arm_sim.recording.tables import columns
-
-        return columns(self)
+        parts = {"position": self.q, "velocity": self.v, "effort": self.tau}
+        if not self.of_robot and self.plant.torques is not None:
+            parts["command"] = self.command
+        found = {"time": self.time}
+        for part, array in parts.items():
+            found |= {f"{part}.{name}": array[:, i] for i, name in enumerate(self.joint_names)}
+        laws = self.plant.laws.names if self.z.shape[1] else ()
+        return found | {f"state.{name}": self.z[:, i] for i, name in enumerate(laws)}
 
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
         """Draw positions, velocities, torques and energies, unless they are zero all the time.

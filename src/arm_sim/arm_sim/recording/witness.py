@@ -111,13 +111,15 @@ class Witness:
         step = max(1, round(WINDOW / self._first.dt)) if how == WINDOWS else CHUNK
         n, x, ended, stepper = len(motion.joint_names), motion.x, motion.ended, self.stepper
         there, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))
-        there[0], free, placed = x[0], _free(motion), _placed(motion)
+        placed = (x != ended).any(axis=1)  # states that were set, rather than reached
+        placed[[0, *motion.gaps]] = True
+        there[0], free = x[0], _free(motion)
         there[0, :n] += nudge
         stepper.restart()
         spans = list(_spans(motion, step))[::-1]
         while spans:
             row, end = spans.pop()
-            if placed[row] or not row:
+            if placed[row]:
                 state, error = x[row] if row else there[0], np.zeros(2 * n)
             elif how == WINDOWS or not free[row - 1]:
                 off = abs(there[row] - ended[row])[: 2 * n]
@@ -131,7 +133,7 @@ class Witness:
                 done = _under(stepper, state, motion.command[row:end], out)
             else:
                 done = _controlled(stepper, state, control, row, motion.command.shape[1], out)
-            if how == WINDOWS and end - row > 1 and self._parts(motion, row, out):
+            if how == WINDOWS and end - row > 1 and self._separate(ended[row + 1 : end + 1], out):
                 middle = (row + end) // 2
                 spans += [(middle, end), (row, middle)]
             elif done < end - row and how != WINDOWS:
@@ -142,25 +144,17 @@ class Witness:
         )
         return SecondRun(read_only(there), read_only(carried), how, means)
 
-    def _parts(self, motion: Contents, row: int, out: Array) -> bool:
+    def _separate(self, ended: Array, out: Array) -> bool:
         """Whether what arises in a window may be the arm's answer to commands of another state."""
-        n, dt = 2 * len(motion.joint_names), self._first.dt
-        ended = motion.ended[row + 1 : row + 1 + len(out), :n]
-        off = abs(out[:, :n] - ended) / (1.0 + abs(ended))
-        most = self._plant.model.scene.sim.accuracy * max(len(out) * dt, SHORTEST)
+        there, here = (x[:, : 2 * self._plant.model.n] for x in (ended, out))
+        off = abs(here - there) / (1.0 + abs(there))
+        most = self._plant.model.scene.sim.accuracy * max(len(out) * self._first.dt, SHORTEST)
         return not (off <= most).all()
 
 
 def _free(motion: Contents) -> NDArray[np.bool_]:
     """Whether the arm made the tick from each time by itself, shape (k,)."""
     return motion.moved if motion.hold is None else motion.moved & (motion.hold[:-1] == FREE)
-
-
-def _placed(motion: Contents) -> NDArray[np.bool_]:
-    """Whether the state at each time was set, rather than reached, shape (k+1,)."""
-    placed: NDArray[np.bool_] = (motion.x != motion.ended).any(axis=1)
-    placed[list(motion.gaps)] = True
-    return placed
 
 
 def _spans(motion: Contents, step: int) -> Iterator[tuple[int, int]]:

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.display import Display
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.rivals import Rivals
-from arm_sim.ros.robot import Display
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
@@ -57,16 +56,13 @@ class SimDiagnostics:
 
     def _check_loop(self) -> Finding:
         report, params, found = self.loop.report(), self.params, Finding("loop")
-        executor = self.node.executor
         found.values = {
             "rate [Hz]": report.rate, "ticks": report.ticks, "missed": report.missed,
             "dropped": report.dropped, "lateness p50 [s]": report.lateness.p50,
             "lateness p99 [s]": report.lateness.p99, "lateness max [s]": report.lateness.max,
             "realtime factor": params.realtime_factor, "overrun": params.overrun,
             "driven by": params.tick_source,
-            "executor": "none" if executor is None else type(executor).__name__,
-            "messages": "in C",
-            "ticks made": "in C",
+            "messages": "in C", "ticks made": "in C",
         }  # fmt: skip
         self.growth.warn(found, report.missed, "time steps began after the next one was due")
         self.growth.warn(found, report.dropped, "dropped")
@@ -91,7 +87,13 @@ class SimDiagnostics:
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        self._check_staleness(found)
+        stopped = self.growth.of("stale", slot.stale_count)
+        if slot.stale:
+            found.add(WARN, f"commands stopped: {in_force(policy)}")
+        elif stopped:
+            found.add(WARN, "commands stopped, and have resumed")
+        late = "time steps with an old command: the middleware has to catch up"
+        self.growth.warn(found, slot.extended, late)
         found.add(WARN, self.lateness.message)
         self.growth.warn(found, inputs.refused, "commands ignored")
         self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
@@ -101,27 +103,17 @@ class SimDiagnostics:
             found.add(WARN, f"{publishers} publishers on {topic}")
         return found
 
-    def _check_staleness(self, found: Finding) -> None:
-        slot = self.engine.commands
-        stopped = self.growth.of("stale", slot.stale_count)
-        if slot.stale:
-            found.add(WARN, f"commands stopped: {in_force(self.engine.stale_policy)}")
-        elif stopped:
-            found.add(WARN, "commands stopped, and have resumed")
-        self.growth.warn(
-            found, slot.extended, "time steps with an old command: the middleware has to catch up"
-        )
-
     def _check_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
         state, stops = engine.queue.run(
             lambda: (engine.simulator.state, engine.simulator.stop_torque)
         )
-        account = self.outputs.energy.account()
+        names, account = engine.simulator.joint_names, self.outputs.energy.account()
+        pushed = [f"{name} {x:.4g}" for name, x in zip(names, stops, strict=True) if x != 0.0]
         found.values = {
             "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
-            "at stops": _at_stops(engine.simulator.joint_names, stops),
+            "at stops": ", ".join(pushed) or "none",
             "method": engine.simulator.choice.method.name,
             "error estimate": state.error,
             "time-stepped ticks": state.time_stepped,
@@ -134,17 +126,14 @@ class SimDiagnostics:
             found.add(ERROR, self.outputs.clock.alarm.message)
         found.add(ERROR, self.rivals.alarm.message)
         found.add(ERROR, engine.failure)
-        self._check_energy(found)
-        return found
-
-    def _check_energy(self, found: Finding) -> None:
-        off, dt = self.engine.energy_error, self.engine.simulator.dt
-        if off > UNBALANCED:
+        if (off := engine.energy_error) > UNBALANCED:
             found.add(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
-                f"{UNBALANCED:g}: with time steps of {dt:g} s reduce dt or set a tolerance",
+                f"{UNBALANCED:g}: with time steps of {engine.simulator.dt:g} s reduce dt or set a "
+                "tolerance",
             )
+        return found
 
     def _check_recorder(self, recorder: TickRecorder) -> Finding:
         found, thread = Finding("recording"), recorder.thread
@@ -161,16 +150,10 @@ class SimDiagnostics:
     def _check_lockstep(self, lockstep: Lockstep) -> Finding:
         found = Finding("lockstep")
         found.values = {
-            "asked again": lockstep.asked_again, "ignored": lockstep.ignored,
+            "asked again": lockstep.asked_again, "ignored": lockstep.waiting.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
         self.growth.warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
             found.add(ERROR, "the partner does not answer; time stands still")
         return found
-
-
-def _at_stops(names: Sequence[str], torque: Array) -> str:
-    """Joints at their stops and the torques of these, as text."""
-    pushed = [f"{name} {x:.4g}" for name, x in zip(names, torque, strict=True) if x != 0.0]
-    return ", ".join(pushed) or "none"

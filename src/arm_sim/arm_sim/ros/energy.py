@@ -32,14 +32,9 @@ class EnergyTopic:
     """
 
     def __init__(
-        self,
-        node: Node,
-        engine: TickEngine,
-        period: float,
-        wanted: Callable[[], bool],
-        stamp: Callable[[int], int],
-        send: Callable[[Topic, Any, Energy, int], None],
-    ) -> None:
+        self, node: Node, engine: TickEngine, period: float, wanted: Callable[[], bool],
+        stamp: Callable[[int], int], send: Callable[[Topic, Any, Energy, int], None],
+    ) -> None:  # fmt: skip
         """Advertise the topic, and build what the first account needs.
 
         Args:
@@ -78,18 +73,18 @@ class EnergyTopic:
         return self._latest if self._engine.accounted else None
 
     def watch(self, period: float) -> None:
-        """Evaluate and publish every ``period`` in [s] in a thread of its own, see ``look``."""
+        """Evaluate and publish every ``period`` in [s] in a thread of its own, see ``update``."""
         self._thread = Thread(target=self._run, args=(period,), name="energy", daemon=True)
         self._thread.start()
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Open or close the account as required; not for the ticking thread."""
         wanted, engine = self.heard or self._wanted(), self._engine
         if wanted == engine.accounted:
             return
         try:
             engine.queue.run(lambda: engine.keep_account(wanted))
-        except InvalidInput:  # no tick has ended for long; it will look again
+        except InvalidInput:  # no tick has ended for long; the next update tries again
             return
         if wanted:
             self._opened.set()
@@ -104,12 +99,12 @@ class EnergyTopic:
             self._thread.join()
 
     def _run(self, period: float) -> None:
-        told = -1
+        published = -1
         while self._opened.wait() and not self._ended.is_set():
             heard, account = self.heard, self._engine.account()
             self._latest = account
-            if heard and account is not None and account.step != told:
-                told = account.step
+            if heard and account is not None and account.step != published:
+                published = account.step
                 try:
                     self._publish(account)
                 except Exception:

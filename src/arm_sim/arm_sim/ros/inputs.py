@@ -49,18 +49,18 @@ class Inputs:
         self._model = engine.simulator.model
         self._limit = self._model.command_limit.tolist()
         self._joints = JointCommands(self._model, engine.arbiter.admit)
-        ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
+        options = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **ways)
+        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **options)
         self.reader = JointStateReader(
-            names, ("effort",), other=references, admit=self._joints.admit, **ways
+            names, ("effort",), other=references, admit=self._joints.admit, **options
         )
         self._newest: PolledSubscription | None = None
         self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.rivals: Rivals | None = None
         self.tap: Callable[[Topic, Any], None] | None = None
-        self._warned = False
+        self._explained = False
         engine.ticks.trip = addressof(self.round_trip)
         engine.ticks.answer(read=self._read)
         engine.ticks.refresh.append(self._refresh)
@@ -74,12 +74,9 @@ class Inputs:
         self._engine.ticks.at_once = AT_ONCE
 
     def read_from(self, place: int, again: Callable[[], tuple[bytes, int] | None]) -> None:
-        """Let C read the messages of a subscription.
+        """Let C read the messages of an ``rcl_subscription_t``.
 
-        Args:
-            place: Address of its ``rcl_subscription_t``.
-            again: Takes a message and its arrival in [ns] after C has failed to, or gives the
-                reason.
+        ``again`` takes a message and its arrival in [ns] after C has failed to, or raises why.
         """
         self.reader.open(place)
         self._again = again
@@ -126,21 +123,11 @@ class Inputs:
         return answers and self._engine.arbiter.alone
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
-        """Accept a command by joint name from a JointState that arrived at ``arrival`` [ns].
+        """Make the content of a JointState that arrived at ``arrival`` [ns] the newest command.
 
         Returns:
             Its stamp in [ns], or None if it was refused.
         """
-        if (stamp := self._accepted(raw)) is not None:
-            self.round_trip.answered(stamp, arrival)
-        return stamp
-
-    def _show(self, topic: Topic, message: Any) -> None:
-        if self.tap is not None:
-            self.tap(topic, message)
-
-    def _accepted(self, raw: bytes) -> int | None:
-        """Make the content of a JointState the newest command; return its stamp unless refused."""
         slot = self._engine.commands
         self._show(JOINT_COMMANDS, raw)
         try:
@@ -150,13 +137,18 @@ class Inputs:
                 self.rivals.check(stamp)
             if slot.empty:
                 self._joints.forget()
-            command = self._joints.merged(stamp, numbers)
+            command = self._joints.command(stamp, numbers)
         except InvalidInput as error:
             self._refuse(error)
             return None
         if command is not None:
             slot.put(command)
+        self.round_trip.answered(stamp, arrival)
         return stamp
+
+    def _show(self, topic: Topic, message: Any) -> None:
+        if self.tap is not None:
+            self.tap(topic, message)
 
     def _catch_up(self) -> None:
         """Register efforts of all joints that C has read."""
@@ -167,7 +159,14 @@ class Inputs:
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
         self._show(COMMANDS, message)
-        self._tell_meaning()
+        if not self._explained:  # once, since the type does not say what the numbers are
+            self._explained = True
+            units = zip(self._model.joint_names, self._model.command_unit, strict=True)
+            efforts = ", ".join(f"{name} [{unit}]" for name, unit in units)
+            self._log.info(
+                f"numbers on {_UNNAMED} are taken as efforts: {efforts}; positions and velocities "
+                f"are taken from {JOINT_COMMANDS.name}"
+            )
         tau, n = np.array(message.data, float), self._model.n
         try:
             if message.layout.data_offset:
@@ -194,18 +193,6 @@ class Inputs:
         self._catch_up()
         self._joints.forget()
         self._engine.commands.put(numbers)
-
-    def _tell_meaning(self) -> None:
-        """Log once what numbers on ``~/commands`` are taken for, since the type does not say."""
-        if self._warned:
-            return
-        self._warned = True
-        units = zip(self._model.joint_names, self._model.command_unit, strict=True)
-        efforts = ", ".join(f"{name} [{unit}]" for name, unit in units)
-        self._log.info(
-            f"numbers on {_UNNAMED} are taken as efforts: {efforts}; positions and velocities are "
-            f"taken from {JOINT_COMMANDS.name}"
-        )
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Apply a wrench to the frame in the header."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from ctypes import Structure, byref
+from ctypes import byref
 
 from rclpy.node import Node
 
@@ -20,12 +20,6 @@ _SOON = 300_000  # [ns] within which busy-waiting for an answer pays
 _STRETCH = 20_000_000  # [ns] after which other callbacks get their turn
 
 
-class Waiting(Structure):
-    """The state whose answer is awaited: ``waiting_t`` of loop.h, which explains the fields."""
-
-    _fields_ = LOOP.fields("waiting_t")
-
-
 class Lockstep:
     """Waits for the command with the stamp of the current state, and repeats the state if needed.
 
@@ -37,6 +31,7 @@ class Lockstep:
     Attributes:
         asked_again: Number of states that were published again.
         gone: Whether the partner is reported gone.
+        waiting: The state whose answer is awaited: ``waiting_t`` of loop.h, where its fields are.
     """
 
     def __init__(
@@ -47,24 +42,19 @@ class Lockstep:
         self._log = node.get_logger()
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
-        self._glance = 0.5 * params.lockstep_retry
+        self._period = 0.5 * params.lockstep_retry
         self.asked_again = 0
         self.gone = False
-        self._waiting = Waiting(soon=_SOON, stamp=-1)
+        self.waiting = LOOP.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.read_from(self._subscription.handle.pointer, self._take)
-        steady_timer(node, self._glance, self.look)
+        steady_timer(node, self._period, self.watch)
         engine.on_jump.append(self.wait)
         engine.on_pause += [outputs.publish, self.wait]
 
-    @property
-    def ignored(self) -> int:
-        """Number of commands that did not answer a waiting state."""
-        return int(self._waiting.ignored)
-
     def reset_counters(self) -> None:
         """Reset the counters."""
-        self.asked_again = self._waiting.ignored = 0
+        self.asked_again = self.waiting.ignored = 0
 
     def _take(self) -> tuple[bytes, int] | None:
         """A message and its arrival in [ns]."""
@@ -77,9 +67,9 @@ class Lockstep:
         Sleeping and waking up takes longer than most answers.
         """
         engine, arm = self._engine, self._engine.simulator.arm
-        self._waiting.end = time.monotonic_ns() + _STRETCH
+        self.waiting.end = time.monotonic_ns() + _STRETCH
         stamp, before = self._inputs.on_joint_commands(raw, time.time_ns()), arm.step_count
-        engine.run(library().in_lockstep, byref(self._waiting), -1 if stamp is None else stamp)
+        engine.run(library().in_lockstep, byref(self.waiting), -1 if stamp is None else stamp)
         if engine.paused:
             self.wait()
         if self.gone and arm.step_count != before:
@@ -88,22 +78,22 @@ class Lockstep:
 
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
-        self._waiting.stamp = -1 if self._engine.paused else self._engine.stamp
-        self._waiting.asked = self._waiting.first = time.monotonic_ns()
+        self.waiting.stamp = -1 if self._engine.paused else self._engine.stamp
+        self.waiting.asked = self.waiting.first = time.monotonic_ns()
 
-    def look(self) -> None:
+    def watch(self) -> None:
         """Publish the state again, or report the partner gone, when it is time."""
         if self._engine.paused:
-            self._outputs.repeat(self._glance)
+            self._outputs.repeat(self._period)
             return
         now = time.monotonic_ns()
-        if not self.gone and now - self._waiting.first > self._timeout:
+        if not self.gone and now - self.waiting.first > self._timeout:
             self.gone = True
             self._log.error(
                 f"no answer to the state of {1e-9 * self._engine.stamp:.6f} s for "
                 f"{1e-9 * self._timeout:g} s: the partner is gone; time stands still"
             )
-        if now - self._waiting.asked > self._retry:
+        if now - self.waiting.asked > self._retry:
             self.asked_again += 1
-            self._waiting.asked = now
+            self.waiting.asked = now
             self._outputs.publish()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from ctypes import addressof, byref
+from ctypes import addressof, byref, c_void_p
 from typing import Any
 
 import numpy as np
@@ -12,24 +12,53 @@ from arm_msgs.msg import Multipliers
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.description import AllJoints
 from arm_dynamics.ros.common.convert import as_bytes, to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
-from arm_sim.ros.drive_torques import DriveTorques
+from arm_sim.ros.display import AllJointStates
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.node_library import library
-from arm_sim.ros.robot.all_joints import AllJointStates
 from arm_sim.ros.sim_params import CLOCK, SimParams
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.clock import SimClock
-from arm_sim.ros.timing.stamps import SIM, NodeTime, SimulatedTime
+from arm_sim.ros.timing.stamps import ROS, NodeTime, SimulatedTime
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
-_GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics
+_POLL = 0.5  # [s] between checks for subscribers of infrequent topics
+
+
+class DriveTorques:
+    """Torques of a simulation's drives at the end of the last tick; see ``Simulator.effort``.
+
+    Attributes:
+        values: In [N m] or [N], shape (n,).
+        place: Address of the compiled function that updates them, as a ``kernel.Entry``, or None.
+    """
+
+    @one_at_a_time
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Compile them; for a scene with models with internal states."""
+        torques = arm.plant.torques
+        assert torques is not None
+        self._arm = arm
+        self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
+        self.values, entry = self._call.outputs[0], self._call.entry
+        self.place = None
+        if entry is not None:
+            inputs = (c_void_p * 2).from_address(entry.arguments)
+            inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
+            self.place = addressof(entry)
+
+    def update(self) -> None:
+        """Evaluate them without compiled code."""
+        self._call(self._arm.x, self._arm.acted)
 
 
 class Outputs:
@@ -49,11 +78,7 @@ class Outputs:
     """
 
     def __init__(
-        self,
-        node: Node,
-        engine: TickEngine,
-        params: SimParams,
-        account_wanted: Callable[[], bool],
+        self, node: Node, engine: TickEngine, params: SimParams, account_wanted: Callable[[], bool]
     ) -> None:
         """Advertise the topics and attach to the engine.
 
@@ -64,9 +89,7 @@ class Outputs:
         arm, n, x = simulator.arm, simulator.n, simulator.arm.x
         self._drives = None if arm.plant.torques is None else DriveTorques(arm)
         effort = arm.acted if self._drives is None else self._drives.values
-        truth = x[:n], x[n : 2 * n], effort
-
-        names = simulator.joint_names
+        truth, names = (x[:n], x[n : 2 * n], effort), simulator.joint_names
 
         def sink(topic: Topic, names: Sequence[str], arrays: Sequence[Array]) -> JointStateSink:
             writer = JointStateWriter(names, frame_id=params.frame_id)
@@ -86,14 +109,18 @@ class Outputs:
         if simulator.model.scene.bilateral:
             self._multipliers = advertise(node, MULTIPLIERS)
             simulator.multipliers()  # builds in advance what would delay the loop
-        self.stamps = stamps = _stamps(node, params, simulator.dt)
-        self.clock = SimClock(node) if params.publish_clock else None
         self._by_the_clock = params.tick_source == CLOCK
+        self.stamps = stamps = SimulatedTime()
+        if params.stamps == ROS:
+            even = self._by_the_clock and params.realtime_factor == 1.0
+            tick = round(1e9 * simulator.dt) if even else 0
+            self.stamps = stamps = NodeTime(node.get_clock(), tick)
+        self.clock = SimClock(node) if params.publish_clock else None
         period, stamp = params.energy_period, stamps.near if self._by_the_clock else stamps.at
         self.energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
         if self._by_the_clock:
             self.energy.watch(period / (params.realtime_factor or 1.0))
-            steady_timer(node, _GLANCE, self._look)
+            steady_timer(node, _POLL, self._update)
         self.tap: Callable[[Topic, int, bytes], None] | None = None
         self._share(params.publish_every)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))
@@ -114,10 +141,10 @@ class Outputs:
             self._engine.on_seldom.append(self._publish_seldom)
         ticks.answer(fill=self._fill, unsent=self._unsent)
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         """Prepare for readers and clocks that came or went; not in the ticking thread."""
-        self.stamps.see()
-        self.energy.look()
+        self.stamps.update_source()
+        self.energy.update()
 
     def publish(self) -> None:
         """Publish the current state, and the clock."""
@@ -157,15 +184,11 @@ class Outputs:
         """Publish other topics than joint states, if there are readers."""
         if not self._by_the_clock:
             self.energy.after_tick()
-        topic = self._multipliers
-        if topic is not None and topic.get_subscription_count() > 0:
-            self._publish_multipliers()
-
-    def _publish_multipliers(self) -> None:
-        simulator = self._simulator
-        message = Multipliers(names=list(simulator.dynamics.constrained.names))
-        message.values = simulator.multipliers().tolist()
-        self._publish(MULTIPLIERS, self._multipliers, message, self.stamp())
+        publisher, simulator = self._multipliers, self._simulator
+        if publisher is not None and publisher.get_subscription_count() > 0:
+            message = Multipliers(names=list(simulator.dynamics.constrained.names))
+            message.values = simulator.multipliers().tolist()
+            self._publish(MULTIPLIERS, publisher, message, self.stamp())
 
     def _publish(self, topic: Topic, publisher: Any, message: Any, stamp: int) -> None:
         """Publish topics that are not published in every tick."""
@@ -174,10 +197,3 @@ class Outputs:
         publisher.publish(raw)
         if self.tap is not None:
             self.tap(topic, stamp, raw)
-
-
-def _stamps(node: Node, params: SimParams, dt: float) -> SimulatedTime | NodeTime:
-    if params.stamps == SIM:
-        return SimulatedTime()
-    even = params.tick_source == CLOCK and params.realtime_factor == 1.0
-    return NodeTime(node.get_clock(), round(1e9 * dt) if even else 0)

@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.diagnostics import Alarm, publishers, two_publish
+from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
 from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES
@@ -61,16 +61,16 @@ class Rivals:
         began = time.monotonic()
         while self._others_are_there() and time.monotonic() - max(began, self._heard) < _SILENCE:
             if time.monotonic() - began > _LEAVING:
-                raise InvalidInput(self._words())
+                raise InvalidInput(self._message())
             time.sleep(0.02)
         if "fastrtps" in get_rmw_implementation_identifier():  # elsewhere it does not know itself
-            self._timer = steady_timer(self._node, _PERIOD, self.look)
+            self._timer = steady_timer(self._node, _PERIOD, self.update)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Look whether others published within the last second."""
         goes_on = self._others_are_there() and time.monotonic() - self._heard < _SILENCE
         if goes_on != bool(self.alarm.message):
-            self.alarm.set(self._words() if goes_on else "")
+            self.alarm.set(self._message() if goes_on else "")
             self.changed()
 
     def check(self, stamp: int) -> None:
@@ -116,6 +116,6 @@ class Rivals:
         else:
             self._rival, self._heard = sender, time.monotonic()
 
-    def _words(self) -> str:
+    def _message(self) -> str:
         rival = publishers(self._node, self._topic).get(self._rival, "unknown")
         return two_publish(self._topic, "this sim", f"'{rival}'")

@@ -10,7 +10,6 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import answering
@@ -73,29 +72,22 @@ class SimServices:
             q = named.spread("position", "position", request.position, q)
         if request.velocity:
             v = named.spread("velocity", "velocity", request.velocity, v)
-        self._refuse_fast(v)
-        self._engine.change(lambda: simulator.set_state(q, v))
-
-    def _refuse_fast(self, v: Array) -> None:
-        """Refuse velocities that are too large for a tick, which would fail afterwards."""
-        simulator = self._engine.simulator
-        limit = _REACH / simulator.dt
-        for name, kind, speed in zip(
-            simulator.joint_names, simulator.model.joint_types, v.tolist(), strict=True
-        ):
+        limit = _REACH / simulator.dt  # beyond it the next tick would fail
+        kinds = simulator.model.joint_types
+        for name, kind, speed in zip(simulator.joint_names, kinds, v.tolist(), strict=True):
             if abs(speed) > limit:
                 unit = "m" if kind == "prismatic" else "rad"
                 raise InvalidInput(
                     f"velocity of joint '{name}' is {speed:.6g}; allowed: up to {limit:g} "
                     f"{unit}/s, {_REACH:g} {unit} in a time step"
                 )
+        self._engine.change(lambda: simulator.set_state(q, v))
 
-    def _set_payload(self, request: Any, response: Any) -> Action:
-        """Change a payload."""
+    def _set_payload(self, request: Any, _: Any) -> Action:
         load = request.index, request.mass, request.com, request.inertia
         return partial(self._engine.change, payload_change(self._engine.simulator, *load))
 
-    def _set_friction(self, request: Any, response: Any) -> Action:
+    def _set_friction(self, request: Any, _: Any) -> Action:
         """Change viscous friction; joints that are not named keep theirs."""
         simulator = self._engine.simulator
         named = Named(request.joint_names, simulator.joint_names)

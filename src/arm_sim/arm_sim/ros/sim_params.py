@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from arm_dynamics import InvalidInput, Scene
 from arm_dynamics.ros.common.params import SCENE, parameter
 from arm_dynamics.ros.common.privileges import ThreadParams
+from arm_dynamics.ros.common.robot_source import DescriptionParams
 from arm_sim.ros.commands.latest import BRAKE, POLICIES
-from arm_sim.ros.robot.robot_params import RobotParams
 from arm_sim.ros.timing.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.ros.timing.stamps import AUTO, CHOICES, ROS, SIM
 from arm_sim.simulation.simulator import Simulator
@@ -24,7 +24,7 @@ _ONLY_WITH = {
 
 
 @dataclass(frozen=True)
-class SimParams(ThreadParams, RobotParams):
+class SimParams(ThreadParams, DescriptionParams):
     """Parameters of the sim node."""
 
     scene: str = parameter("", f"{SCENE}; the simulated scene")
@@ -69,6 +69,20 @@ class SimParams(ThreadParams, RobotParams):
         "Stamps: sim (simulated time), ros (the node's clock), or auto: ros where the simulation "
         "goes at the clock's pace and does not publish one",
         choices=CHOICES,
+    )
+    publish_description: bool = parameter(
+        True, "Publish the URDF on robot_description, unless it came from there"
+    )
+    publish_all_joints: bool = parameter(
+        False, "Include locked and mimic joints in joint_states, not only in ~/all_joint_states"
+    )
+    publish_tf: bool = parameter(
+        True, "Publish /tf and /tf_static, while no robot_state_publisher does; needs tf2_msgs"
+    )
+    frame_prefix: str = parameter("", "Prefix of every frame name on /tf, such as left/")
+    frame_id: str = parameter("", "frame_id of the joint states")
+    display_rate: float = parameter(
+        50.0, "Messages per second on /tf and ~/all_joint_states; 0: none", low=0.0, high=1000.0
     )
     publish_clock: bool = parameter(False, "Publish simulated time on /clock")
     record: str = parameter(
@@ -140,11 +154,7 @@ class SimParams(ThreadParams, RobotParams):
 
 
 def simulator_of(scene: Scene, params: SimParams) -> Simulator:
-    """The simulation of a scene, with the method and tick of the parameters.
-
-    Raises:
-        ArmError: If it cannot be simulated.
-    """
+    """The simulation of a scene, with the method and tick of the parameters."""
     chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
     return Simulator(scene, **{name: value for name, value in chosen.items() if value})
 

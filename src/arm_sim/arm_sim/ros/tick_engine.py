@@ -17,6 +17,7 @@ from arm_dynamics.ros.common.background import Background
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.stopping import Servos, Stopping
@@ -24,7 +25,6 @@ from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
 from arm_sim.servo import JointCommand
-from arm_sim.simulation.compiled_scene import EXTERNAL
 from arm_sim.simulation.energy_meter import Account, EnergyMeter
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
@@ -132,10 +132,7 @@ class TickEngine:
         ticks.listens = bool(self.on_tick)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
-        """Set the simulated time in [s] after which a command is stale, 0: never, and the policy.
-
-        The policy is one of ``commands.latest.POLICIES``, see ``LatestCommand``.
-        """
+        """Set the simulated time in [s] until commands are stale, 0: never, and the policy."""
         ticks = self.duration(command_timeout)
         self.commands.configure(ticks, stale_policy)
         self.arbiter.patience = max(ticks, self.duration(_SILENCE))
@@ -229,7 +226,7 @@ class TickEngine:
         if self._pushed:
             tau = self._wrenches.torque(self._q, step)
             self._note()  # with the quantities that acted
-            self.simulator.set_parameter(EXTERNAL, tau)
+            self.simulator.set_parameter("external", tau)
             self._pushing = bool(self._wrenches.active)
 
     @property
@@ -253,15 +250,22 @@ class TickEngine:
         """Execute a tick under what C does not compute; return whether it can be computed."""
         arm, stopping = self._arm, self.stopping
         command: str | Command | None = self.commands.command(self.ticks.acts, self._q)
+        if isinstance(command, JointCommand) and self.paused:
+            self._servos.build()  # time waits
         if isinstance(command, str):
             command = stopping.command(command)
-        elif isinstance(command, JointCommand) and not self._has_servos():
+        elif isinstance(command, JointCommand) and not self._servos.ready:
             command = None
         elif stopping.acts:
-            self._release()
+            stopping.release()
+            if self._in_background and self.stale_policy in (BRAKE, SERVO):
+                self._servos.ready  # noqa: B018 - begins to build what may have to stop the arm
         try:
             if command is None:
-                self._stand()
+                if not stopping.locked:  # the energy that brakes absorb is a change
+                    self._accounted(arm.lock)
+                    stopping.locked = True
+                arm.stand()
             elif isinstance(command, JointCommand):
                 arm.follow(command)
             else:
@@ -269,24 +273,6 @@ class TickEngine:
         except SimulationDiverged:
             return False
         return True
-
-    def _has_servos(self) -> bool:
-        if self.paused:
-            self._servos.build()  # time waits
-        return self._servos.ready
-
-    def _release(self) -> None:
-        """Release the arm, and prepare the servos that may have to stop it."""
-        self.stopping.release()
-        if self._in_background and self.stale_policy in (BRAKE, SERVO):
-            self._servos.ready  # noqa: B018 - begins to build them
-
-    def _stand(self) -> None:
-        """Execute a tick in which brakes hold the arm; the energy they absorb is a change."""
-        if not self.stopping.locked:
-            self._accounted(self._arm.lock)
-            self.stopping.locked = True
-        self._arm.stand()
 
     def _ticked(self) -> None:
         ticks = self.ticks
@@ -309,11 +295,7 @@ class TickEngine:
         _call(self.on_pause)
 
     def reset(self, *state: Any) -> None:
-        """Reset to time zero, without commands, sources and wrenches.
-
-        Args:
-            *state: q, v and z, see ``Simulator.reset``; none for the initial ones.
-        """
+        """Reset to time zero and a state, see ``Simulator.reset``, without commands."""
         self.commands.clear()
         self.arbiter.forget()
         self._wrenches.clear()
@@ -348,10 +330,7 @@ class TickEngine:
         """Apply a wrench to a frame from the next tick on, replacing the previous one.
 
         Code for wrenches is built with the first one, which takes a second in the calling thread.
-
-        Args:
-            frame: A frame that moves.
-            wrench: Force in [N] and moment in [N m], shape (6,).
+        A wrench is force in [N] and moment in [N m], shape (6,).
 
         Raises:
             InvalidInput: If the frame is unknown or fixed, or a number is not finite.

@@ -15,8 +15,7 @@ from arm_dynamics import InvalidInput
 class TickQueue:
     """A queue of actions; while no thread serves it, an action runs immediately.
 
-    Args:
-        timeout: Longest time that a caller waits in [s].
+    A caller waits for up to ``timeout`` in [s].
 
     Attributes:
         served: Whether another thread empties the queue.

@@ -12,14 +12,14 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import postures
 from arm_sim.servo.law import Gains, flexibility, rigid_model
 
 # Postures besides the initial one, and growth of the errors in a tick that is rounding.
 POSTURES, ROUNDING = 16, 1e-6
 
 
-def danger(model: ArmModel, dt: float) -> str:
+def instability(model: ArmModel, dt: float) -> str:
     """Which servo is unstable in ticks of ``dt`` in [s], and what would do; empty if none is."""
     if not any(joint.servo.stiffness for joint in map(model.scene.joint, model.joint_names)):
         return ""

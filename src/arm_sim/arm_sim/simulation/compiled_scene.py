@@ -10,6 +10,7 @@ from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
@@ -23,11 +24,9 @@ if TYPE_CHECKING:
     from arm_sim.derivatives import Derivatives
     from arm_sim.servo import Rest, Servo
 
-EXTERNAL = "external"
-
 
 class CompiledScene:
-    """Everything built from one plant and one choice of method; immutable, replaced as a whole.
+    """What is built from a plant and a choice of method; replaced as a whole if one changes.
 
     Args:
         plant: The equation of motion.
@@ -55,9 +54,9 @@ class CompiledScene:
         Scenes without them compute nothing for them; the equations are rebuilt here.
         """
         scene = self.plant.model.scene
-        if EXTERNAL in scene.tunable:
+        if "external" in scene.tunable:
             return self
-        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
+        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, "external")}))
         return CompiledScene(Plant(model), self.choice, self.backend)
 
     def restart(self) -> None:

@@ -211,8 +211,8 @@ def _sensors(scene: Scene) -> str:
     if (sensors := scene.sensors) is None:
         return ""
     given = {"position": sensors.position, "velocity": sensors.velocity, "effort": sensors.effort}
-    told = [name for name, part in given.items() if part.model_fields_set]
-    return "; ".join([*([f"of {', '.join(told)}"] if told else []), *_line(sensors)]) or "perfect"
+    imperfect = ", ".join(name for name, part in given.items() if part.model_fields_set)
+    return "; ".join([*([f"of {imperfect}"] if imperfect else []), *_line(sensors)]) or "perfect"
 
 
 def _late(scene: Scene) -> str:

@@ -244,7 +244,7 @@ class SimulatedArm:
         """Register ticks up to the ``count``-th, and the state after them if that is known."""
         now = self._now
         now.step_count, now.state, now.hold = count, state, FREE
-        self._saturation.look(self._command, self._effort, servo)
+        self._saturation.check(self._command, self._effort, servo)
         self._sense()
 
     def share(self, now: Any) -> None:
@@ -258,7 +258,7 @@ class SimulatedArm:
     def passed(self) -> None:
         """After a tick of other code: sample the sensors, and warn of a clipped command, once."""
         if self.hold == FREE:
-            self._saturation.look(self._command, self._effort)
+            self._saturation.check(self._command, self._effort)
         self._sense()
 
     def stand(self) -> None:
@@ -269,7 +269,7 @@ class SimulatedArm:
 
     def _sense(self) -> None:
         if self.sensors is not None:
-            self.sensors.look(self.step_count, self._q, self._v, self._driving)
+            self.sensors.sample(self.step_count, self._q, self._v, self._driving)
 
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
@@ -291,7 +291,7 @@ class SimulatedArm:
                 now.step_count, now.state, now.hold = now.step_count + done, None, FREE
                 self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
                 if stepper is self._stepper:  # else the command is a controller's reference
-                    self._saturation.look(
+                    self._saturation.check(
                         command[:done] if command.ndim == 2 else command, effort[:done]
                     )
         return done

@@ -36,7 +36,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control as Again
 from arm_sim.servo import JointCommand
-from arm_sim.servo.stability import danger
+from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.simulation.plan import Plan
 from arm_sim.simulation.simulated_arm import SimulatedArm
@@ -144,7 +144,7 @@ class Simulator:
             plant = Plant(model)
             choice = choose(plant, integrator, dt, tolerance)
             compiled = CompiledScene.chosen(plant, choice, backend)
-        if unstable := danger(model, choice.dt):
+        if unstable := instability(model, choice.dt):
             _log.warning("%s", unstable)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, choice.dt
         self.z_names = plant.laws.names

@@ -93,7 +93,7 @@ class Trace:
         n, step = arm.n, arm.step_count - len(trace) + 1
         effort = arm.plant.joint_torque(trace, command)
         for k, x in enumerate(trace):
-            arm.sensors.look(step + k, x[:n], x[n : 2 * n], effort[k])
+            arm.sensors.sample(step + k, x[:n], x[n : 2 * n], effort[k])
             self._measured[row + k + 1] = arm.sensors.measured
 
     def begin(self, row: int) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -105,6 +105,11 @@ class Compiled:
     def __init__(self, own: ctypes.CDLL, engine: ctypes.CDLL) -> None:
         self.own, self.engine = own, engine
         self.scene = ctypes.c_void_p(address_of(own))
+
+    @cached_property
+    def tick(self) -> int | None:
+        """Address of the engine's function for one tick of one arm."""
+        return ctypes.cast(self.engine.arm_tick, ctypes.c_void_p).value
 
 
 @cache

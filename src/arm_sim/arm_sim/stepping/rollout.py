@@ -1,54 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many arms at once: one in each lane of a vector register, groups of them on every core."""
+"""Rollouts: many arms at once, in lanes of vector registers and on every core."""
 
 from __future__ import annotations
 
 import ctypes
-import os
-import re
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
-from itertools import compress, pairwise
-from time import perf_counter
-from types import MappingProxyType
+from functools import partial
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector
-from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.header import Header
-from arm_dynamics.codegen.kernel import generate
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
-from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.long_runs import refuse_beyond_memory
-from arm_sim.plant.actuation import CompiledControl, actuation
+from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed_rows, inside_stops
-from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import INCLUDED, NATIVE, Compiled, library, scene_source
-from arm_sim.stepping.stepper import MOVING, Stepper, address, smooth_motion
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.addresses import address
+from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, repeated
+from arm_sim.stepping.engine import Compiled
+from arm_sim.stepping.lanes import (
+    ADDRESS,
+    NUMBER,
+    built_of_lanes,
+    natural_width,
+    switches_unseen,
+    ticks_of_lanes,
+    widths,
+)
+from arm_sim.stepping.stepper import Stepper
+from arm_sim.stepping.threads import share
 
-ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
-WIDTHS = (8, 4, 2, 1)
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
 MANY_TICKS = 100_000
-# Work in [s] that is worth a thread; with 16 of them, less takes longer than alone.
-WORTH_A_THREAD = 7e-4
-# Ticks of groups of arms that surely take little time.
-FEW_TICKS = 2000
-# Functions of events that ticks without events ask for, see native/lanes/eventful_ticks.h.
-PREDICTED = ("loads", "contact_geometry", "contact_inertia", "contact_close")
-# How CasADi writes choices; C++ has no such operator for many arms at a time.
-_SIGN = "x<0 ? -1 : x>0 ? 1 : x"
-_CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
 
 
 @dataclass(frozen=True)
@@ -73,46 +61,6 @@ class Batch:
     effort: Array | None = None
 
 
-class Engine(ctypes.Structure):
-    """Functions of the compiled engine of one arm: ``engine_t`` of ``prediction.h``."""
-
-    _fields_ = Header(NATIVE / "modes/prediction.h", only="engine_t").fields("engine_t")
-
-    @classmethod
-    def of(cls, stepper: Stepper) -> Engine:
-        """Those of a scene with events."""
-        assert stepper.compiled is not None
-        found = (getattr(stepper.compiled.engine, name) for name, _ in cls._fields_[1:])
-        places = (ctypes.cast(function, ctypes.c_void_p).value for function in found)
-        return cls(stepper.compiled.scene.value, *places)
-
-
-class ArmTable(ctypes.Structure):
-    """Arms and their ticks for compiled code: ``arms_t`` of ``lanes.h``."""
-
-    _fields_ = Header(NATIVE / "lanes/lanes.h", only="arms_t").fields("arms_t")
-
-    @classmethod
-    def of(
-        cls, x0: Array, tau: Array, p: Array, dt: float, marks: Marks, engine: Engine | None
-    ) -> ArmTable:
-        """Those of some arrays, which must live as long.
-
-        Args:
-            x0: Initial states, shape (b, nx).
-            tau: Commands, shape (b, ticks, n).
-            p: Parameters, shape (b, np).
-            dt: Length of a tick in [s].
-            marks: Receives which arms are to be advanced alone.
-            engine: In a scene with events.
-        """
-        by = *strides(tau, 2), *strides(p, 1)
-        return cls(
-            *map(address, (x0, tau, p)), *by, dt, tau.shape[1], marks.place,
-            None if engine is None else ctypes.addressof(engine),
-        )  # fmt: skip
-
-
 class Rollouts:
     """Rollouts of one scene with one method; arms never influence one another.
 
@@ -125,13 +73,9 @@ class Rollouts:
     """
 
     def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        stepper: Stepper,
-        backend: str,
+        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
         control: CompiledControl | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._plant, self._choice, self._stepper, self._control = plant, choice, stepper, control
         # Arms that meet a stop are advanced once more, alone. With dry friction or contacts, lanes
         # compute the motions without events, and the engine of one arm does the rest.
@@ -291,197 +235,5 @@ class Rollouts:
         return built_of_lanes(self._written, width, name, types)
 
     def _written(self, width: int) -> str:
-        plant, choice, control = self._smooth, self._choice, self._control
-        if not self._controlled:
-            plant = self._plant if plant.eventful else plant
-            return ticks_of_lanes(plant, choice, width, control)
-        functions = [smooth_motion(plant, choice), actuation(plant, control)]
-        return lanes_source(plant, choice, functions, width, _inputs(control))
-
-
-def ticks_of_lanes(
-    plant: Plant, choice: Choice, width: int, control: CompiledControl | None = None
-) -> str:
-    """C of ticks of arms side by side, with what lanes ask for where there are events.
-
-    Args:
-        plant: Their equations, away from stops where these are all that causes events.
-        choice: Method and tick.
-        width: Number of arms.
-        control: Controller to compile in, if any.
-    """
-    motion, actuate = smooth_motion(plant, choice), actuation(plant, control)
-    if not plant.eventful:
-        functions = [build_tick(motion, actuate)]
-        return lanes_source(plant, choice, functions, width, _inputs(control))
-    asked = [function for name, function in plant.events.items() if name in PREDICTED]
-    functions = [slope_of_loads(plant), motion, actuate, *asked]
-    if plant.has_sliding_modes:
-        functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
-    return lanes_source(plant, choice, functions, width, _inputs(control))
-
-
-def _inputs(control: CompiledControl | None) -> dict[str, int]:
-    return {} if control is None else {"nr": control.law.size1_in(1)}
-
-
-def lanes_source(
-    plant: Plant, choice: Choice, functions: Sequence[ca.Function], width: int,
-    more: Mapping[str, int] = MappingProxyType({}),
-) -> str:  # fmt: skip
-    """C of functions and of their scene, see ``scene_source``, for ``width`` arms side by side."""
-    code = generate(functions)
-    if width == 1:
-        head = '#include "scalar.h"\n'
-    else:
-        code = _CHOICE.sub(r"if_else_zero(\1,\2)", code).replace(_SIGN, "sign(x)")
-        head = f'#define LANES {width}\n#include "lanes.hpp"\n'
-    return f"{head}{code}{scene_source(plant, choice, functions, more=more)}"
-
-
-def alike(plant: Plant, choice: Choice) -> bool:
-    """Whether all arms take the same steps away from stops: smooth, without error control."""
-    smooth = choice.tolerance is None and not (plant.free or plant).eventful
-    return smooth and not switches_unseen(plant)
-
-
-def switches_unseen(plant: Plant) -> bool:
-    """Whether something switches at which lanes of arms away from their stops do not look."""
-    return plant.free is not None and plant.layout.switches > 0
-
-
-@one_at_a_time
-def built_of_lanes(
-    write: Callable[[int], str], width: int, name: str, types: Sequence[type],
-    units: tuple[str, ...] = (), folders: tuple[str, ...] = (),
-) -> Compiled | None:  # fmt: skip
-    """Compiled code that ``write`` gives for ``width`` arms side by side; None if it cannot be.
-
-    The engine's function ``name`` then takes the scene and arguments of those C types, plain
-    integers among them; for ``units`` and ``folders`` see ``engine.library``.
-    """
-    language = "c++" if width > 1 else "c"
-    if not compiler.may_build(language):  # writing it takes long
-        return None
-    try:
-        own = compiler.build(write(width), language, local=INCLUDED).library
-        engine = library(width, units, folders)
-    except CompilerMissing:
-        return None
-    getattr(engine, name).argtypes = [ADDRESS, *types]  # engine[name] is another object each time
-    return Compiled(own, engine)
-
-
-def widths(lanes: int | None) -> tuple[int, ...]:
-    """Numbers of lanes to try in turn: as requested, else the processor's and fewer; then one.
-
-    Code compiled elsewhere, for all processors of a level, may be of fewer lanes than fit here.
-
-    Raises:
-        InvalidInput: If ``lanes`` is not one of ``WIDTHS``.
-    """
-    if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
-        allowed = ", ".join(map(str, WIDTHS))
-        raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
-    if lanes is not None:
-        return (lanes, 1) if lanes > 1 else (1,)
-    return WIDTHS[WIDTHS.index(natural_width()) :]
-
-
-def natural_width() -> int:
-    """Doubles in a vector register of the processor that code is compiled for."""
-    present = compiler.instructions()
-    return 8 if "avx512f" in present else 4 if "avx2" in present else 2
-
-
-def repeated(array: Array, shape: tuple[int, ...]) -> Array:
-    """The array in another shape, repeated by strides of zero."""
-    return array if array.shape == shape else np.broadcast_to(array, shape)
-
-
-def strides(array: Array, axes: int) -> list[int]:
-    """Numbers from one entry to the next along the first axes."""
-    return [stride // 8 for stride in array.strides[:axes]]
-
-
-class Marks:
-    """A mark for each arm, to be set by compiled code; before them one by which it is halted.
-
-    Attributes:
-        place: Address of the first.
-    """
-
-    def __init__(self, arms: int) -> None:
-        self._all = (ctypes.c_char * (1 + arms))()
-        self.place = ctypes.addressof(self._all) + 1
-
-    def of(self, first: int, last: int) -> list[int]:
-        """Those of some arms whose marks are set."""
-        return list(compress(range(first, last), self._all.raw[1 + first :]))
-
-    @property
-    def halted(self) -> bool:
-        """Whether compiled code is to return at its next tick, its results being of no use."""
-        return self._all[0] != b"\0"
-
-    def halt(self) -> None:
-        """Halt it."""
-        self._all[0] = b"\1"
-
-
-def share(
-    arms: int, width: int, threads: int | None, work: Callable[[int, int], None], ticks: int = 0,
-    halt: Callable[[], None] = lambda: None,
-) -> None:  # fmt: skip
-    """Distribute arms over threads in whole groups; compiled code releases the interpreter lock.
-
-    If they have many ticks, this thread only waits, so that signals are handled.
-
-    Args:
-        arms: Number of arms.
-        width: Arms in a group.
-        threads: Number of threads; None for one per core, or fewer if the time that the first
-            group takes tells that they would not be worth it.
-        work: Called with the first arm and the one after the last.
-        ticks: Ticks of each arm.
-        halt: Lets all that works return soon, after an exception.
-
-    Raises:
-        InvalidInput: If the number of threads is not positive.
-    """
-    if threads is not None:
-        whole("threads", threads, 1)
-    count, groups, done = threads or len(os.sched_getaffinity(0)), -(-arms // width), 0
-    if threads is None and count > 1 and groups > 1 and ticks <= FEW_TICKS:
-        start = perf_counter()
-        work(0, width)
-        count = min(count, 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD))
-        done = 1
-    count = max(1, min(count, groups - done))
-    edges = [done + (groups - done) * i // count for i in range(count + 1)]
-    parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
-    here = parts[: (groups - done) * ticks <= FEW_TICKS]
-    if len(here) == len(parts) == 1:
-        work(*here[0])
-        return
-    others = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
-    try:
-        for part in here:
-            work(*part)
-        wait(others)
-    except BaseException:
-        halt()
-        raise
-    finally:
-        wait(others)
-    for other in others:
-        other.result()
-
-
-@cache
-def _kept_threads() -> ThreadPoolExecutor:
-    """Threads besides the calling one: those that ended their work wait for more."""
-    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "arms")
-
-
-os.register_at_fork(after_in_child=_kept_threads.cache_clear)  # a fork has none of them
+        plant = self._plant if self._smooth.eventful else self._smooth
+        return ticks_of_lanes(plant, self._choice, width, self._control)

@@ -13,11 +13,9 @@ from collections.abc import Callable
 from copy import copy
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 import arm_dynamics
 from arm_dynamics import Dynamics
@@ -28,23 +26,19 @@ from arm_dynamics.codegen.known_kernels import digest_of
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics.checks import check_constrained, check_forward, sliding
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
-from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.long_runs import slices
 from arm_sim.plant.actuation import CompiledControl, actuation
-from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.plant.slopes import scaled_jacobian
+from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.addresses import address, pointer
 from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
+from arm_sim.stepping.tick_functions import FREE, MOVING, tick_functions
 
 LITTLE_WORK, MANY_STEPS = 20_000_000, 20
 """Arithmetic operations that take some hundredths of a second, and steps in a tick with events."""
-FREE = "free_"
-"""Prefix of the functions for joints away from their stops."""
-MOVING = "moving_"
-"""Prefix of the functions for joints that all slide, without contact."""
 
 
 class Stepper:
@@ -147,9 +141,8 @@ class Stepper:
     def _arm(self, *arrays: Array | None) -> Arm:
         assert self.compiled is not None
         control = None if self._control is None else ctypes.addressof(self._control)
-        tick = ctypes.cast(self.compiled.engine.arm_tick, ctypes.c_void_p).value
         arm = Arm(
-            tick, self.compiled.scene.value,
+            self.compiled.tick, self.compiled.scene.value,
             *(None if array is None else address(array) for array in arrays), address(self.p),
             self._choice.dt, control, ctypes.addressof(self.report),
         )  # fmt: skip
@@ -351,52 +344,6 @@ def _built(
     dry = ["dry friction"] if plant.model.has_dry_friction else []
     features = [*dry, *(["contact"] if plant.points else [])]  # that need the engine
     return Kernel(functions, backend, driver, " and ".join(features), INCLUDED)
-
-
-def tick_functions(
-    plant: Plant, choice: Choice, actuate: ca.Function
-) -> tuple[list[ca.Function], ca.Function]:
-    """The functions that a tick evaluates, and that of them which advances without events."""
-    smooth = smooth_motion(plant, choice)
-    functions = [slope_of_loads(plant), smooth, actuate, *plant.events.values()]
-    if plant.free:
-        smooth = smooth_motion(plant.free, choice, FREE)
-        rhs, given = plant.free.rhs, plant.free.rhs.mx_in()  # under a name of its own
-        functions += [ca.Function(f"{FREE}rhs", given, rhs.call(given)), smooth]
-    if plant.has_sliding_modes:
-        functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
-    return functions, smooth
-
-
-def pointer(array: Array) -> ctypes.c_void_p:
-    """Address of an array for a C function; it keeps the array alive."""
-    found = ctypes.c_void_p(address(array))
-    vars(found)["array"] = array
-    return found
-
-
-def address(array: NDArray[Any]) -> int:
-    """Address of an array for a C function with ``argtypes``; the caller keeps the array."""
-    try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))
-    except (TypeError, ValueError):  # read-only, empty, or not contiguous
-        place: int = array.__array_interface__["data"][0]
-        return place
-
-
-def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
-    """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name.
-
-    In a scene with events it returns its continuous output, too, and begins with the slope that
-    is known from the choice of modes.
-    """
-    n, method, dense = plant.model.n, choice.method, plant.eventful
-    loads, scaled = plant.events.get("loads"), partial(scaled_jacobian, plant)
-    name = f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
-    more = plant.mechanics.project, scaled, name
-    if choice.tolerance is None:
-        return build_step(method, plant.rhs, n, *more, dense, loads)
-    return build_attempt(method, plant.rhs, n, plant.laws.scale, *more, dense, loads)
 
 
 def _set_switches(modes: Modes, kernel: Kernel, x: Array, u: Array) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.arm import postures
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper

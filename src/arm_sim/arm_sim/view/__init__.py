@@ -2,7 +2,7 @@
 """Arms in a browser: playback of recordings, interactive simulations, running arms.
 
 The content of a picture (shapes, marks: computed by Pinocchio) is independent of its drawing
-(stage, charts: viser), and both are independent of the source of motion (player, interactive).
+(drawn_arm, charts: viser), and both are independent of the source of motion (player, interactive).
 Depends on simulators and recordings, which know nothing of it; not on ROS.
 """
 

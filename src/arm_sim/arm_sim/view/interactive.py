@@ -24,9 +24,9 @@ from arm_sim.simulation.energy_meter import EnergyMeter
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.view.charts import RollingCharts
+from arm_sim.view.drawn_arm import MOUSE, DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
-from arm_sim.view.stage import MOUSE, DrawnArm
 
 if TYPE_CHECKING:
     import viser
@@ -35,11 +35,11 @@ NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"
 CONTROLS = (WEIGHT, SLIDERS, NOTHING)
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
 ENERGIES = ("kinetic", "potential", "total", "supplied", "lost", "balance")
-AT_ONCE = 0.025  # [s] of real time that ticks may take between two frames
+BUDGET = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
 SAMPLED = 0.02  # [s] between points of curves, in simulated time
 CHARTED = 0.25  # [s] between drawings of curves
-EAGER = 4.0  # [rad/s] with which references move to the sliders
+BANDWIDTH = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # half the range of a slider without limits in [m]; others: π
 DECIMALS, STEPS = 3, 30  # of a slider, whose box is narrow: more decimals only for so many steps
 PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
@@ -50,6 +50,8 @@ _log = logging.getLogger(__name__)
 class InteractiveArm:
     """A simulation with its controller, external forces and energies; for one thread."""
 
+    _step: int  # up to which the energies are known
+
     def __init__(self, simulation: Simulator) -> None:
         self.simulation, model = simulation, simulation.model
         simulation.arm.use(simulation.arm.compiled.pushable())
@@ -59,8 +61,9 @@ class InteractiveArm:
         self._pull: tuple[str, Array, Array] | None = None
         self._command = CommandMap(model)
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
-        self._lead = PDGravity(simulation.dynamics, *gains)
-        self._carry, self._rigid = GravityCompensation(simulation.dynamics), RigidTerms(model)
+        self._tracking = PDGravity(simulation.dynamics, *gains)
+        self._compensation = GravityCompensation(simulation.dynamics)
+        self._rigid = RigidTerms(model)
         # 1/T in [1/s] of gravity compensation, by which speeds decay; critical: what the mouse
         # holds, a mass on its spring, does not swing.
         self.damping = 2.0 * np.sqrt(PULL / model.reach)
@@ -72,7 +75,7 @@ class InteractiveArm:
             self._metered = False
         self.control, self.target = WEIGHT, simulation.state.q.copy()
         self._reference = self.target.copy(), np.zeros(simulation.n)
-        self._meter, self._seen = self._opened_account()
+        self._open_account()
 
     @property
     def error(self) -> Array:
@@ -90,7 +93,7 @@ class InteractiveArm:
         energies = np.array([x.kinetic, x.potential, x.total, *flows])
         return self.simulation.effort, self.error, energies
 
-    def look(self) -> Instant:
+    def instant(self) -> Instant:
         """The picture of the current state, under the torque of the last tick."""
         simulation, scene = self.simulation, self.simulation.model.scene
         return Instant(
@@ -149,13 +152,13 @@ class InteractiveArm:
     def tick(self) -> None:
         """Make a tick."""
         simulation, state = self.simulation, self.simulation.state
-        if state.step != self._seen:
-            self._meter, _ = self._opened_account()  # the state was changed from elsewhere
+        if state.step != self._step:
+            self._open_account()  # the state was changed from elsewhere
         if self.wrenches.active or self._pull or self._pushed:
             simulation.set_parameter("external", self.external)
             self._pushed = bool(self.wrenches.active or self._pull)
         simulation.arm.advance(self._commanded(state).tolist())
-        self._seen = state.step + 1
+        self._step = state.step + 1
         if self._meter is not None:
             self._meter.note()
 
@@ -164,7 +167,7 @@ class InteractiveArm:
         self.let_go()
         self.simulation.reset()
         self.choose(self.control)
-        self._meter, self._seen = self._opened_account()
+        self._open_account()
 
     def let_go(self) -> None:
         """End all external forces."""
@@ -177,11 +180,11 @@ class InteractiveArm:
         """Set its position, at rest."""
         self.simulation.set_state(q, np.zeros(self.simulation.n))
         self.choose(self.control)
-        self._meter, self._seen = self._opened_account()
+        self._open_account()
 
-    def _opened_account(self) -> tuple[EnergyMeter | None, int]:
-        meter = EnergyMeter(self.simulation.arm) if self._metered else None
-        return meter, self.simulation.state.step
+    def _open_account(self) -> None:
+        self._meter = EnergyMeter(self.simulation.arm) if self._metered else None
+        self._step = self.simulation.state.step
 
     def _commanded(self, state: State) -> Array:
         if self.control == NOTHING:
@@ -189,14 +192,14 @@ class InteractiveArm:
         if self.control == WEIGHT:
             # D = M(q)/T: every motion decays alike, its energy by exp(-2 t/T), in any posture.
             inertia = self._rigid.mass(state.q)
-            torque = self._carry.torque(state) - self.damping * inertia @ state.v
+            torque = self._compensation.torque(state) - self.damping * inertia @ state.v
         else:  # the reference follows the sliders without jumps of its velocity
             q, v = self._reference
-            a = EAGER**2 * (self.target - q) - 2 * EAGER * v
+            a = BANDWIDTH**2 * (self.target - q) - 2 * BANDWIDTH * v
             v = v + self.simulation.dt * a
             q = q + self.simulation.dt * v
             self._reference = q, v
-            torque = self._lead.torque(state, Reference(q, v, a))
+            torque = self._tracking.torque(state, Reference(q, v, a))
         return np.asarray(self._command(state.q, state.v, torque))
 
 
@@ -212,7 +215,7 @@ class Interactive(View):
     ) -> None:  # fmt: skip
         super().__init__(server, actors)
         self.rigs, self._pairs = tuple(rigs), tuple(zip(rigs, actors, strict=True))
-        self.running, self._owed, self._trouble = False, 0.0, ""
+        self.running, self._backlog, self._message = False, 0.0, ""
         self._dt = max(rig.simulation.dt for rig in rigs)
         self._add_buttons(server.gui)
         self._sliders = [self._add_sliders(*pair) for pair in self._pairs]
@@ -237,7 +240,7 @@ class Interactive(View):
         """Draw the current state of the arms."""
         with self._server.atomic():
             for rig, actor in self._pairs:
-                actor.draw(rig.look(), leave_path=True)
+                actor.draw(rig.instant(), leave_path=True)
         for rig, sliders in zip(self.rigs, self._sliders, strict=True):
             if rig.control != SLIDERS:
                 model, q = rig.simulation.model, rig.simulation.state.q
@@ -245,7 +248,7 @@ class Interactive(View):
                     slider.min, slider.max, _, slider.value = slider_of(model, i, q[i])
         now = self.rigs[0].simulation.state.time
         going = f"running at {self._speed.value} ×" if self.running else "paused"
-        trouble = f"\n\n**{self._trouble}**" if self._trouble else ""
+        trouble = f"\n\n**{self._message}**" if self._message else ""
         self._status.content = f"t = {now:.3f} s, {going}{trouble}"
         self._charts.draw(CHARTED if self.running else 0.0)
 
@@ -253,7 +256,7 @@ class Interactive(View):
 
     def run(self, on: bool) -> None:
         """Run or pause."""
-        self.running, self._owed, self._trouble = on, 0.0, ""
+        self.running, self._backlog, self._message = on, 0.0, ""
         self._run_button.label = "Pause" if on else "Run"
         self.draw()
 
@@ -289,13 +292,13 @@ class Interactive(View):
             rig.place(q)
             self.draw()
 
-    def _beat(self, passed: float) -> None:
+    def _update(self, passed: float) -> None:
         if not self.running:
             return
-        self._owed = min(self._owed + passed * float(self._speed.value), 0.25)
-        until = time.monotonic() + AT_ONCE
-        while self._owed >= self._dt and time.monotonic() < until:
-            self._owed -= self._dt
+        self._backlog = min(self._backlog + passed * float(self._speed.value), 0.25)
+        until = time.monotonic() + BUDGET
+        while self._backlog >= self._dt and time.monotonic() < until:
+            self._backlog -= self._dt
             self._tick()
         self.draw()
 
@@ -306,9 +309,9 @@ class Interactive(View):
                 rig.tick()
             self._charts.add(actor.name, rig.simulation.state.time, rig.curves)
 
-    def _complain(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         self.run(False)
-        self._trouble = trouble
+        self._message = trouble
         self.draw()
 
     # --- controls -----------------------------------------------------------------------------

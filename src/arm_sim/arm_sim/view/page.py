@@ -21,9 +21,9 @@ from arm_dynamics.exceptions import ArmError
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
+from arm_sim.view.drawn_arm import DrawnArm, Row, around, legend
 from arm_sim.view.framing import fitted
 from arm_sim.view.server import address, close_server
-from arm_sim.view.stage import DrawnArm, Row, around, legend
 
 if TYPE_CHECKING:
     import viser
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SIZE = 960, 600
 RATE = 25.0  # [Hz] frame rate of a film
 MOST = 3000  # pictures of a page or film
-BEATS = 60.0  # [Hz] at which pictures change at most
+UPDATES = 60.0  # [Hz] at which pictures change at most
 ENDLESS = "a simulation has no end; films and times require a recording"
 
 _log = logging.getLogger(__name__)
@@ -233,10 +233,10 @@ class View:
 
         control.on_update(changed)
 
-    def _beat(self, passed: float) -> None:
+    def _update(self, passed: float) -> None:
         """Draw, in the page's thread; ``passed`` is the time in [s] since the last call."""
 
-    def _complain(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         """Show why a request was refused."""
 
     def _run(self) -> None:
@@ -244,16 +244,16 @@ class View:
         while not self._ended.is_set():
             now = time.monotonic()
             passed, last = now - last, now
-            self._order(partial(self._beat, passed))
+            self._order(partial(self._update, passed))
             while not self._orders.empty():
                 self._try(self._orders.get())
-            self._ended.wait(max(0.0, now + 1.0 / BEATS - time.monotonic()))
+            self._ended.wait(max(0.0, now + 1.0 / UPDATES - time.monotonic()))
 
     def _try(self, action: Callable[[], object]) -> None:
         try:
             action()
         except ArmError as error:
-            self._complain(str(error))
+            self._report(str(error))
         except Exception as error:  # otherwise the page would stop without a message
             _log.exception("the view met a failure")
-            self._complain(f"{type(error).__name__}: {error}")
+            self._report(f"{type(error).__name__}: {error}")

@@ -59,11 +59,12 @@ def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
     with sync_playwright() as playwright:
         try:
             opened = playwright.chromium.launch(executable_path=program, args=arguments)
-        except Error as error:
-            raise ViewError(f"{program} does not start: {error.message.splitlines()[0]}") from None
-        try:
             page = opened.new_page(viewport={"width": width, "height": height})
             page.goto(url)
+        except Error as error:
+            why = error.message.splitlines()[0]
+            raise ViewError(f"{program} does not show {url}: {why}") from None
+        try:
             yield page
         finally:
             opened.close()

@@ -15,12 +15,12 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_sim.figures import units
 from arm_sim.recording import Recording
-from arm_sim.recording.figure import LONG
+from arm_sim.recording.figure import LONG, QUANTITIES
 from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view.charts import Charts
+from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
-from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
     import viser
@@ -85,13 +85,13 @@ class Player(View):
                 actor.draw(instant(recording, self.time))
         self._slider.value = self.time
         self._charts.read(self.time)
-        self._complain("")
+        self._report("")
 
     def _seek(self, time: float) -> None:
         self.play(False)
         self.seek(time)
 
-    def _beat(self, passed: float) -> None:
+    def _update(self, passed: float) -> None:
         if not self._playing:
             return
         time = self.time + passed * float(self._speed.value)
@@ -102,7 +102,7 @@ class Player(View):
         else:
             self._seek(self._end)
 
-    def _complain(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         text = f"t = {self.time:.3f} s of {self._end:.3f} s"
         self._status.content = f"{text}\n\n**{trouble}**" if trouble else text
 
@@ -139,11 +139,10 @@ def instant(recording: Recording, time: float) -> Instant:
 def _curves(recording: Recording) -> Iterator[tuple[str, tuple[Sequence[str], Array, Array]]]:
     """Titles of plots, with names, times and values of their curves."""
     model = recording.dynamics.model
-    for title, unit, values in (
-        ("torque", ("N m", "N"), recording.tau), ("position", ("rad", "m"), recording.q),
-        ("velocity", ("rad/s", "m/s"), recording.v),
-    ):  # fmt: skip
-        if np.isfinite(values).any():
+    titles = {"torque": "effort", "position": "position", "velocity": "velocity"}
+    for title, quantity in titles.items():
+        attribute, *unit = QUANTITIES[quantity]
+        if np.isfinite(values := getattr(recording, attribute)).any():
             full = f"{title} [{units(model.joint_types, *unit)}]"
             yield full, (model.joint_names, recording.time, values)
     if recording.of_robot:

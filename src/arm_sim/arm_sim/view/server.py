@@ -57,6 +57,8 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
         ViewError: If the library is missing, or the address or port cannot be used.
     """
     make, chosen = library().ViserServer, _free_port(host, port)
+    from viser._messages import RunJavascriptMessage
+
     with _silent(), _refusing(host):
         server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
     # The library can publish the page through a tunnel, on request of any visitor.
@@ -65,7 +67,9 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     server.gui.main_panel.dock_right()  # beside the picture, not over it
     server.gui.main_panel.set_width(CONTROLS)
     server.gui.add_html(ROOMY)
-    _set_title(server, label)
+    # The library has no option for the title, which a page that is written to a file has, too.
+    title = RunJavascriptMessage(f"document.title = {json.dumps(label)}")
+    server.gui._websock_interface.queue_message(title)
     return server
 
 
@@ -123,14 +127,6 @@ def _refusing(host: str) -> Iterator[None]:
             yield
         finally:
             connections.serve = usual
-
-
-def _set_title(server: viser.ViserServer, title: str) -> None:
-    """Name the page, also one that is written to a file; the library has no option for it."""
-    from viser._messages import RunJavascriptMessage
-
-    message = RunJavascriptMessage(f"document.title = {json.dumps(title)}")
-    server.gui._websock_interface.queue_message(message)
 
 
 def _free_port(host: str, port: int | None) -> int:

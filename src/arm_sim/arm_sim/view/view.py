@@ -21,11 +21,11 @@ from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
 from arm_sim.simulation.simulator import Simulator
+from arm_sim.view.drawn_arm import DrawnArm, lay_ground
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.page import View
 from arm_sim.view.player import Player
 from arm_sim.view.server import HERE, library, open_server
-from arm_sim.view.stage import DrawnArm, lay_ground
 
 if TYPE_CHECKING:
     import viser

@@ -49,7 +49,7 @@ class Motion:
         Raises:
             InvalidInput: If a name is not tunable or a size is not allowed.
         """
-        given, found = given or {}, []
+        given, values = given or {}, []
         for name in given:
             if name not in self._known.names:
                 raise InvalidInput(
@@ -63,8 +63,8 @@ class Motion:
                 raise InvalidInput(
                     f"{item.name} has shape {tuple(np.shape(value))}; expected (…, {current.size})"
                 )
-            found.append(value)
-        return found
+            values.append(value)
+        return values
 
     def arms(self, x0: Any, tau: Any, parameters: list[Any]) -> tuple[int, ...]:
         """Leading axes to which all arguments are broadcast.
@@ -134,10 +134,10 @@ class Motion:
         batch = self._batch(x0, tau, p)
         weights = np.ascontiguousarray(_numbers("g", g).reshape(batch.out.shape))
         with _ONE_AT_A_TIME:
-            found = self._compiled.derivatives.gradients.run(batch, weights, None, None)
+            gradients = self._compiled.derivatives.gradients.run(batch, weights, None, None)
         x, u, par = (
             by.reshape(np.shape(of)).astype(np.asarray(of).dtype, copy=False)
-            for by, of in ((found.by_x, x0), (found.by_tau, tau), (found.by_p, p))
+            for by, of in ((gradients.by_x, x0), (gradients.by_tau, tau), (gradients.by_p, p))
         )
         return x, u, par
 
@@ -157,7 +157,7 @@ class Motion:
 
 
 def _numbers(name: str, values: ArrayLike) -> Array:
-    found = np.ascontiguousarray(values, dtype=float)
-    if not np.isfinite(found).all():
+    array = np.ascontiguousarray(values, dtype=float)
+    if not np.isfinite(array).all():
         raise InvalidInput(f"{name} has values that are not finite; finite ones are expected")
-    return found
+    return array

@@ -109,8 +109,8 @@ def _simulated() -> Any:
         @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
         def backward(ctx: Any, g: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
             given = ctx.saved_tensors
-            found = ctx.motion.pullback(*map(_array, given), _array(g))
-            return None, *(_tensor(by, given[0]) for by in found)
+            gradients = ctx.motion.pullback(*map(_array, given), _array(g))
+            return None, *(_tensor(by, given[0]) for by in gradients)
 
     return States
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.arguments import BagTopic, Band, Figure, Json, Pair, Pairs, Positive, Share
 from arm_sim.cli.command import command
 from arm_sim.cli.output import number, say, table, to_json
@@ -50,66 +51,69 @@ def compare(
         names: Name of a joint in the recording; may be repeated.
     """
     from arm_studies.identification import compare as set_beside
-    from arm_studies.identification.files import read_joint_record
+    from arm_studies.identification.data import read_joint_record
 
     record = read_joint_record(recording, topic)
-    scenes, found = [name for name in (scene, scene2) if name is not None], []
+    scenes, comparisons = [name for name in (scene, scene2) if name is not None], []
     for name in scenes:
         click.echo(f"comparing {name} with {recording.name} …", err=True)
-        found.append(
+        comparisons.append(
             set_beside(name, record, band=band, window=window, last=last, names=dict(names))
         )
     if figure is not None:
-        from arm_studies.cli.comparison_figure import draw
+        from arm_studies.identification.figures import draw_comparison
 
-        draw(found, scenes, figure)
+        warn_if_replaced(figure)
+        draw_comparison(comparisons, scenes, figure)
     if as_json:
-        results = [_result(name, made) for name, made in zip(scenes, found, strict=True)]
+        results = [_result(name, result) for name, result in zip(scenes, comparisons, strict=True)]
         click.echo(to_json({"recording": recording, "scenes": results}))
         return
-    _show(scenes, found)
+    _show(scenes, comparisons)
     if figure is not None:
         say(figure)
 
 
-def _result(name: str, made: Comparison) -> dict[str, Any]:
+def _result(name: str, result: Comparison) -> dict[str, Any]:
     def named(values: np.ndarray) -> dict[str, float]:
-        return dict(zip(made.joint_names, values, strict=True))
+        return dict(zip(result.joint_names, values, strict=True))
 
-    run = made.free_run
+    run = result.free_run
     free = None if run is None else {
         "window": run.window, "windows": run.count, "diverged": run.lost,
         "error": named(run.error), "relative": named(run.relative),
     }  # fmt: skip
     return {
-        "scene": name, "band": made.band, "torque_error": named(made.error),
-        "relative": named(made.relative), "relative_of_all": made.whole,
-        "free_run": free, "notes": [*made.notes, *([made.why_not] if made.why_not else [])],
+        "scene": name, "band": result.band, "torque_error": named(result.error),
+        "relative": named(result.relative), "relative_of_all": result.whole,
+        "free_run": free, "notes": [*result.notes, *([result.why_not] if result.why_not else [])],
     }  # fmt: skip
 
 
-def _show(scenes: list[str], found: list[Comparison]) -> None:
-    first, marks = found[0], ["before ", "after "] if len(found) == 2 else [""]
-    each = list(zip(marks, found, strict=True))
+def _show(scenes: list[str], comparisons: list[Comparison]) -> None:
+    first, marks = comparisons[0], ["before ", "after "] if len(comparisons) == 2 else [""]
+    each = list(zip(marks, comparisons, strict=True))
     columns = {"joint": [*first.joint_names, "all"], "torque\nrms": _of_all(first.torque, 4)}
-    columns |= {f"{mark}error\nrms": _of_all(made.error, 3) for mark, made in each}
-    for mark, made in each:
-        shares = (*made.relative, made.whole)
+    columns |= {f"{mark}error\nrms": _of_all(result.error, 3) for mark, result in each}
+    for mark, result in each:
+        shares = (*result.relative, result.whole)
         columns[f"{mark}relative\nerror"] = [
             f"{100.0 * share:.2f} %" if math.isfinite(share) else "-" for share in shares
         ]
-    runs = [(mark, made.free_run) for mark, made in each if made.free_run is not None]
-    if len(runs) == len(found):
+    runs = [(mark, result.free_run) for mark, result in each if result.free_run is not None]
+    if len(runs) == len(comparisons):
         columns["motion in\na window"] = [*(number(x, 3) for x in runs[0][1].moved), ""]
         for mark, run in runs:
             columns[f"{mark}free\nrun error"] = [*(number(x, 2) for x in run.error), ""]
     lines: list[Any] = [f"{mark}{name}" for mark, name in zip(marks, scenes, strict=True)]
     lines.append(table(list(columns), zip(*columns.values(), strict=True)))
-    for mark, made in each:
-        if made.free_run is None:
-            lines.append(f"{mark}no free run: {made.why_not}")
-        elif made.free_run.lost:
-            lines.append(f"{mark}{made.free_run.lost} of {made.free_run.count} windows diverged")
+    for mark, result in each:
+        if result.free_run is None:
+            lines.append(f"{mark}no free run: {result.why_not}")
+        elif result.free_run.lost:
+            lines.append(
+                f"{mark}{result.free_run.lost} of {result.free_run.count} windows diverged"
+            )
     if first.free_run is not None:
         run = first.free_run
         lines.append(f"free run: {run.count} windows of {run.window:.3g} s")

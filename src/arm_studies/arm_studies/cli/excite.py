@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import click
 
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.arguments import (
     Figure,
     Json,
@@ -87,9 +88,9 @@ def excite(
         raise click.UsageError("--box and --frame must be given together")
     from arm_dynamics import Dynamics
     from arm_dynamics.trajectory import JointTrajectory
-    from arm_studies.cli.excitation_figure import draw
     from arm_studies.identification.excitation import Box, Room
     from arm_studies.identification.excitation import excite as find
+    from arm_studies.identification.figures import draw_excitation
 
     dynamics = Dynamics(scene)
     inside = Box(box.rows[0][:3], box.rows[0][3:], frames) if box else None
@@ -110,7 +111,8 @@ def excite(
     out = out or Path("exciting.yaml")
     JointTrajectory.of(best.motion, best.joint_names, turns).save(out)
     figure = figure or out.with_suffix(".png")
-    draw(best.motion, room, figure)
+    warn_if_replaced(figure)
+    draw_excitation(best.motion, room, figure)
     if as_json:
         names = ("condition", "information", "masses", "parameters", "attempts")
         facts = {name: getattr(best, name) for name in names}
@@ -140,8 +142,8 @@ def _show(best: Excitation, room: Room) -> None:
         for name, q0, start in zip(best.joint_names, room.model.q0, room.start, strict=True)
         if q0 != start
     ]
-    found = "log det" if best.masses is None else "mean of masses"
-    said = [
+    gain = "log det" if best.masses is None else "mean of masses"
+    remarks = [
         ("start", f"not the scene's: {', '.join(moved)}" if moved else "the scene's"),
         ("period", f"{best.motion.duration:g} s, from rest to rest"),
         ("parameters", f"{best.parameters} identifiable, including drive inertia, viscous and "
@@ -151,11 +153,11 @@ def _show(best: Excitation, room: Room) -> None:
     if best.masses is not None:  # the motion was optimized for them
         bodies = zip(list(room.model.pin.names)[1:], best.masses, strict=True)
         each = ", ".join(f"{name} {deviation:.2%}" for name, deviation in bodies)
-        said.append(("masses", "standard deviations after one period, with 5 % of noise at 1 kHz "
-                               f"and the total mass known: {each}"))  # fmt: skip
-    said += [
-        ("attempts", f"{found} {', '.join(f'{x:.4g}' for x in best.attempts)}"),
+        remarks.append(("masses", "standard deviations after one period, with 5 % of noise at "
+                                  f"1 kHz and the total mass known: {each}"))  # fmt: skip
+    remarks += [
+        ("attempts", f"{gain} {', '.join(f'{x:.4g}' for x in best.attempts)}"),
         ("not checked", "collisions between links"),
     ]
     say(table(columns, rows))
-    console().print(facts(said))
+    console().print(facts(remarks))

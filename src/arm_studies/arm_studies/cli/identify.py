@@ -65,83 +65,84 @@ def identify(
             "--total-mass and --mass are not allowed with it"
         )
     from arm_studies.identification import identify as find
-    from arm_studies.identification.files import read_joint_record
+    from arm_studies.identification.data import read_joint_record
     from arm_studies.identification.report import write
 
     records = [read_joint_record(path, topic) for path in recordings]
     if payload is not None:
-        facts, files = _payload(records, scene, payload, out, band, dict(names), as_json)
+        facts, lines, files = _payload(records, scene, payload, out, band, dict(names))
     else:
-        found = find(
+        result = find(
             scene, records, band=band, effort=dict(units) or effort, names=dict(names),
             total_mass=total_mass, masses=dict(masses), accept_worse=accept_worse,
             told=lambda text: click.echo(f"{text} …", err=True),
         )  # fmt: skip
         click.echo("writing the scene, the report and the figures …", err=True)
-        files = write(found, out, [path.name for path in recordings])
+        files = write(result, out, [path.name for path in recordings])
         same = ("parameters", "intervals", "scatter", "written", "missing", "notes")
         facts = {
-            "band": found.band, "error": found.error[0], "nominal_error": found.error[1],
-            "torque_error": found.torque_error, **{name: getattr(found, name) for name in same},
-            "scales": dict(zip(found.joint_names, found.scales, strict=True)),
+            "band": result.band, "error": result.error[0], "nominal_error": result.error[1],
+            "torque_error": result.torque_error, **{name: getattr(result, name) for name in same},
+            "scales": dict(zip(result.joint_names, result.scales, strict=True)),
         }  # fmt: skip
-        if not as_json:
-            _show(found)
+        lines = _lines(result)
     if as_json:
         click.echo(to_json({"files": files, **facts}))
     else:
+        say(*lines)
         say(*files)
 
 
 def _payload(
     records: list[JointRecord], scene: str, frame: str, out: Path, band: float | None,
-    names: Mapping[str, str], as_json: bool,
-) -> tuple[dict[str, Any], list[Path]]:  # fmt: skip
-    """Identify only the payload, and write the scene with it."""
+    names: Mapping[str, str],
+) -> tuple[dict[str, Any], list[Any], list[Path]]:  # fmt: skip
+    """Identify only the payload, and write the scene: facts, lines to print, and files."""
     from arm_dynamics import load_scene
     from arm_studies.identification import estimate_payload
     from arm_studies.identification.report import write_scene
 
     arm = load_scene(scene)
-    found = estimate_payload(
+    estimate = estimate_payload(
         arm, records, frame, band=band, names=names,
         told=lambda text: click.echo(f"note: {text}", err=True),
     )  # fmt: skip
-    remarks = dict.fromkeys(found.scatter, "scatter, not 95 %")
-    remarks |= dict.fromkeys(found.missing, "the motion does not determine it")
+    remarks = dict.fromkeys(estimate.scatter, "scatter, not 95 %")
+    remarks |= dict.fromkeys(estimate.missing, "the motion does not determine it")
     rows = []
-    for name, value, unit in found.rows():
-        interval = found.intervals.get(name)
+    for name, value, unit in estimate.rows():
+        interval = estimate.intervals.get(name)
         between = "{:.4g} to {:.4g}".format(*interval) if interval else ""
         rows.append([name, number(value, 4), unit, between, remarks.get(name, "")])
     head = "".join(f"# {' '.join(filter(None, row))}\n" for row in rows)
     head = f"# Payload on {frame}, with 95 % intervals:\n{head}"
-    carrying = arm.model_copy(update={"payloads": (*arm.payloads, found.payload)})
+    carrying = arm.model_copy(update={"payloads": (*arm.payloads, estimate.payload)})
     files = write_scene(carrying, out, head)
-    if not as_json:
-        columns = ["", "value", "", "95 % interval", ""]
-        say(f"payload on {frame}", table(columns, rows, text=(0, 2, 3, 4)))
-    return {
-        "payload": found.payload.model_dump(mode="json"), "intervals": found.intervals,
-        "scatter": found.scatter, "missing": found.missing,
-    }, files  # fmt: skip
+    columns = ["", "value", "", "95 % interval", ""]
+    lines = [f"payload on {frame}", table(columns, rows, text=(0, 2, 3, 4))]
+    facts = {
+        "payload": estimate.payload.model_dump(mode="json"), "intervals": estimate.intervals,
+        "scatter": estimate.scatter, "missing": estimate.missing,
+    }  # fmt: skip
+    return facts, lines, files
 
 
-def _show(found: Identification) -> None:
+def _lines(result: Identification) -> list[Any]:
+    """A table and lines about an identification, to print."""
     from arm_studies.identification.report import joint_rows, share
 
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
-    identified = found.parameters.keys() - found.missing.keys()
+    identified = result.parameters.keys() - result.missing.keys()
     lines = [
-        f"torque error on held-out data: {share(found.error[0], 2)}, nominal "
-        f"{share(found.error[1], 2)}; "
-        f"low-pass filter {found.band:.3g} Hz; condition number {found.condition:.3g}; "
-        f"{len(identified)} parameters identified, {len(found.missing)} not"
+        f"torque error on held-out data: {share(result.error[0], 2)}, nominal "
+        f"{share(result.error[1], 2)}; "
+        f"low-pass filter {result.band:.3g} Hz; condition number {result.condition:.3g}; "
+        f"{len(identified)} parameters identified, {len(result.missing)} not"
     ]
-    if found.scatter:
+    if result.scatter:
         lines.append(
-            f"intervals of {len(found.scatter & identified)} of these are scatter, not 95 %: "
+            f"intervals of {len(result.scatter & identified)} of these are scatter, not 95 %: "
             "errors of the model, not noise, cause most of their width"
         )
-    notes = [f"note: {note}" for note in found.notes]
-    say(table(columns, joint_rows(found, 1), text=(0, 4)), *lines, *notes)
+    notes = [f"note: {note}" for note in result.notes]
+    return [table(columns, joint_rows(result, 1), text=(0, 4)), *lines, *notes]

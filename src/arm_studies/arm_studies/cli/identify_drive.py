@@ -52,11 +52,11 @@ def identify_drive(
     click.echo("fitting …", err=True)
     if flexible is not None:
         read = _read(flexible, ("torque", "motor", "link"), needed=("torque", "motor"))
-        found, units = drives.identify_joint(drives.JointTest.of(**read)), drives.JOINT_UNITS
+        drive, units = drives.identify_joint(drives.JointTest.of(**read)), drives.JOINT_UNITS
     elif bristles:
         both = "torque", "position"
         tests = [drives.SmallMotion.of(**_read(path, both, needed=both)) for path in bristles]
-        found, units = drives.identify_bristles(tests), drives.BRISTLE_UNITS
+        drive, units = drives.identify_bristles(tests), drives.BRISTLE_UNITS
     else:
         columns = ("voltage", "current", "speed", "torque")
         records = [
@@ -64,41 +64,41 @@ def identify_drive(
             for kind, paths in motor.items()
             for path in paths
         ]
-        found, units = drives.identify_motor(records), drives.MOTOR_UNITS
-    estimates = {name: e for name, e in found.estimates.items() if e.found}
+        drive, units = drives.identify_motor(records), drives.MOTOR_UNITS
+    estimates = {name: e for name, e in drive.estimates.items() if e.found}
     if as_json:
         parameters = {
             name: {"value": e.value, "interval": e.interval, "unit": units[name]}
             for name, e in estimates.items()
         }
-        facts = {"follows": found.follows, "residual": found.residual, "missing": found.missing}
+        facts = {"follows": drive.follows, "residual": drive.residual, "missing": drive.missing}
         click.echo(to_json(facts | {"parameters": parameters}))
     else:
         rows = [(name, number(e.value, 6), f"± {number(e.interval, 2)}", units[name])
                 for name, e in estimates.items()]  # fmt: skip
         if rows:
             say(table(("", "value", "95 %", "unit"), rows, text=(0, 3)))
-        say(f"residual: {found.residual:.2%} of the variation of the records")
-        if not found.follows:
+        say(f"residual: {drive.residual:.2%} of the variation of the records")
+        if not drive.follows:
             say(
                 "the model does not fit the records: the residual is not noise, so no parameter "
                 "is identified (wrong columns or units, another friction model, or another kind "
                 "of test?)"
             )
-        elif found.missing:
-            say(f"not determined by these records: {', '.join(found.missing)}")
-    if not found.follows:
+        elif drive.missing:
+            say(f"not determined by these records: {', '.join(drive.missing)}")
+    if not drive.follows:
         raise click.exceptions.Exit(1)
 
 
-def _read(path: Path, known: tuple[str, ...], needed: tuple[str, ...] = ()) -> dict[str, Any]:
+def _read(path: Path, allowed: tuple[str, ...], needed: tuple[str, ...] = ()) -> dict[str, Any]:
     """Columns of a table by name, without those that it does not have, and the table's name."""
     from arm_sim.recording.files.table import Table
 
     table = Table.read(path)
-    if unknown := [name for name in table.names if name not in ("time", *known)]:
+    if unknown := [name for name in table.names if name not in ("time", *allowed)]:
         raise click.ClickException(
-            f"'{path}': unknown column '{unknown[0]}'; allowed: time, {', '.join(known)}"
+            f"'{path}': unknown column '{unknown[0]}'; allowed: time, {', '.join(allowed)}"
         )
     for name in ("time", *needed):
         if name not in table.names:

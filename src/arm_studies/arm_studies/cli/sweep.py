@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -56,9 +56,9 @@ def sweep(
 
     folder = out or Path("reports/sweeps") / study.stem
     columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), "{task.fields[left]}")
-    lines, first = _Lines(), {"description": "reading the study", "left": ""}
+    first = {"description": "reading the study", "left": ""}
     try:
-        with progress(sys.stderr, lines.tell, *columns, **first) as tell:
+        with progress(sys.stderr, _in_lines(), *columns, **first) as tell:
 
             def told(at: Progress) -> None:
                 left = _left(at.remaining)
@@ -76,18 +76,18 @@ def sweep(
         written += draw(done.study, done.table, folder)
     plan = done.plan
     how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
-    said = [*_losses(done)]
+    lines = [*_losses(done)]
     if done.dropped:
-        said.append("the last line of the journal was damaged; its run was repeated")
+        lines.append("the last line of the journal was damaged; its run was repeated")
     if done.made:
         rate = done.made * done.study.duration / max(done.seconds, 1e-9)
-        said.append(
+        lines.append(
             f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
             f"{plan.runs - done.made} resumed; {how}; sets of equations: {plan.worlds}"
         )
     else:
-        said.append(f"all {plan.runs} runs were done before")
-    say((_runs if len(done.table) <= _LISTED else _groups)(done), *said, *written)
+        lines.append(f"all {plan.runs} runs were done before")
+    say((_runs if len(done.table) <= _LISTED else _groups)(done), *lines, *written)
 
 
 def _losses(done: Sweep) -> Iterator[str]:
@@ -128,19 +128,20 @@ def _groups(done: Sweep) -> Table:
     return table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,))
 
 
-class _Lines:
-    """Prints a line of progress periodically, without a terminal."""
+def _in_lines() -> Callable[[str, int, int, str], None]:
+    """What prints a line of progress periodically, without a terminal."""
+    before, activity = 0.0, ""
 
-    def __init__(self) -> None:
-        self._said, self._what = 0.0, ""
-
-    def tell(self, description: str, completed: int, total: int, left: str) -> None:
+    def tell(description: str, completed: int, total: int, left: str) -> None:
+        nonlocal before, activity
         now = time.monotonic()
-        if now - self._said < _EVERY and description == self._what:
+        if now - before < _EVERY and description == activity:
             return
-        self._said, self._what = now, description
+        before, activity = now, description
         end = f", {left}" if left else ""
         click.echo(f"{description}: {completed} of {total} runs{end}", err=True)
+
+    return tell
 
 
 def _left(seconds: float | None) -> str:

@@ -14,7 +14,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.friction import STATEFUL
 from arm_dynamics.scene.load import load_scene
 from arm_studies.identification.data import JointRecord, MeasuredMotion
-from arm_studies.identification.described import REPLACED
+from arm_studies.identification.identified_scene import REPLACED
 from arm_studies.identification.names import joint_records
 from arm_studies.identification.regression.estimation import Problem
 from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
@@ -92,15 +92,15 @@ def check_record(record: JointRecord, model: ArmModel) -> None:
         )
     limits = zip(model.position_lower, model.position_upper, strict=True)
     for j, (name, (lower, upper)) in enumerate(zip(record.joint_names, limits, strict=True)):
-        known = record.effort[np.isfinite(record.effort[:, j]), j]
-        if not known.size:
+        efforts = record.effort[np.isfinite(record.effort[:, j]), j]
+        if not efforts.size:
             raise InvalidInput(
                 f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
                 "identified without torques"
             )
-        if np.ptp(known) == 0.0:
+        if np.ptp(efforts) == 0.0:
             raise InvalidInput(
-                f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
+                f"{record.name}: the effort of joint '{name}' is constantly {efforts[0]:g}: it is "
                 "not measured, or the drive is off"
             )
         reach = record.q[np.isfinite(record.q[:, j]), j]
@@ -149,27 +149,27 @@ def check_count(rows: Rows, notes: Sequence[str]) -> None:
     counts = rows.valid[rows.train].sum(axis=0) * rows.independent
     for name, count, share in zip(rows.names, counts, rows.valid.mean(axis=0), strict=True):
         if count < LEAST_ROWS:
-            known = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
+            remarks = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
             raise InvalidInput(
                 f"joint '{name}': {share:.0%} of the samples can be used, which is {count:.0f} "
                 f"independent measurements; at least {LEAST_ROWS} are expected (its effort is "
-                f"saturated, missing or frozen, or the recording is too short){known}"
+                f"saturated, missing or frozen, or the recording is too short){remarks}"
             )
 
 
 def check_columns(problem: Problem) -> list[str]:
     """Refuse efforts that another sign, another joint's motion or a delay explains far better."""
-    told, names = [], problem.rows.names
+    messages, names = [], problem.rows.names
     for match in mismatched(problem):
         sign, own = ("-1 times " if match.sign < 0 else ""), match.column == match.joint
         whose = "the torque of its motion" if own else f"that of '{names[match.joint]}'"
-        told.append(f"the effort of '{names[match.column]}' is {sign}{whose}")
-    if told:
+        messages.append(f"the effort of '{names[match.column]}' is {sign}{whose}")
+    if messages:
         raise InvalidInput(
-            f"{'; '.join(told)}: exchange the columns of joints that are swapped, and give the "
-            "torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
+            f"{'; '.join(messages)}: exchange the columns of joints that are swapped, and give "
+            "the torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
         )
-    gross = []
+    gross, notes = [], []
     for x in delayed(problem):
         more = " or more" if abs(x.late) > 0.99 * LATEST else ""
         way = "late by" if x.late > 0.0 else "ahead of the motion by"
@@ -181,13 +181,13 @@ def check_columns(problem: Problem) -> list[str]:
         )
         if x.gross:
             gross.append(text)
-        told.append(text if x.gross else text + _UNSURE)
+        notes.append(
+            f"{text}, if that is so: friction of another shape, such as a Stribeck peak, can look "
+            "like it"
+        )
     if gross:
         raise InvalidInput("; ".join(gross))
-    return told
-
-
-_UNSURE = ", if that is so: friction of another shape, such as a Stribeck peak, can look like it"
+    return notes
 
 
 def check_scales(problem: Problem) -> list[str]:
@@ -237,13 +237,12 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
     Raises:
         InvalidInput: With possible causes.
     """
-    if error < UNEXPLAINED:
-        return
-    raise InvalidInput(
-        f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal scene "
-        f"{nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong joint names, "
-        f"efforts that are not torques, or contact?){_odd(names, scales)}"
-    )
+    if not error < UNEXPLAINED:  # nor NaN
+        raise InvalidInput(
+            f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal "
+            f"scene {nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong "
+            f"joint names, efforts that are not torques, or contact?){_odd(names, scales)}"
+        )
 
 
 def _odd(names: Sequence[str], scales: Array) -> str:
@@ -259,26 +258,25 @@ def check_better(error: float, nominal: float, excess: float) -> None:
     Args:
         error: Relative residual of the held-out torques; NaN if it is unknown.
         nominal: That of the nominal scene.
-        excess: By how many standard errors it is worse, see ``judging.excess``.
+        excess: By how many standard errors it is worse, see ``validation.excess``.
 
     Raises:
         InvalidInput: With both.
     """
-    if not (error > max(nominal, ROUNDING) and excess > WORSE):
-        return
-    raise InvalidInput(
-        f"the identified scene leaves {error:.3%} of the torques held out, more than the nominal "
-        f"scene, {nominal:.3%}, and more than noise explains ({excess:.1f} standard errors; "
-        f"allowed: up to {WORSE:g}): use the nominal scene, record a longer motion of all joints, "
-        "or accept the identified scene nevertheless (accept worse)"
-    )
+    if error > max(nominal, ROUNDING) and excess > WORSE:
+        raise InvalidInput(
+            f"the identified scene leaves {error:.3%} of the torques held out, more than the "
+            f"nominal scene, {nominal:.3%}, and more than noise explains ({excess:.1f} standard "
+            f"errors; allowed: up to {WORSE:g}): use the nominal scene, record a longer motion of "
+            "all joints, or accept the identified scene nevertheless (accept worse)"
+        )
 
 
-def check_masses(found: Array, nominal: Array, names: Sequence[str], scales: Array) -> None:
+def check_masses(masses: Array, nominal: Array, names: Sequence[str], scales: Array) -> None:
     """Refuse bodies many times heavier or lighter than the nominal ones.
 
     Args:
-        found: Masses in [kg], shape (bodies,).
+        masses: Masses in [kg], shape (bodies,).
         nominal: Those of the nominal scene.
         names: Joint names.
         scales: Efforts over the torques of the nominal scene, by joint; 1 where unknown.
@@ -287,7 +285,7 @@ def check_masses(found: Array, nominal: Array, names: Sequence[str], scales: Arr
         InvalidInput: With possible causes.
     """
     there = nominal > 0.0
-    ratio = float(np.median(found[there] / nominal[there])) if there.any() else 1.0
+    ratio = float(np.median(masses[there] / nominal[there])) if there.any() else 1.0
     if 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
         return
     raise InvalidInput(

@@ -95,10 +95,10 @@ def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
     off = float((record.time - even).std())
     if off < LEAST * dt:
         return record
-    found = replace(record, time=read_only(even))
+    corrected = replace(record, time=read_only(even))
     step = float(even[1] - even[0])
     before, _ = _deviations(record, late, band, dt)
-    after, _ = _deviations(found, late, band, step)
+    after, _ = _deviations(corrected, late, band, step)
     left = _share(record, after, before)
     if left >= 1.0 - EXPLAINED:
         return record
@@ -106,7 +106,7 @@ def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
         f"samples are evenly spaced, but time stamps were off by {1e3 * off:.2g} ms (standard "
         f"deviation), which explains {1.0 - left:.0%} of the positions' noise; they are corrected"
     )
-    return replace(found, notes=(*record.notes, note))
+    return replace(corrected, notes=(*record.notes, note))
 
 
 def _share(record: JointRecord, after: Array, before: Array) -> float:

@@ -168,7 +168,7 @@ def compare(
         joint_names=model.joint_names,
         error=rms(measured - computed),
         torque=rms(measured),
-        free_run=None if why_not else _free_run(_without_delays(model), motion, window),
+        free_run=None if why_not else _free_run(model, motion, window),
         why_not=why_not,
         time=read_only(motion.time),
         measured=read_only(np.where(used, measured, np.nan)),
@@ -178,13 +178,12 @@ def compare(
     )
 
 
-def _without_delays(model: ArmModel) -> Simulator:
-    """The arm's simulator for torques that have acted: no line delays or loses them again."""
-    return Simulator(ArmModel(model.scene.model_copy(update={"commands": None})))
+def _free_run(model: ArmModel, motion: MeasuredMotion, window: float) -> FreeRun:
+    """Simulate the windows, with torques taken at the middle of each tick.
 
-
-def _free_run(sim: Simulator, motion: MeasuredMotion, window: float) -> FreeRun:
-    """Simulate the windows, with torques taken at the middle of each tick."""
+    They have acted already: no line delays or loses them again.
+    """
+    sim = Simulator(ArmModel(model.scene.model_copy(update={"commands": None})))
     rows = max(1, round(window / motion.dt))
     ticks = max(1, round(rows * motion.dt / sim.dt))
     whole = motion.valid.all(axis=1)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -190,10 +192,10 @@ class MeasuredMotion:
 
     def filtered(self, values: Array) -> Array:
         """Low-pass filter values with one row for each time, stretch by stretch; shape (k, …)."""
-        found = np.empty_like(values, dtype=float)
+        smooth = np.empty_like(values, dtype=float)
         for stretch in self.stretches:
-            found[stretch] = self.low_pass(values[stretch])
-        return found
+            smooth[stretch] = self.low_pass(values[stretch])
+        return smooth
 
     def parts(self) -> Iterator[MeasuredMotion]:
         """Each stretch as a motion of its own."""
@@ -225,6 +227,21 @@ def _summary(what: JointRecord | MeasuredMotion) -> str:
         *(f"note: {note}" for note in what.notes),
     ]
     return "\n  ".join(lines) + ">"
+
+
+def read_joint_record(path: str | os.PathLike[str], topic: str | None = None) -> JointRecord:
+    """Read a file of any kind that ``Recording.load`` opens; see there.
+
+    Raises:
+        InvalidInput: If it is not a recording, or too damaged to be used.
+        OSError: If it cannot be read.
+    """
+    path = Path(path)
+    try:
+        return JointRecord.from_recording(Recording.load(path, topic=topic), path.name)
+    except InvalidInput as error:
+        text = str(error)
+        raise InvalidInput(text if str(path) in text else f"'{path}': {text}") from None
 
 
 def records_of(recordings: Any) -> list[JointRecord]:

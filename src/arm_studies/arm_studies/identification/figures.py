@@ -1,23 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of an identification: measured and predicted torques, and friction over speed."""
+"""Figures of identifications, of comparisons and of exciting motions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from arm_dynamics import ArmModel, Scene
+from arm_dynamics import ArmModel, Scene, load_scene
 from arm_dynamics.arrays import Array
+from arm_dynamics.trajectory import Trajectory
 from arm_sim.figures import COLORS, WIDTH, figure, joint_words, units
+from arm_studies.identification.comparison import Comparison
 from arm_studies.identification.data import runs
+from arm_studies.identification.excitation import Room
 from arm_studies.identification.result import Identification
 
-NOTE: dict[str, Any] = {"loc": "right", "fontsize": 8.5, "fontweight": "normal"}
+_NOTE: dict[str, Any] = {"loc": "right", "fontsize": 8.5, "fontweight": "normal"}
 _POINTS = 2500  # of a curve
+_INSTANTS = np.linspace(0.0, 1.0, 6)[:-1]  # of every segment of a motion
 
 
 @contextmanager
@@ -55,61 +59,119 @@ def torque_panels(
         yield axes
 
 
-def draw_torques(found: Identification, path: Path) -> None:
+def draw_torques(identification: Identification, path: Path) -> None:
     """Draw measured and predicted torques of each joint, and the residuals.
 
     Args:
-        found: The identification.
+        identification: The identification.
         path: The figure, in any format of Matplotlib.
     """
-    shown = found.torques
+    shown = identification.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
     torques = {"identified": shown.predicted[rows], "nominal": shown.nominal[rows]}
-    with torque_panels(path, found.scene, order[rows], shown.measured[rows], torques) as made:
-        for name, (left, right) in zip(found.joint_names, made, strict=True):
-            error = found.torque_error[name]
-            known = "unknown" if np.isnan(error) else f"{error:.1%}"
-            right.set_title(f"{known} on held-out data", **NOTE)
+    with torque_panels(
+        path, identification.scene, order[rows], shown.measured[rows], torques
+    ) as panels:
+        for name, (left, right) in zip(identification.joint_names, panels, strict=True):
+            error = identification.torque_error[name]
+            percent = "unknown" if np.isnan(error) else f"{error:.1%}"
+            right.set_title(f"{percent} on held-out data", **_NOTE)
             for axis in (left, right):
                 for first, end in runs(shown.held_out):
                     axis.axvspan(order[first], order[end - 1], color="0.93", zorder=0)
-        made[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
+        panels[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
 
 
-def draw_friction(found: Identification, path: Path) -> None:
+def draw_comparison(comparisons: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
+    """Draw measured torques, those computed by each scene, and their difference."""
+    first, names = comparisons[0], [Path(scene).stem for scene in scenes]
+    torques = {name: each.computed for name, each in zip(names, comparisons, strict=True)}
+    with torque_panels(path, load_scene(scenes[0]), first.time, first.measured, torques) as axes:
+        for i, right in enumerate(axes[:, 1]):
+            each = zip(names, comparisons, strict=True)
+            shares = [f"{name} {one.relative[i]:.1%}" for name, one in each]
+            right.set_title(", ".join(shares), **_NOTE)
+
+
+def draw_friction(identification: Identification, path: Path) -> None:
     """Draw torques minus those of links and drives over speed, and the identified friction law.
 
     Args:
-        found: The identification.
+        identification: The identification.
         path: The figure.
     """
-    shown, n, types = found.torques, len(found.joint_names), ArmModel(found.scene).joint_types
+    shown, n, types = (
+        identification.torques,
+        len(identification.joint_names),
+        ArmModel(identification.scene).joint_types,
+    )
     columns = min(4, n)
     lines = -(-n // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
         for j, (at, name) in enumerate(
-            zip(axes.flat, joint_words(found.joint_names), strict=False)
+            zip(axes.flat, joint_words(identification.joint_names), strict=False)
         ):
             at.plot(
                 shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", ms=2, label="measured"
             )
-            fit = found.friction[j]
+            fit = identification.friction[j]
             if fit is not None and fit.kinds:
-                at.plot(*_law(found, j), color=COLORS[1], label="identified law")
+                at.plot(*_law(identification, j), color=COLORS[1], label="identified law")
             at.set_title(name)
         whole = axes[0, 0].figure
         whole.supylabel(f"friction [{units(types, 'N m', 'N')}]", fontsize=9.0)
         whole.supxlabel(f"velocity [{units(types, 'rad/s', 'm/s')}]", fontsize=9.0)
 
 
-def _law(found: Identification, j: int) -> tuple[Array, Array]:
+def _law(identification: Identification, j: int) -> tuple[Array, Array]:
     """Friction over velocity under the joint's typical load, with a gap at rest."""
-    fit, shown = found.friction[j], found.torques
+    fit, shown = identification.friction[j], identification.torques
     assert fit is not None
     most = float(np.nanmax(abs(shown.v[:, j])))
     half = np.geomspace(1e-4 * most, most, 200)
     v = np.concatenate([-half[::-1], [np.nan], half])
     load = np.full_like(v, float(np.sqrt(np.nanmean(shown.measured[:, j] ** 2))))
     return v, fit.torque(v, load)
+
+
+def draw_excitation(motion: Trajectory, room: Room, path: Path) -> None:
+    """Draw each joint's position within its range, and its speed and torque over limits."""
+    times, curves = _curves(motion, room)
+    names = joint_words(room.model.joint_names)
+    rows = -(-len(names) // 2)
+    size = WIDTH, 1.3 * rows + 0.7
+    with figure(path, rows, 2, size, sharex=True, sharey=True) as axes:
+        for j, (axis, name) in enumerate(zip(axes.flat, names, strict=False)):
+            for label, values in curves.items():
+                axis.plot(times, values[:, j], lw=1.2, label=label)
+            axis.axhspan(-1.0, 1.0, color="0.96", lw=0, zorder=0)
+            axis.set(title=name, ylim=(-1.1, 1.1), xlim=(0.0, motion.duration))
+        for axis in axes.flat[max(0, len(names) - 2) : len(names)]:
+            axis.set_xlabel("time [s]")
+            axis.tick_params(labelbottom=True)
+        for axis in axes.flat[::2]:
+            axis.set_ylabel("share of limit")
+
+
+def _curves(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
+    """Times, and quantities relative to their limits by name."""
+    times, q, v, a = motion.table(_INSTANTS)
+    tau = room.torques(q, v, a)
+    lower, upper = room.limits.lower, room.limits.upper
+    middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
+    limited = np.isfinite(room.limits.acceleration).all()
+    return times, {
+        "position in its range": (q - middle) / half,
+        "speed": v / _or_largest(room.limits.velocity, v),
+        "acceleration" if limited else "acceleration, of its largest": a
+        / _or_largest(room.limits.acceleration, a),
+        "torque": tau / _or_largest(room.effort, tau),
+    }
+
+
+def _or_largest(limit: Array, values: Array) -> Array:
+    """The limit, or the largest value of a joint without a limit."""
+    largest = np.maximum(abs(values).max(axis=0), 1e-300)
+    return np.where(np.isfinite(limit), limit, largest)

@@ -84,9 +84,9 @@ class ZeroPhase:
         line = long[0] + np.arange(size).reshape(shape) * slope
         response = _response(size, self.dt, band, self.order, derivative, before)
         spectrum = np.fft.rfft(long - line, axis=0) * response.reshape(shape)
-        found = np.fft.irfft(spectrum, size, axis=0)
-        found += (line - before / self.dt * slope, slope / self.dt, 0.0)[min(derivative, 2)]
-        return np.asarray(found[pad : pad + k])
+        filtered = np.fft.irfft(spectrum, size, axis=0)
+        filtered += (line - before / self.dt * slope, slope / self.dt, 0.0)[min(derivative, 2)]
+        return np.asarray(filtered[pad : pad + k])
 
     def margin(self, count: int) -> int:
         """Number of samples to discard at each end of a stretch of ``count``."""
@@ -104,9 +104,9 @@ def _response(
     frequency = np.fft.rfftfreq(count, dt)
     gain = 1.0 / (1.0 + (frequency / band) ** (2 * order))
     turn = 2j * np.pi * frequency
-    found = gain * turn**derivative * np.exp(-before * turn)
-    found.setflags(write=False)
-    return found
+    response = gain * turn**derivative * np.exp(-before * turn)
+    response.setflags(write=False)
+    return response
 
 
 @lru_cache(maxsize=16)

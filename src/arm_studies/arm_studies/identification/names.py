@@ -43,14 +43,14 @@ def mapped(
             f"names: '{unknown[0]}' = '{given[unknown[0]]}', but the scene has no joint "
             f"'{unknown[0]}'{did_you_mean(unknown[0], joints)}; its joints: {known_names(joints)}"
         )
-    found = {joint: given.get(joint) or _found(record, joint) for joint in joints}
-    if missing := [joint for joint in joints if found[joint] is None]:
+    matches = {joint: given.get(joint) or _match(record, joint) for joint in joints}
+    if missing := [joint for joint in joints if matches[joint] is None]:
         raise InvalidInput(
             f"{record.name}: no joint matches {known_names(missing)} of the scene; it has "
             f"{known_names(record.joint_names)}: lock joints of the scene that do not move, or "
             "map their names"
         )
-    called = [str(found[joint]) for joint in joints]
+    called = [str(matches[joint]) for joint in joints]
     if len(set(called)) < len(called):
         raise InvalidInput(
             f"{record.name}: two joints of the scene match the same joint of the recording: "
@@ -62,14 +62,14 @@ def mapped(
     return replace(record.joints(called), joint_names=tuple(joints), notes=notes)
 
 
-def _found(record: JointRecord, joint: str) -> str | None:
+def _match(record: JointRecord, joint: str) -> str | None:
     names = record.joint_names
     if joint in names:
         return joint
     bare = _without_prefix(joint)
     longer = [name for name in names if name.endswith(joint) or joint.endswith(name)]
     alike = [name for name in names if bare and _without_prefix(name) == bare]
-    return next((found[0] for found in (longer, alike) if len(found) == 1), None)
+    return next((only[0] for only in (longer, alike) if len(only) == 1), None)
 
 
 def _without_prefix(name: str) -> str:

@@ -12,7 +12,7 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.checks import MOVED
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB, EXCESS, VISCOUS, JointFit
-from arm_studies.identification.regression.intervals import Estimates, estimated
+from arm_studies.identification.regression.uncertainty import Estimates, estimated
 
 # Smallest value of a friction term beside viscous and Coulomb, over half its interval.
 SURELY = 1.5
@@ -71,14 +71,14 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     cause; intervals count these.
     """
     estimates = iter(_estimated(fit).linear[fit.rows.regressor.base.count :])
-    found = []
+    laws = []
     for own in fit.friction:
         sure = {kind: not abs(each.value) < SURELY * (each.high - each.value) < np.inf
                 for kind, each in zip(own.kinds, estimates, strict=False)}  # fmt: skip
         kinds = tuple(kind for kind in own.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
         fall = own.shape.stribeck_velocity if EXCESS in kinds else None
-        found.append(replace(own, kinds=kinds, shape=replace(own.shape, stribeck_velocity=fall)))
-    return tuple(found)
+        laws.append(replace(own, kinds=kinds, shape=replace(own.shape, stribeck_velocity=fall)))
+    return tuple(laws)
 
 
 def _without_friction(fit: Fit, ranges: Array) -> dict[str, str]:

@@ -18,7 +18,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
-from arm_studies.identification.described import central_inertia
+from arm_studies.identification.identified_scene import central_inertia
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.bandwidth import noise_above
 from arm_studies.identification.regression.efforts import with_age
@@ -26,12 +26,12 @@ from arm_studies.identification.regression.estimation import (
     Mask,
     Prior,
     Problem,
+    consistent_solution,
     deviations,
-    made_possible,
     solved,
 )
-from arm_studies.identification.regression.intervals import STRICT, Estimate, unbiased
 from arm_studies.identification.regression.rows import Rows, Sampled, steady_friction
+from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, Estimate, unbiased
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
@@ -83,10 +83,10 @@ def identify_payload(
     names: Mapping[str, str] | None = None, told: Callable[[str], None] = lambda text: None,
 ) -> Payload:  # fmt: skip
     """The payload of ``estimate_payload``, which ``told`` says what is not determined of."""
-    found = estimate_payload(scene, recordings, frame, band=band, names=names, told=told)
-    if found.missing:
-        told(f"the motion does not determine {known_names(found.missing)}")
-    return found.payload
+    estimate = estimate_payload(scene, recordings, frame, band=band, names=names, told=told)
+    if estimate.missing:
+        told(f"the motion does not determine {known_names(estimate.missing)}")
+    return estimate.payload
 
 
 def estimate_payload(
@@ -125,8 +125,8 @@ def estimate_payload(
         """The correction of an age of the efforts, and its standard deviation."""
         now = rows if age == 0.0 else replace(data, age=age).rows()
         fit = _without_sticking(_fitted(now, places, moved))
-        found, doubt, _ = fit.unbiased(fit.columns, fit.torque)
-        return fit, float(found[-1]), float(doubt[-1])
+        values, doubt, _ = fit.unbiased(fit.columns, fit.torque)
+        return fit, float(values[-1]), float(doubt[-1])
 
     if not all(motion.aged for motion in rows.motions) and len(late) in (0, model.n):
         fit, more = with_age(fit_at, rows.band)
@@ -205,8 +205,8 @@ def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
     ball = bodies.numbers_of(np.diag([GUESS**2 / 5.0] * 3 + [1.0]))
     T, z = Prior.near(ball, LOOSE, LOOSE).combined(count * flat, count * y)
     x = solved(T, z)
-    if not bodies.possible(x, 1e-9):
-        x = made_possible(T, z, ball, ball, ())
+    if not bodies.consistent(x, 1e-9):
+        x = consistent_solution(T, z, ball, ball, ())
     return _Fit(rows, places, moved, columns, torque, weights, x)
 
 
@@ -216,7 +216,7 @@ def _without_sticking(fit: _Fit) -> _Fit:
     rest, friction = np.full_like(rows.v, 1e-9), SteadyFriction.of(rows.regressor.model)
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
-    return _fitted(rows.cleared(STRICT * levels, sizes), fit.places, fit.moved)
+    return _fitted(rows.cleared(UNKNOWN_FRICTION * levels, sizes), fit.places, fit.moved)
 
 
 def _alone(rows: Rows) -> Array:
@@ -232,8 +232,8 @@ def _estimated(fit: _Fit, values: Array) -> list[Estimate]:
     slopes = [_numbers(values + 1j * step * unit).imag / step for unit in np.eye(len(NAMES))]
     left = fit.torque - (fit.columns @ _numbers(values)).T
     more, doubt, scatter = fit.unbiased(fit.columns @ np.column_stack(slopes), left)
-    found = values + more[: len(NAMES)]
-    return [*map(Estimate.of, found.tolist(), doubt.tolist(), scatter.tolist())]
+    totals = values + more[: len(NAMES)]
+    return [*map(Estimate.of, totals.tolist(), doubt.tolist(), scatter.tolist())]
 
 
 def _numbers(values: Any) -> Any:
@@ -251,7 +251,7 @@ def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
             f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
             f"{known_names(model.frame_names)}"
         )
-    found = model.frame(frame)
-    if found.parentJoint == 0:
+    entry = model.frame(frame)
+    if entry.parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
-    return found.placement, found.parentJoint - 1
+    return entry.placement, entry.parentJoint - 1

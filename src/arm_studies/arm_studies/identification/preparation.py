@@ -143,8 +143,8 @@ def resampled(record: JointRecord) -> EvenRecord:
                 holes.append(f"'{name}': no {WORDS[key]} in {where}; {left_out} are not used")
     record, stuck = _without_frozen(without_repeats(record.rows(whole)), start)
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
-    pieces, told = _pieces(record, step, start)
-    notes = [*record.notes, *holes, *stuck, *told]
+    pieces, remarks = _pieces(record, step, start)
+    notes = [*record.notes, *holes, *stuck, *remarks]
     pieces = [repaired(piece) for piece in pieces]
     notes += [note for piece in pieces for note in piece.notes if note not in notes]
     longest = max(pieces, key=lambda piece: len(piece.time))
@@ -202,10 +202,10 @@ def _without_frozen(record: JointRecord, start: float) -> tuple[JointRecord, lis
 
 def _frozen(q: Array, effort: Array) -> NDArray[np.bool_]:
     """Samples that repeat the one before in long runs that the motion does not explain, (k,)."""
-    found, change = np.zeros(len(q), bool), abs(np.diff(effort, append=np.nan))
+    frozen, change = np.zeros(len(q), bool), abs(np.diff(effort, append=np.nan))
     changed = np.flatnonzero(change > 0.0)
     if changed.size < 2:
-        return found  # a constant effort is refused in ``checks``
+        return frozen  # a constant effort is refused in ``checks``
     usual = float(np.median(np.diff(changed)))  # more than one if it is measured more slowly
     small, typical = np.quantile(change[changed], [0.05, 0.5])
     least = JUMP * typical if typical < COARSE * small else 0.0
@@ -214,8 +214,8 @@ def _frozen(q: Array, effort: Array) -> NDArray[np.bool_]:
         bent = abs(q[start : last + 1] - np.linspace(q[start], q[last], length)).max() > BENT
         # At the end of the recording, or before a hole, no change is known.
         if length >= SATURATED * usual and bent and not change[last] <= least:
-            found[start + 1 : last + 1] = True
-    return found
+            frozen[start + 1 : last + 1] = True
+    return frozen
 
 
 def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
@@ -351,11 +351,11 @@ def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotio
 
 def saturated(effort: Array) -> NDArray[np.bool_]:
     """Samples in long runs of one and the same extreme value, shape (k, n)."""
-    found = np.zeros(effort.shape, bool)
+    clipped = np.zeros(effort.shape, bool)
     for i, column in enumerate(effort.T):
         for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
             for start, end in runs(column == extreme):
-                found[start:end, i] |= end - start >= SATURATED
+                clipped[start:end, i] |= end - start >= SATURATED
         if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
-            found[:, i] = False  # a constant effort is refused in ``checks``
-    return found
+            clipped[:, i] = False  # a constant effort is refused in ``checks``
+    return clipped

@@ -34,11 +34,11 @@ _SCATTER = [
 ]  # fmt: skip
 
 
-def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path]:
+def write(result: Identification, out: Path, sources: Sequence[str]) -> list[Path]:
     """Write the identified scene with a report and figures.
 
     Args:
-        found: The identification.
+        result: The identification.
         out: The scene file.
         sources: Names of the recordings.
 
@@ -51,10 +51,10 @@ def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path
     report = out.with_suffix(".md")
     torques, friction = (out.with_name(f"{out.stem}_{x}.png") for x in ("torques", "friction"))
     head = f"# Identified from {', '.join(sources)}; intervals and errors: {report.name}.\n"
-    scene = write_scene(found.scene, out, head)
-    draw_torques(found, torques)
-    draw_friction(found, friction)
-    report.write_text(text(found, out, sources, (torques, friction)), encoding="utf-8")
+    scene = write_scene(result.scene, out, head)
+    draw_torques(result, torques)
+    draw_friction(result, friction)
+    report.write_text(text(result, out, sources, (torques, friction)), encoding="utf-8")
     return [*scene, report, torques, friction]
 
 
@@ -71,44 +71,46 @@ def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
     return [out, urdf]
 
 
-def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]) -> str:
+def text(
+    result: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]
+) -> str:
     """The report, as Markdown."""
     lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
     lines += [
-        f"Torque error on held-out data: **{share(found.error[0], 2)}**, of the nominal scene "
-        f"{share(found.error[1], 2)}. "
-        f"Zero-phase low-pass filter: {found.band:.3g} Hz. Condition number of the motion: "
-        f"{found.condition:.3g}.", "",
+        f"Torque error on held-out data: **{share(result.error[0], 2)}**, of the nominal scene "
+        f"{share(result.error[1], 2)}. "
+        f"Zero-phase low-pass filter: {result.band:.3g} Hz. Condition number of the motion: "
+        f"{result.condition:.3g}.", "",
     ]  # fmt: skip
-    if found.effort_band is not None:
-        lines += [f"Predictions are low-pass filtered at {found.effort_band:.3g} Hz.", ""]
+    if result.effort_band is not None:
+        lines += [f"Predictions are low-pass filtered at {result.effort_band:.3g} Hz.", ""]
     columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
-    lines += _table(columns, joint_rows(found, 2))
-    if not np.allclose(found.scales, 1.0):
-        pairs = zip(found.joint_names, found.scales, strict=True)
+    lines += _table(columns, joint_rows(result, 2))
+    if not np.allclose(result.scales, 1.0):
+        pairs = zip(result.joint_names, result.scales, strict=True)
         lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
     lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
-    lines += [*_IDENTIFIED, *(_SCATTER if found.scatter else [])]
+    lines += [*_IDENTIFIED, *(_SCATTER if result.scatter else [])]
     rows = []
-    for name, value in found.parameters.items():
-        if name not in found.missing:
-            low, high = found.intervals[name]
-            interval = f"{low:.4g} to {high:.4g}{' (scatter)' if name in found.scatter else ''}"
-            nominal = f"{found.nominal[name]:.5g}" if name in found.nominal else ""
-            written = f"{found.written[name]:.5g}"
+    for name, value in result.parameters.items():
+        if name not in result.missing:
+            low, high = result.intervals[name]
+            interval = f"{low:.4g} to {high:.4g}{' (scatter)' if name in result.scatter else ''}"
+            nominal = f"{result.nominal[name]:.5g}" if name in result.nominal else ""
+            written = f"{result.written[name]:.5g}"
             rows.append([_spoken(name), f"{value:.5g}", interval, written, nominal])
     lines += _table(["parameter", "value", "interval", "scene", "nominal"], rows)
-    rows = [[_spoken(name), why] for name, why in found.missing.items()]
+    rows = [[_spoken(name), why] for name, why in result.missing.items()]
     lines += ["## Not identified", "", *_table(["parameter", "reason"], rows)]
     where = "Near the nominal values where the motion does not determine them."
     rows = [
         [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
-        for name, body in zip(found.body_names, found.bodies, strict=True)
+        for name, body in zip(result.body_names, result.bodies, strict=True)
     ]
     lines += ["## Bodies", "", where, ""]
     lines += _table(["moved by", "mass [kg]", "centre of mass [m]"], rows)
-    if found.notes:
-        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
+    if result.notes:
+        lines += ["## Notes", "", *[f"- {note}" for note in result.notes], ""]
     return "\n".join(lines)
 
 
@@ -127,24 +129,18 @@ def share(error: float, digits: int) -> str:
     return "unknown" if math.isnan(error) else f"{error:.{digits}%}"
 
 
-def joint_rows(found: Identification, digits: int) -> list[list[str]]:
+def joint_rows(result: Identification, digits: int) -> list[list[str]]:
     """Of each joint: name, nominal error and error, residual in [N m] or [N], friction."""
     return [
-        [name, share(found.nominal_error[name], digits), share(found.torque_error[name], digits),
-         residual(found, name), friction_words(found, j)]
-        for j, name in enumerate(found.joint_names)
+        [name, share(result.nominal_error[name], digits), share(result.torque_error[name], digits),
+         "unknown" if math.isnan(left) else f"{left:.3g}", friction_words(result, j)]
+        for j, (name, left) in enumerate(result.torque_residual.items())
     ]  # fmt: skip
 
 
-def residual(found: Identification, joint: str) -> str:
-    """The root mean square residual of a joint on held-out data in [N m] or [N]."""
-    left = found.torque_residual[joint]
-    return "unknown" if math.isnan(left) else f"{left:.3g}"
-
-
-def friction_words(found: Identification, j: int) -> str:
+def friction_words(result: Identification, j: int) -> str:
     """The friction of a joint in a few words."""
-    fit = found.friction[j]
+    fit = result.friction[j]
     if fit is None:
         return "unchanged: the joint did not move"
     if not fit.kinds:

@@ -21,8 +21,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.schema import Scene
 from arm_studies.identification import checks
 from arm_studies.identification.data import JointRecord
-from arm_studies.identification.described import scene_with
-from arm_studies.identification.judging import judged
+from arm_studies.identification.identified_scene import scene_with
 from arm_studies.identification.parameters import parameters, without_doubtful
 from arm_studies.identification.regression import irregularities
 from arm_studies.identification.regression.bandwidth import (
@@ -34,13 +33,14 @@ from arm_studies.identification.regression.efforts import DOUBT, scales_of, with
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
-from arm_studies.identification.regression.intervals import STRICT, besides
 from arm_studies.identification.regression.matching import SIMPLE
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT, Rows, Sampled
 from arm_studies.identification.regression.selection import selected
 from arm_studies.identification.regression.tables import tabled
+from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, added_coefficients
 from arm_studies.identification.result import Identification, Torques
+from arm_studies.identification.validation import validate
 
 # Prior deviations of bodies from nominal: of density, of all else; selected by the evidence.
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
@@ -112,30 +112,30 @@ def identify(
     first, more = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=not some_late)
     notes += more
     say("selecting friction laws by cross-validation")
-    trial, more = _with_laws(first.before(prior=believed(first, prior)))
+    trial, more = _with_selected_laws(first.before(prior=most_evident(first, prior)))
     notes += more
     trial = tabled(trial)
     say("fitting all parameters")
-    trial, final, strict = _possible(trial.before(prior=believed(trial, prior)))
+    trial, final, strict = _consistent(trial.before(prior=most_evident(trial, prior)))
 
     ranges = ranges * final.rows.use.any(axis=0)
-    judgement = judged(trial, ranges, held_out)
-    notes += judgement.notes
+    validation = validate(trial, ranges, held_out)
+    notes += validation.notes
     values = parameters(strict, ranges, final)
     notes += irregularities.all_of(trial, final)
     if effort != "scale" and not known:  # else the unit of efforts is not the cause
         checks.check_masses(
-            final.theta[::EACH], nominal[::EACH], model.joint_names, judgement.ratios
+            final.theta[::EACH], nominal[::EACH], model.joint_names, validation.ratios
         )
     result, laws = _scene(final, ranges, values["missing"], notes)
     if not accept_worse:
-        error, before = judgement.errors["error"]
-        checks.check_better(error, before, judgement.excess)
+        error, before = validation.errors["error"]
+        checks.check_better(error, before, validation.excess)
     return Identification(
         scene=result, joint_names=model.joint_names, friction=laws,
         bodies=final.theta.reshape(-1, EACH), body_names=data.regressor.bodies, scales=scales,
         band=final.rows.band, effort_band=final.rows.effort_band, notes=tuple(notes),
-        torques=_torques(trial, final, judgement.nominal), **judgement.errors, **values,
+        torques=_torques(trial, final, validation.nominal), **validation.errors, **values,
     )  # fmt: skip
 
 
@@ -159,14 +159,14 @@ def _known_masses(
     regressor: RigidRegressor, total: float | None, masses: Mapping[str, float]
 ) -> list[tuple[list[int], float]]:
     """Places of masses, and their sums in [kg]."""
-    bodies, found = regressor.bodies, []
+    bodies, sums = regressor.bodies, []
     if total is not None:
-        found.append(([EACH * i for i in range(len(bodies))], float(total)))
+        sums.append(([EACH * i for i in range(len(bodies))], float(total)))
     for name, mass in masses.items():
         if name not in bodies:
             raise InvalidInput(f"masses: unknown '{name}'; allowed: {known_names(bodies)}")
-        found.append(([EACH * bodies.index(name)], float(mass)))
-    return found
+        sums.append(([EACH * bodies.index(name)], float(mass)))
+    return sums
 
 
 def _first(
@@ -211,13 +211,13 @@ def _first(
             rows = replace(data, age=age).rows(fit.rows.effort_band)
             now = without_sticking(simple(rows))
         ageing = now.rows.ageing(now.predicted(now.rows.plain))
-        by, sd = besides(now, ageing[:, :, None])
+        by, sd = added_coefficients(now, ageing[:, :, None])
         return now, float(by[0]), float(sd[0])
 
     return with_age(fit_at, fit.rows.band)
 
 
-def believed(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
+def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
     """The prior, by deviations of bodies from nominal, for which the evidence is largest.
 
     The logarithm of the marginal likelihood of a linear model with a normal prior (MacKay,
@@ -243,7 +243,7 @@ def believed(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
     return chosen
 
 
-def _with_laws(fit: Fit) -> tuple[Fit, list[str]]:
+def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
     """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""
     notes = list[str]()
     for again in range(ROUNDS):
@@ -258,7 +258,7 @@ def _with_laws(fit: Fit) -> tuple[Fit, list[str]]:
     return fit, notes
 
 
-def _possible(fit: Fit) -> tuple[Fit, Fit, Fit]:
+def _consistent(fit: Fit) -> tuple[Fit, Fit, Fit]:
     """Fits of the same laws with possible bodies, without friction terms that may be zero.
 
     Returns:
@@ -267,17 +267,17 @@ def _possible(fit: Fit) -> tuple[Fit, Fit, Fit]:
         that it is then of the size of dry friction, but intervals have to do without it.
     """
     rows = fit.rows
-    trial = fit.again(possible=True)
+    trial = fit.again(consistent=True)
     whole = fit.problem.use | (rows.use & ~rows.train[:, None])
-    final = trial.again(use=irregularities.without_outliers(trial, whole)[0], possible=True)
-    strict = final.again(rows=rows.stricter(STRICT))
+    final = trial.again(use=irregularities.without_outliers(trial, whole)[0], consistent=True)
+    strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
     laws = without_doubtful(strict)
     if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
         use = final.problem.use
-        lean = fitted(final.problem, laws, possible=True)
+        lean = fitted(final.problem, laws, consistent=True)
         if mean_residual(lean.residual, use) < WORSE * mean_residual(final.residual, use):
-            trial, final = fitted(trial.problem, laws, possible=True), lean
-            strict = final.again(rows=rows.stricter(STRICT))
+            trial, final = fitted(trial.problem, laws, consistent=True), lean
+            strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
     return trial, final, strict
 
 

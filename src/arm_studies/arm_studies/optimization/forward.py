@@ -13,20 +13,17 @@ from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper
+from arm_sim.stepping.addresses import address
+from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, strides
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.rollout import (
+from arm_sim.stepping.lanes import (
     ADDRESS,
     NUMBER,
-    ArmTable,
-    Engine,
-    Marks,
     built_of_lanes,
-    strides,
     switches_unseen,
     ticks_of_lanes,
     widths,
 )
-from arm_sim.stepping.stepper import address
 from arm_studies.optimization.backward import OWN, Policy
 
 

@@ -11,7 +11,7 @@ once, each by an arm in a SIMD lane.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -70,7 +70,7 @@ class Trajectory:
     feedback: Array
     costs: tuple[float, ...] = ()
     damping: float = FIRST
-    verdict: str = field(default="")
+    verdict: str = ""
 
 
 @sealed
@@ -117,7 +117,12 @@ class ILQR:
         self._phases, self.cost = tuple(phases), cost
         self._tolerance, self._threads = tolerance, threads
         _check(self._phases)
-        self._smoothing = _smoothing(smoothing, self._phases)
+        self._smoothing = None if smoothing is None else positive("smoothing", smoothing)
+        if smoothing is not None and any(p.simulator.arm.plant.points for p in self._phases):
+            raise InvalidInput(
+                f"smoothing is {smoothing:g}, but the arm has contacts, which it leaves out; "
+                "allowed: None"
+            )
         self._forward = [Forward(phase.simulator) for phase in self._phases]
         self._eventful = any(forward.eventful for forward in self._forward)
         ends = np.cumsum([0, *(phase.nodes for phase in self._phases)]).tolist()
@@ -166,10 +171,10 @@ class ILQR:
             SimulationDiverged: If that motion diverges.
         """
         policy = Policy(np.zeros(old.u.shape) + du, old.feedback, promised=0.0)
-        made = self._step(replace(old, costs=()), policy, np.ones(1), x0)
-        if made is None:
+        trajectory = self._step(replace(old, costs=()), policy, np.ones(1), x0)
+        if trajectory is None:
             raise SimulationDiverged("the motion diverges, or its cost is not finite")
-        return replace(made, damping=old.damping)
+        return replace(trajectory, damping=old.damping)
 
     def improve(self, old: Trajectory) -> Trajectory:
         """Perform one iteration: derivatives, backward pass, and line search.
@@ -185,12 +190,12 @@ class ILQR:
         low, high, damping = self._low - old.u, self._high - old.u, old.damping
         while damping <= MOST:
             policy = backward(slopes, expansion, low, high, damping)
-            made = self._line_search(old, policy) if policy else None
-            if made is not None:
+            better = self._line_search(old, policy) if policy else None
+            if better is not None:
                 less = damping / FACTOR if damping > LEAST else 0.0
-                small = old.cost - made.cost <= self._tolerance * abs(old.cost)
+                small = old.cost - better.cost <= self._tolerance * abs(old.cost)
                 done = "converged" if small and damping <= FIRST else ""
-                return replace(made, damping=less, verdict=done)
+                return replace(better, damping=less, verdict=done)
             if policy and -policy.promised <= self._tolerance * abs(old.cost) and damping <= FIRST:
                 return replace(old, feedback=policy.K, verdict="converged")
             damping = max(FACTOR * damping, FIRST)
@@ -249,9 +254,9 @@ class ILQR:
         """The best motion of a policy, of the first step sizes with a better one; else None."""
         count = 1 if self._eventful else len(SIZES)  # lanes save nothing where arms have events
         for first in range(0, len(SIZES), count):
-            made = self._step(old, policy, SIZES[first : first + count])
-            if made is not None and made.cost < old.cost:
-                return made
+            trial = self._step(old, policy, SIZES[first : first + count])
+            if trial is not None and trial.cost < old.cost:
+                return trial
         return None
 
     def _step(
@@ -301,22 +306,9 @@ def _check(phases: tuple[Phase, ...]) -> None:
         raise InvalidInput("no phase is given; at least one is expected")
     for phase in phases:
         whole("nodes", phase.nodes, 1)
-    sizes = [_size(phase.simulator) for phase in phases]
-    if len(set(sizes)) > 1:
-        raise InvalidInput(f"phases have states of {[size[0] for size in sizes]} numbers; arms of "
-                           "the same joints and states are expected")  # fmt: skip
-
-
-def _smoothing(given: float | None, phases: tuple[Phase, ...]) -> float | None:
-    if given is None:
-        return None
-    speed = positive("smoothing", given)
-    if any(phase.simulator.arm.plant.points for phase in phases):
+    sizes = [phase.simulator.arm.plant.nx for phase in phases]
+    if len({*zip(sizes, (phase.simulator.joint_names for phase in phases), strict=True)}) > 1:
         raise InvalidInput(
-            f"smoothing is {speed:g}, but the arm has contacts, which it leaves out; allowed: None"
+            f"phases have states of {sizes} numbers; arms of the same joints and states are "
+            "expected"
         )
-    return speed
-
-
-def _size(simulator: Simulator) -> tuple[int, tuple[str, ...]]:
-    return simulator.arm.plant.nx, simulator.joint_names

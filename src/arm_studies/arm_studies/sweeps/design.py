@@ -50,13 +50,13 @@ def points(study: Study) -> list[Point]:
     samples = [dict(zip(drawn, row, strict=True)) for row in zip(*columns, strict=True)]
     samples = samples or [{}] * study.samples
     order = list(study.vary)
-    made: list[Point] = []
+    points: list[Point] = []
     for row in product(*lists.values()):
         chosen = dict(zip(lists, row, strict=True))
         for k, sample in enumerate(samples):
             both = chosen | sample
-            made.append(Point(len(made), k, {key: both[key] for key in order}))
-    return made
+            points.append(Point(len(points), k, {key: both[key] for key in order}))
+    return points
 
 
 def noise_seed(study: Study, sample: int) -> int:
@@ -69,18 +69,12 @@ def _shares(study: Study, dimensions: int) -> Array:
     if study.sampling == "random":  # a sample depends only on seed and number
         rows = [_generator(study, _POINTS, k).random(dimensions) for k in range(study.samples)]
         return np.reshape(rows, (study.samples, dimensions))
-    return _latin_hypercube(_generator(study, _HYPERCUBE, 0), study.samples, dimensions)
-
-
-def _latin_hypercube(chance: np.random.Generator, count: int, dimensions: int) -> Array:
-    """One point in each of ``count`` slices of every dimension.
-
-    Source: McKay, Beckman and Conover, "A comparison of three methods for selecting values of
-    input variables", Technometrics 21(2), 1979.
-    """
+    # One point in each of as many slices of every dimension: McKay, Beckman and Conover, "A
+    # comparison of three methods for selecting values of input variables", Technometrics 21(2),
+    # 1979.
+    chance, count = _generator(study, _HYPERCUBE, 0), study.samples
     slices = chance.permuted(np.tile(np.arange(count), (dimensions, 1)), axis=1).T
-    shares: Array = (slices + chance.random((count, dimensions))) / count
-    return shares
+    return np.asarray((slices + chance.random((count, dimensions))) / count)
 
 
 def _generator(study: Study, what: int, number: int) -> np.random.Generator:
@@ -103,7 +97,7 @@ def _value(varied: Varied, share: float) -> float:
 
 def distinct(runs: Sequence[Point], key: str) -> list[Any]:
     """Distinct values of a key, in order."""
-    found: dict[str, Any] = {}
+    distinct: dict[str, Any] = {}
     for run in runs:
-        found.setdefault(repr(run.values[key]), run.values[key])
-    return list(found.values())
+        distinct.setdefault(repr(run.values[key]), run.values[key])
+    return list(distinct.values())

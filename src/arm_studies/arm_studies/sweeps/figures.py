@@ -39,14 +39,14 @@ def draw(study: Study, table: Table, folder: Path) -> list[Path]:
     metrics = [name for name in table.metrics if np.ptp(_finite(table[name])) > 0.0][:_MOST]
     if not metrics:
         return []
-    made, axes_of = [], dict(zip(metrics, _headings(study, metrics), strict=True))
+    files, axes_of = [], dict(zip(metrics, _headings(study, metrics), strict=True))
     numbers = [name for name in table.varied if table[name].dtype.kind == "f"]
     numbers = [name for name in numbers if np.ptp(table[name]) > 0.0][:_MOST]
     if numbers:
         spread = {name for name, varied in study.vary.items() if varied.log_uniform is not None}
-        made.append(_scatter(table, axes_of, numbers, spread, folder / "scatter.png"))
-    made.append(_distribution(table, axes_of, folder / "distribution.png"))
-    return made
+        files.append(_scatter(table, axes_of, numbers, spread, folder / "scatter.png"))
+    files.append(_distribution(table, axes_of, folder / "distribution.png"))
+    return files
 
 
 def groups(table: Table) -> dict[str, NDArray[np.bool_]]:
@@ -121,16 +121,16 @@ def _quantity(key: str) -> str:
     for name in key.split("."):
         if field := getattr(part, "model_fields", {}).get(name):
             text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
-            said = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
-            unit, kinds = said[1] if said else "", getattr(field.annotation, "__args__", ())
+            match = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
+            unit, kinds = match[1] if match else "", getattr(field.annotation, "__args__", ())
             part = next((one for one in kinds if hasattr(one, "model_fields")), field.annotation)
         words += [] if name in ("joints", "*") or name.isdigit() else [name.replace("_", " ")]
     return ": ".join([words[0], ", ".join(words[1:])][: len(words)]) + f"\n[{unit}]" * bool(unit)
 
 
 def _finite(values: Array) -> Array:
-    found: Array = values[np.isfinite(values)]
-    return found if found.size else np.zeros(1)
+    finite: Array = values[np.isfinite(values)]
+    return finite if finite.size else np.zeros(1)
 
 
 def _scale(choose: Callable[[str], object], values: Array) -> None:

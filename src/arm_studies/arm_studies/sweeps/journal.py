@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from arm_dynamics.exceptions import InvalidInput, plain
-from arm_studies.sweeps.world import Row
+from arm_studies.sweeps.runs import Row
 
 NAME = "runs.jsonl"
 _FORMAT = 1
@@ -41,8 +41,13 @@ class Journal:
         self.path, self.rows, self.dropped = folder / NAME, dict[int, Row](), False
         self._file = open(self.path, "a+b")
         try:
-            self._lock()
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._read({"format": _FORMAT, **about})
+        except BlockingIOError:
+            self._file.close()
+            raise InvalidInput(
+                f"'{self.path}' is being written by another sweep; another folder is expected"
+            ) from None
         except BaseException:
             self._file.close()
             raise
@@ -63,14 +68,6 @@ class Journal:
             lines.append(json.dumps([row.index, row.status, row.note, *row.metrics]))
         self._file.write("".join(f"{line}\n" for line in lines).encode())
         self._file.flush()
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InvalidInput(
-                f"'{self.path}' is being written by another sweep; another folder is expected"
-            ) from None
 
     def _read(self, about: dict[str, Any]) -> None:
         self._file.seek(0)
@@ -122,9 +119,9 @@ def _difference(was: Any, now: Any, place: str = "") -> tuple[str, Any, Any] | N
     if isinstance(was, dict) and isinstance(now, dict):
         for key in (*was, *(key for key in now if key not in was)):
             inner = f"{place}.{key}".lstrip(".")
-            found = _difference(was.get(key, _MISSING), now.get(key, _MISSING), inner)
-            if found is not None:
-                return found
+            difference = _difference(was.get(key, _MISSING), now.get(key, _MISSING), inner)
+            if difference is not None:
+                return difference
         return None
     return None if was == now else (place, was, now)
 

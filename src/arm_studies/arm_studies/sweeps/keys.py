@@ -22,11 +22,11 @@ _TUNABLE = {
     "gravity": re.compile(r"gravity\.\d"),
 }
 OF_STUDY = ("scene", "controller", "motion")
-# Keys that require no new equations, except ``commands.gravity_compensated``.
+# Keys that require no new equations, except some of them.
 OF_RUN = (
     "motion", "controller.settings", "initial.position", "initial.velocity", "sensors", "commands",
 )  # fmt: skip
-_IN_EQUATIONS = ("commands.gravity_compensated",)
+IN_EQUATIONS = ("commands.gravity_compensated",)
 
 
 def check_key(key: str) -> None:
@@ -53,11 +53,6 @@ def below(key: str, above: Sequence[str]) -> bool:
     return any(key == other or key.startswith(f"{other}.") for other in above)
 
 
-def of_run(key: str) -> bool:
-    """Whether a change of a key, apart from tunable ones, leaves the equations unchanged."""
-    return below(key, OF_RUN) and not below(key, _IN_EQUATIONS)
-
-
 def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """The content of a scene file, or a part of it, with other values.
 
@@ -68,10 +63,10 @@ def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
     Raises:
         SceneError: If a key does not exist.
     """
-    made = deepcopy(dict(data))
+    changed = deepcopy(dict(data))
     for key, value in values.items():
-        _put(made, key, value)
-    return made
+        _put(changed, key, value)
+    return changed
 
 
 def value_at(data: Any, key: str) -> Any:
@@ -88,17 +83,17 @@ def value_at(data: Any, key: str) -> Any:
 
 def overlaid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """A mapping merged into another, key by key; lists are replaced."""
-    made = dict(below)
+    merged = dict(below)
     for key, value in above.items():
-        old = made.get(key)
+        old = merged.get(key)
         both = isinstance(value, Mapping) and isinstance(old, Mapping)
-        made[key] = overlaid(old, value) if both else value  # type: ignore[arg-type]
-    return made
+        merged[key] = overlaid(old, value) if both else value  # type: ignore[arg-type]
+    return merged
 
 
-def _put(made: dict[str, Any], key: str, value: Any) -> None:
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
     *way, last = key.split(".")
-    here: Any = made
+    here: Any = data
     for step, name in enumerate(way):
         place = _entry(here, name, ".".join(way[: step + 1]), key)
         if isinstance(here, dict):

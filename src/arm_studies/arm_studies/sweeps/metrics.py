@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import choices
+from arm_dynamics.exceptions import InvalidInput, choices
 
 
 @dataclass(frozen=True)
@@ -135,33 +135,22 @@ METRICS: dict[str, Metric] = {
 """All metrics by name."""
 
 
-def check_metric(name: str) -> None:
-    """Reject unknown names of metrics; the joint after a name is not checked here.
-
-    Raises:
-        ValueError: If there is no such metric.
-    """
-    metric = name.partition(".")[0]
-    if metric not in METRICS:
-        raise ValueError(f"unknown metric '{metric}'; allowed: {choices(metric, METRICS)}")
-
-
 def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:
     """Reject metrics of joints that an arm does not have.
 
     Raises:
-        ValueError: If there is no such joint.
+        InvalidInput: If there is no such joint.
     """
     for name in names:
         joint = name.partition(".")[2]
         if joint and joint not in joints:
-            raise ValueError(f"metric '{name}': allowed joints: {choices(joint, joints)}")
+            raise InvalidInput(f"study: metric '{name}': allowed joints: {choices(joint, joints)}")
 
 
 def measured(run: MeasuredRun, names: Sequence[str], joints: Sequence[str]) -> list[float]:
     """Metrics of a run by name."""
-    told = []
+    values = []
     for name in names:
         metric, _, joint = name.partition(".")
-        told.append(METRICS[metric].of(run.of(joints.index(joint)) if joint else run))
-    return told
+        values.append(METRICS[metric].of(run.of(joints.index(joint)) if joint else run))
+    return values

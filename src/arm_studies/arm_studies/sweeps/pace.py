@@ -14,32 +14,32 @@ _FEW = 3  # results required for an estimate
 class Pace:
     """Estimates the remaining time.
 
-    Runs of one kind take about the same time; a kind without results is assumed to take as long as
-    the others. Time is counted from the first result, so that process start-up and initial
-    compilation are excluded; later compilation is included.
+    Runs of one kind, in compiled code or in Python, take about the same time; a kind without
+    results is assumed to take as long as the other. Time is counted from the first result, so that
+    process start-up and initial compilation are excluded; later compilation is included.
 
     Args:
-        left: Number of remaining runs, by kind.
+        left: Number of remaining runs, by whether they are compiled.
     """
 
-    def __init__(self, left: Mapping[str, int]) -> None:
+    def __init__(self, left: Mapping[bool, int]) -> None:
         self._left = Counter(left)
-        self._done = Counter[str]()
-        self._spent_seconds: dict[str, float] = {}
+        self._done = Counter[bool]()
+        self._spent_seconds: dict[bool, float] = {}
         self._began: float | None = None
         self._results, self._busy = 0, 0.0
 
     def note(self, result: Result, now: float) -> None:
         """Record a result that arrived at a time in [s]."""
-        runs = len(result.rows)
-        self._left[result.kind] -= runs
-        self._done[result.kind] += runs
-        cost = result.seconds + result.making
+        kind, runs = result.compiled, len(result.rows)
+        self._left[kind] -= runs
+        self._done[kind] += runs
+        cost = result.seconds + result.building
         if self._began is None:
             self._began, cost = now, result.seconds
         else:
             self._busy += cost
-        self._spent_seconds[result.kind] = self._spent_seconds.get(result.kind, 0.0) + cost
+        self._spent_seconds[kind] = self._spent_seconds.get(kind, 0.0) + cost
         self._results += 1
 
     def remaining(self, now: float) -> float | None:

@@ -18,8 +18,8 @@ from arm_dynamics.scene import Scene
 from arm_sim.plant.parameters import Parameters
 from arm_studies.sweeps import keys
 from arm_studies.sweeps.design import Point, distinct, noise_seed
+from arm_studies.sweeps.runs import Job, Recipe
 from arm_studies.sweeps.study import Study
-from arm_studies.sweeps.world import Job, Recipe
 
 _PROBE = 1e-3
 _SOME_FRICTION = 1.0  # [N m] or [N], in equations whose levels are inputs
@@ -62,7 +62,7 @@ class Planner:
     def groups(self, points: Sequence[Point]) -> list[Group]:
         """The runs grouped by worlds, in order."""
         slots: dict[str, Slots] = {}
-        found: dict[str, Group] = {}
+        by_key: dict[str, Group] = {}
         for point in points:
             scene = point.values.get("scene", self.study.scene)
             name = repr(scene)
@@ -74,9 +74,9 @@ class Planner:
                 for key, value in point.values.items()
                 if key != "scene" and key not in free and not self._of_run(scene, key)
             }
-            group = found.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
+            group = by_key.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
             group.points.append(point)
-        return list(found.values())
+        return list(by_key.values())
 
     def recipe(self, group: Group) -> Recipe:
         """The recipe of a group's world."""
@@ -93,7 +93,7 @@ class Planner:
         commands = content.get("commands") or {}
         return Recipe(
             scene=json.dumps(content),
-            known=json.dumps(base if known is None else _content(load_scene(known))),
+            controller_scene=json.dumps(base if known is None else _content(load_scene(known))),
             controller=json.dumps(about["controller"]),
             motion=json.dumps(about["motion"]),
             duration=study.duration,
@@ -119,8 +119,10 @@ class Planner:
             "controller": self.study.controller.model_dump(mode="json"),
             "motion": self.study.motion.model_dump(mode="json"),
         }
+        if isinstance(values.get("controller"), str):  # whose settings stay
+            values = {"controller.name" if k == "controller" else k: v for k, v in values.items()}
         with _about("vary"):
-            return keys.with_values(loop, {_spelled(k, v): v for k, v in values.items()})
+            return keys.with_values(loop, values)
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
         """The content of a scene file with the study's changes merged into it."""
@@ -139,7 +141,7 @@ class Planner:
         if keys.below(key, ("initial",)):
             constraints = self.content(scene).get("constraints", ())
             return all(each["type"] == "contact" for each in constraints)
-        return keys.of_run(key)
+        return keys.below(key, keys.OF_RUN) and not keys.below(key, keys.IN_EQUATIONS)
 
     def _slots(self, content: dict[str, Any], points: Sequence[Point]) -> Slots:
         """Keys that are entries of the vector p, and their indices.
@@ -147,18 +149,13 @@ class Planner:
         This does not depend on the values that a key takes, otherwise results would depend on
         them.
         """
-        found = {}
+        slots = {}
         for key in self.study.vary:
             name = keys.tunable(key)
             if name is not None and all(map(_is_number, distinct(points, key))):
                 if places := _places(content, key, name):
-                    found[key] = places
-        return found
-
-
-def _spelled(key: str, value: Any) -> str:
-    """The full key of a value; a controller given by name alone keeps its settings."""
-    return "controller.name" if key == "controller" and isinstance(value, str) else key
+                    slots[key] = places
+        return slots
 
 
 @contextmanager

@@ -17,10 +17,11 @@ from typing import Any
 from arm_dynamics import ArmError
 from arm_dynamics.exceptions import InvalidInput, missing, plain
 from arm_sim.inputs import whole
-from arm_studies.sweeps.world import COMPILED, FAILED, Job, Recipe, Row, world_of
+from arm_studies.sweeps.runs import Job, Recipe, Row
+from arm_studies.sweeps.world import world_of
 
-_PATIENCE = 10  # [s] timeout of a scheduler
-_GLANCE = 0.5  # [s] between checks of a worker for its parent
+_TIMEOUT = 10  # [s] timeout of a scheduler
+_WATCHED = 0.5  # [s] between checks of a worker for its parent
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,12 @@ class Task:
     Attributes:
         recipe: Recipe of the world.
         jobs: The runs.
-        kind: How its runs are simulated: ``COMPILED`` or ``PYTHON``.
+        compiled: Whether its runs are simulated entirely in compiled code.
     """
 
     recipe: Recipe
     jobs: tuple[Job, ...]
-    kind: str
+    compiled: bool
 
 
 @dataclass(frozen=True)
@@ -44,48 +45,47 @@ class Result:
 
     Attributes:
         rows: One row for each run.
-        kind: Kind of the task.
+        compiled: As of the task.
         seconds: Duration of its runs in [s], without building their world.
-        making: Duration of building the world in [s]; zero if it was cached.
+        building: Duration of building the world in [s]; zero if it was cached.
     """
 
     rows: tuple[Row, ...]
-    kind: str
+    compiled: bool
     seconds: float
-    making: float
+    building: float
 
 
-def work(task: Task) -> Result:
-    """Simulate the runs of a task, in the calling process."""
+def work(task: Task, parent: int | None = None) -> Result:
+    """Simulate the runs of a task, in a process that ends with its parent, even if that is killed.
+
+    Args:
+        task: The task.
+        parent: Process id of the parent; None in a process that does not end with it.
+    """
+    if parent is not None:
+        _end_with(parent)
     begin = time.perf_counter()
     try:
         world = world_of(task.recipe)
-        if task.kind == COMPILED:
+        if task.compiled:
             world.compile()
     except ArmError as error:
-        nothing = (float("nan"),) * len(task.recipe.metrics)
-        rows = [Row(job.index, FAILED, plain(error, 300), nothing) for job in task.jobs]
-        return Result(tuple(rows), task.kind, 0.0, time.perf_counter() - begin)
-    made = time.perf_counter()
+        rows = [Row.failed(job, error, task.recipe.metrics) for job in task.jobs]
+        return Result(tuple(rows), task.compiled, 0.0, time.perf_counter() - begin)
+    built = time.perf_counter()
     rows = world.rows(task.jobs)
-    return Result(tuple(rows), task.kind, time.perf_counter() - made, made - begin)
-
-
-def work_below(task: Task, parent: int) -> Result:
-    """As ``work``, in a process that ends with its parent, even if that is killed."""
-    _end_with(parent)
-    return work(task)
+    return Result(tuple(rows), task.compiled, time.perf_counter() - built, built - begin)
 
 
 @cache
 def _end_with(parent: int) -> None:
-    Thread(target=_watch, args=(parent,), daemon=True).start()
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCHED)
+        os._exit(1)
 
-
-def _watch(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(_GLANCE)
-    os._exit(1)
+    Thread(target=watch, daemon=True).start()
 
 
 def cores() -> int:
@@ -106,7 +106,7 @@ def check_libraries(workers: int | None, cluster: str | None) -> None:
 
 
 @contextmanager
-def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
+def started(workers: int | None, cluster: str | None) -> Iterator[Workers]:
     """The workers, for the duration of the context.
 
     Args:
@@ -125,22 +125,22 @@ def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
             threads = sum(client.nthreads().values())
             if not threads:
                 raise InvalidInput(f"cluster '{cluster}' has no workers; at least one is expected")
-            yield Crew(threads, {"backend": "dask", "client": client, "n_jobs": threads})
+            yield Workers(threads, {"backend": "dask", "client": client, "n_jobs": threads})
         return
     count = cores() if workers is None else workers
     if count == 1:
-        yield Crew(1, None)
+        yield Workers(1, None)
         return
     from joblib.externals.loky import get_reusable_executor
 
     try:
-        yield Crew(count, {"backend": "loky", "n_jobs": count})
+        yield Workers(count, {"backend": "loky", "n_jobs": count})
     finally:
         get_reusable_executor(max_workers=count).shutdown(wait=True, kill_workers=True)
 
 
 @dataclass(frozen=True)
-class Crew:
+class Workers:
     """Workers.
 
     Attributes:
@@ -158,32 +158,19 @@ class Crew:
             return
         from joblib import Parallel, delayed, parallel_config
 
-        with parallel_config(**self.backend), _workers_stay():
-            parallel = Parallel(return_as="generator_unordered", batch_size=1)
-            if self.backend["backend"] == "loky":
-                here = os.getpid()
-                yield from parallel(delayed(work_below)(task, here) for task in tasks)
-            else:
-                yield from parallel(delayed(work)(task) for task in tasks)
-
-
-@contextmanager
-def _workers_stay() -> Iterator[None]:
-    """Translate the libraries' errors for terminated workers into one."""
-    try:
-        yield
-    except (BrokenExecutor, ConnectionError) as error:
-        raise ArmError(_LOST) from error
-    except RuntimeError as error:
-        if type(error).__module__.partition(".")[0] == "distributed":
-            raise ArmError(_LOST) from error
-        raise
-
-
-_LOST = (
-    "workers ended before their runs were done (killed, or out of memory); with an output "
-    "folder, finished runs are kept and the same call continues from there"
-)
+        parent = os.getpid() if self.backend["backend"] == "loky" else None
+        try:
+            with parallel_config(**self.backend):
+                parallel = Parallel(return_as="generator_unordered", batch_size=1)
+                yield from parallel(delayed(work)(task, parent) for task in tasks)
+        except (RuntimeError, ConnectionError) as error:
+            known = isinstance(error, BrokenExecutor | ConnectionError)
+            if not known and type(error).__module__.partition(".")[0] != "distributed":
+                raise
+            raise ArmError(
+                "workers ended before their runs were done (killed, or out of memory); with an "
+                "output folder, finished runs are kept and the same call continues from there"
+            ) from error
 
 
 def _client(address: str) -> AbstractContextManager[Any]:
@@ -191,7 +178,7 @@ def _client(address: str) -> AbstractContextManager[Any]:
 
     try:
         client: AbstractContextManager[Any] = distributed.Client(
-            address, timeout=_PATIENCE, set_as_default=False
+            address, timeout=_TIMEOUT, set_as_default=False
         )
     except (OSError, ValueError, TimeoutError) as error:
         raise InvalidInput(

@@ -22,7 +22,7 @@ from arm_dynamics.scene.complaints import complaints
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
-from arm_studies.sweeps.metrics import METRICS, check_metric
+from arm_studies.sweeps.metrics import METRICS
 
 # Source of a study; see ``load_study``.
 type StudySource = str | os.PathLike[str] | Mapping[str, Any] | Study
@@ -182,8 +182,9 @@ class Study(Part):
     def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if not value:
             raise ValueError(f"the list is empty; allowed: {choices('', METRICS)}")
-        for name in value:
-            check_metric(name)
+        for metric in (name.partition(".")[0] for name in value):
+            if metric not in METRICS:
+                raise ValueError(f"unknown metric '{metric}'; allowed: {choices(metric, METRICS)}")
         return tuple(dict.fromkeys(value))
 
 
@@ -203,7 +204,7 @@ def load_study(source: StudySource) -> Study:
     if isinstance(source, Study):
         return source
     if isinstance(source, Mapping):
-        return _resolved(_validated(dict(source)), Path.cwd())
+        return _resolved(validated(Study, dict(source)), Path.cwd())
     if not isinstance(source, str | os.PathLike):
         raise SceneError(
             f"study: {source!r} is of type {type(source).__name__}; a path or a dictionary is "
@@ -213,18 +214,11 @@ def load_study(source: StudySource) -> Study:
     content = file_text(path, "study", "a study (YAML)")
     with in_file(path):
         data = parsed(content, _WHAT, "'scene' and 'duration'")
-        return _resolved(_validated(data), path.resolve().parent)
+        return _resolved(validated(Study, data), path.resolve().parent)
 
 
-def _validated(data: dict[str, Any]) -> Study:
-    try:
-        return Study.model_validate(data)
-    except ValidationError as error:
-        raise _refused(error) from None
-
-
-def part_of_run[P: Part](kind: type[P], key: str, data: Any) -> P:
-    """The part of a study under a key, with the values of one run.
+def validated[P: Part](kind: type[P], data: Any, *place: str) -> P:
+    """A study, or the part of it at a place, with the values of one run.
 
     Raises:
         SceneError: If a value is not allowed.
@@ -232,14 +226,10 @@ def part_of_run[P: Part](kind: type[P], key: str, data: Any) -> P:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise _refused(error, (key,)) from None
-
-
-def _refused(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
-    errors = error.errors()
-    for one in errors:
-        one["loc"] = (*place, *one["loc"])
-    return SceneError("\n".join(complaints(errors, Study, {}, (), _WHAT)))
+        errors = error.errors()
+    for each in errors:
+        each["loc"] = (*place, *each["loc"])
+    raise SceneError("\n".join(complaints(errors, Study, {}, (), _WHAT)))
 
 
 def _resolved(study: Study, folder: Path) -> Study:
@@ -253,8 +243,8 @@ def _resolved(study: Study, folder: Path) -> Study:
         changes["motion"] = study.motion.model_copy(update={"file": file})
     varied = study.vary.get("scene")
     if varied is not None and varied.values is not None:
-        found = tuple(_found(value, folder) for value in varied.values)
-        changes["vary"] = {**study.vary, "scene": varied.model_copy(update={"values": found})}
+        values = tuple(_found(value, folder) for value in varied.values)
+        changes["vary"] = {**study.vary, "scene": varied.model_copy(update={"values": values})}
     return study.model_copy(update=changes)
 
 

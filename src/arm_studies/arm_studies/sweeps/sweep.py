@@ -8,8 +8,9 @@ import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import batched
 from pathlib import Path
 from typing import Any
@@ -18,19 +19,20 @@ import numpy as np
 
 import arm_sim
 from arm_dynamics.attributes import frozen
-from arm_dynamics.exceptions import InvalidInput
-from arm_studies.sweeps.design import Point, points
+from arm_studies.sweeps.controllers import runs_compiled
+from arm_studies.sweeps.design import points
 from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints
 from arm_studies.sweeps.pace import Pace
 from arm_studies.sweeps.recipes import Group, Planner
-from arm_studies.sweeps.sharing import Task, check_libraries, shared_out
+from arm_studies.sweeps.runs import Row
+from arm_studies.sweeps.sharing import Task, check_libraries, started
 from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
-from arm_studies.sweeps.world import COMPILED, PYTHON, Row, runs_compiled, world_of
+from arm_studies.sweeps.world import world_of
 
-# Runs per task, such that the cost of passing it to a worker is negligible.
-_RUNS = {COMPILED: 32, PYTHON: 2}
+# Runs per task, compiled or not, such that the cost of passing it to a worker is negligible.
+_RUNS = {True: 32, False: 2}
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
 
 
@@ -145,18 +147,36 @@ def sweep(
     groups = planner.groups(runs)
     tell = told or (lambda progress: None)
     tell(Progress(0, len(runs), None, "building the first arm"))
-    _check_first(planner, groups[0])
-    kinds = _kinds(planner, groups)
+    # An error of the first run is raised, since the others would fail in the same way.
+    world = world_of(planner.recipe(groups[0]))
+    world.check(planner.job(groups[0], groups[0].points[0]))
+    check_joints(study.metrics, world.joint_names)
+    compiled = _compiled(planner, groups)
     tunable = tuple(dict.fromkeys(key for group in groups for key in group.slots))
-    compiled = sum(kind == COMPILED for kind in kinds.values())
-    plan = Plan(len(runs), len(groups), compiled, tunable)
+    plan = Plan(len(runs), len(groups), sum(compiled.values()), tunable)
     with ExitStack() as stack:
         journal = None
         if out is not None:
             journal = stack.enter_context(Journal(Path(out), _about(study, planner, groups)))
         rows = dict(journal.rows) if journal else dict[int, Row]()
         begin, before = time.perf_counter(), len(rows)
-        _fill(planner, groups, kinds, rows, journal, workers, cluster, tell)
+        missing = [replace(g, points=[p for p in g.points if p.index not in rows]) for g in groups]
+        missing = [group for group in missing if group.points]
+        if missing:
+            pool = stack.enter_context(started(workers, cluster))
+            # Code that several workers share is compiled once, before they start.
+            shared = [g for g in missing if len(g.points) > 1 and pool.size > 1]
+            first = [Task(planner.recipe(g), (), compiled[g.points[0].index]) for g in shared]
+            for k, _ in enumerate(pool.results(first)):
+                tell(Progress(len(rows), len(runs), None, f"compiling, {k + 1} of {len(first)}"))
+            pace = Pace(Counter(compiled[point.index] for g in missing for point in g.points))
+            for result in pool.results(_tasks(planner, missing, compiled, pool.size)):
+                if journal is not None:
+                    journal.add(result.rows)
+                rows.update((row.index, row) for row in result.rows)
+                now = time.perf_counter()
+                pace.note(result, now)
+                tell(Progress(len(rows), len(runs), pace.remaining(now), "running"))
         seconds = time.perf_counter() - begin
     return Sweep(
         study, plan, table_of(study, runs, rows), len(rows) - before, seconds,
@@ -164,85 +184,41 @@ def sweep(
     )  # fmt: skip
 
 
-def _fill(
-    planner: Planner, groups: Sequence[Group], kinds: dict[int, str], rows: dict[int, Row],
-    journal: Journal | None, workers: int | None, cluster: str | None,
-    tell: Callable[[Progress], None],
-) -> None:  # fmt: skip
-    """Simulate the missing runs, and add them to ``rows`` and the journal."""
-    missing = [
-        (group, [point for point in group.points if point.index not in rows]) for group in groups
-    ]
-    missing = [(group, left) for group, left in missing if left]
-    total = sum(len(group.points) for group in groups)
-    left = Counter(kinds[point.index] for _, points_left in missing for point in points_left)
-    if not left:
-        return
-    pace = Pace(left)
-    with shared_out(workers, cluster) as crew:
-        # Code that several workers share is compiled once, before they start.
-        shared = [group for group, points_left in missing if len(points_left) > 1]
-        first = [Task(planner.recipe(group), (), kinds[group.points[0].index]) for group in shared]
-        for k, _ in enumerate(crew.results(first if crew.size > 1 else [])):
-            tell(Progress(len(rows), total, None, f"compiling, {k + 1} of {len(first)}"))
-        for result in crew.results(_tasks(planner, missing, kinds, crew.size)):
-            if journal is not None:
-                journal.add(result.rows)
-            rows.update((row.index, row) for row in result.rows)
-            now = time.perf_counter()
-            pace.note(result, now)
-            tell(Progress(len(rows), total, pace.remaining(now), "running"))
-
-
 def _tasks(
-    planner: Planner, missing: Iterable[tuple[Group, list[Point]]], kinds: dict[int, str],
-    workers: int,
-) -> Iterator[Task]:  # fmt: skip
-    for group, left in missing:
+    planner: Planner, groups: Iterable[Group], compiled: Mapping[int, bool], workers: int
+) -> Iterator[Task]:
+    for group in groups:
         recipe = planner.recipe(group)
-        for kind in (COMPILED, PYTHON):
-            ours = [point for point in left if kinds[point.index] == kind]
-            size = max(1, min(_RUNS[kind], len(ours) // (workers * _LEAST_TASKS)))
+        for kind, most in _RUNS.items():
+            ours = [point for point in group.points if compiled[point.index] == kind]
+            size = max(1, min(most, len(ours) // (workers * _LEAST_TASKS)))
             for part in batched(ours, size):
                 yield Task(recipe, tuple(planner.job(group, point) for point in part), kind)
 
 
-def _check_first(planner: Planner, group: Group) -> None:
-    """Raise an error of the first run, since the others would fail in the same way."""
-    world = world_of(planner.recipe(group))
-    world.check(planner.job(group, group.points[0]))
-    try:
-        check_joints(planner.study.metrics, world.joint_names)
-    except ValueError as error:
-        raise InvalidInput(f"study: {error}") from None
-
-
-def _kinds(planner: Planner, groups: Sequence[Group]) -> dict[int, str]:
-    """How each run is simulated: entirely in compiled code, or partly in Python."""
-    found, known = {}, dict[tuple[int, str], str]()
+def _compiled(planner: Planner, groups: Sequence[Group]) -> dict[int, bool]:
+    """Of each run, whether it is simulated entirely in compiled code."""
+    by_point, known = dict[int, bool](), dict[tuple[int, str], bool]()
     for number, group in enumerate(groups):
-        recipe = None
+        recipe = planner.recipe(group)
         for point in group.points:
             settings = {k: v for k, v in point.values.items() if k.startswith("controller.")}
             key = number, repr(settings)
             if key not in known:
-                recipe = recipe or planner.recipe(group)
-                whole = runs_compiled(recipe, planner.job(group, point))
-                known[key] = COMPILED if whole else PYTHON
-            found[point.index] = known[key]
-    return found
+                known[key] = runs_compiled(recipe, planner.job(group, point))
+            by_point[point.index] = known[key]
+    return by_point
 
 
 def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:
     """Inputs of the rows: the study, the content of its scenes, and the suite's version."""
-    contents = {str(group.scene)[:80]: planner.content(group.scene) for group in groups}
+    contents = {}
+    for group in groups:
+        content = json.dumps(planner.content(group.scene), sort_keys=True)
+        contents[str(group.scene)[:80]] = hashlib.sha256(content.encode()).hexdigest()[:16]
     return {
         "suite": arm_sim.__version__,
         "study": study.model_dump(mode="json", exclude_unset=True),
         "order of vary": list(study.vary),  # determines numbering and random numbers
-        "content of scene": {name: _digest(content) for name, content in contents.items()},
+        "content of scene": contents,
     }
-
-
-def _digest(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

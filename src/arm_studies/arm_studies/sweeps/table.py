@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.exceptions import InvalidInput, choices
 from arm_studies.sweeps.design import Point
+from arm_studies.sweeps.runs import DONE, Row
 from arm_studies.sweeps.study import Study
-from arm_studies.sweeps.world import DONE, Row
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Table:
     @property
     def done(self) -> NDArray[np.bool_]:
         """Which runs were completed."""
-        found: NDArray[np.bool_] = self.columns["status"] == DONE
-        return found
+        done: NDArray[np.bool_] = self.columns["status"] == DONE
+        return done
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write ``table.parquet``, or ``table.csv`` where pyarrow is not installed.
@@ -67,18 +67,15 @@ class Table:
             import pyarrow
             from pyarrow import parquet
         except ModuleNotFoundError:
-            return self._save_csv(folder / "table.csv")
+            path = folder / "table.csv"
+            with path.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(self.columns)
+                columns = (column.tolist() for column in self.columns.values())
+                writer.writerows(zip(*columns, strict=True))
+            return path
         path = folder / "table.parquet"
         parquet.write_table(pyarrow.table({k: v.tolist() for k, v in self.columns.items()}), path)
-        return path
-
-    def _save_csv(self, path: Path) -> Path:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.columns)
-            writer.writerows(
-                zip(*(column.tolist() for column in self.columns.values()), strict=True)
-            )
         return path
 
 

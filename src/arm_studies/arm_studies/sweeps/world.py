@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import batched
 from typing import Any
@@ -18,9 +17,9 @@ from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.control.controller import Measured
 from arm_dynamics.control.custom import is_own, load_controller
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController
-from arm_dynamics.exceptions import choices, plain
+from arm_dynamics.exceptions import choices
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene.effect import has_chance
 from arm_dynamics.scene.imperfections import Sensors
@@ -34,78 +33,16 @@ from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.stepping.rollout import Batch, Rollouts
 from arm_sim.stepping.stepper import Stepper
-from arm_studies.sweeps.compiled import gains, is_compiled, law
+from arm_studies.sweeps.controllers import IMPERFECT, chosen, gains, law, runs_compiled
 from arm_studies.sweeps.keys import below, tunable, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
-from arm_studies.sweeps.study import ControllerChoice, MotionChoice, part_of_run
+from arm_studies.sweeps.runs import DONE, Job, Recipe, Row
+from arm_studies.sweeps.study import ControllerChoice, MotionChoice, validated
 
-# How runs are simulated: entirely in compiled code, or with the controller in Python.
-COMPILED, PYTHON = "compiled", "Python"
-DONE, DIVERGED, FAILED = "done", "diverged", "failed"
-IMPERFECT = ("sensors", "commands")
 OF_LOOP = ("initial", "motion", "controller")
-_FEW = 3  # smallest number of runs for which SIMD is worthwhile
-_ROOM = 4_000_000  # largest number of values of runs that are simulated together
-_REMEMBERED = 64  # number of references and starts of a world that are cached
-
-
-@dataclass(frozen=True)
-class Job:
-    """One run of a world.
-
-    Attributes:
-        index: Its number in the design.
-        noise: Seed of its noise.
-        values: Varied values by key, without those that define the world.
-    """
-
-    index: int
-    noise: int
-    values: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Row:
-    """Result of a run.
-
-    Attributes:
-        index: Its number in the design.
-        status: ``done``, ``diverged`` or ``failed``.
-        note: The reason if it was not done; else empty.
-        metrics: Values in the study's order; NaN if it was not done.
-    """
-
-    index: int
-    status: str
-    note: str
-    metrics: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """Inputs of a world: text and numbers, which can be sent to other processes.
-
-    Attributes:
-        scene: Content of the scene file, as JSON with the text of the robot description.
-        known: That of the controller's scene.
-        controller: The study's choice, as JSON.
-        motion: Likewise.
-        duration: Duration of a run in [s].
-        metrics: Names of the metrics.
-        slots: Indices of varied values in their tunable quantities, by key.
-        lanes: Whether there are enough runs to compile code that simulates several side by side.
-        imperfect: Whether the scene has imperfect sensors or commands.
-    """
-
-    scene: str
-    known: str
-    controller: str
-    motion: str
-    duration: float
-    metrics: tuple[str, ...]
-    slots: tuple[tuple[str, tuple[int, ...]], ...]
-    imperfect: bool
-    lanes: bool
+_FEWEST = 3  # smallest number of runs for which SIMD is worthwhile
+_MOST_VALUES = 4_000_000  # largest number of values of runs that are simulated together
+_CACHED = 64  # number of courses, and of gains, of a world that are kept
 
 
 class World:
@@ -122,7 +59,7 @@ class World:
         self._recipe, self._content = recipe, json.loads(recipe.scene)
         self._scene = load_scene(self._content)
         self._simulator = Simulator(self._scene)
-        self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.known))))
+        self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.controller_scene))))
         simulator, dynamics = self._simulator, self._dynamics
         if simulator.joint_names != dynamics.joint_names:
             raise InvalidInput(
@@ -133,8 +70,8 @@ class World:
         self._ticks = tick_count(recipe.duration, simulator.dt)
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
-        self._remembered: dict[bytes, tuple[Array, Array]] = {}
-        self._gains: dict[str, Array] = {}
+        self._course_of = lru_cache(_CACHED)(self._course)
+        self._gains_of = lru_cache(_CACHED)(self._gains)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -165,33 +102,25 @@ class World:
         Those with one start, one motion and one compiled controller are simulated side by side in
         vector registers if possible, with identical results.
         """
-        found, alike = dict[int, Row](), dict[str, list[_Run]]()
+        rows, alike = dict[int, Row](), dict[str, list[_Run]]()
         for job in jobs:
-            with self._failing(job, found):
+            try:
                 run = self._checked(job)
-                given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
-                together = run.compiled and self._recipe.lanes
-                alike.setdefault(json.dumps(given) if together else f"{job.index}", []).append(run)
+            except ArmError as error:
+                rows[job.index] = Row.failed(job, error, self._recipe.metrics)
+                continue
+            given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
+            together = run.compiled and self._recipe.lanes
+            alike.setdefault(json.dumps(given) if together else f"{job.index}", []).append(run)
         size = (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
         for group in alike.values():
-            for part in batched(group, max(1, _ROOM // size)):
-                if len(part) >= _FEW:
-                    found |= self._side_by_side(part)
+            for part in batched(group, max(1, _MOST_VALUES // size)):
+                if len(part) >= _FEWEST:
+                    rows |= self._side_by_side(part)
                 for run in part:
-                    if run.job.index not in found:
-                        with self._failing(run.job, found):
-                            found[run.job.index] = self._alone(run)
-        return [found[job.index] for job in jobs]
-
-    @contextmanager
-    def _failing(self, job: Job, found: dict[int, Row]) -> Iterator[None]:
-        """Add a row for an error."""
-        try:
-            yield
-        except ArmError as error:
-            status = DIVERGED if isinstance(error, SimulationDiverged) else FAILED
-            nothing = (np.nan,) * len(self._recipe.metrics)
-            found[job.index] = Row(job.index, status, plain(error, 300), nothing)
+                    if run.job.index not in rows:
+                        rows[run.job.index] = self._alone(run)
+        return [rows[job.index] for job in jobs]
 
     # --- inputs of a job -----------------------------------------------------------------------
 
@@ -204,31 +133,27 @@ class World:
             assert quantity is not None
             named[quantity][places] = job.values[key]
         p = parameters.merged(named, self._nominal)
-        choice, settings = chosen(self._recipe, job)
-        if "dt" not in choice.settings and settings.dt != self._simulator.dt:
-            settings = replace(settings, dt=self._simulator.dt)
-        compiled = runs_compiled(self._recipe, job)
-        return _Run(job, p, *self._course(job), choice, settings, compiled)
-
-    def _course(self, job: Job) -> tuple[Array, Array]:
-        """Start and references of a run at all its ticks: shapes (nx,) and (ticks + 1, 3n)."""
+        choice = chosen(self._recipe, job)
+        settings = {"dt": self._simulator.dt} | choice.settings
+        choice = choice.model_copy(update={"settings": settings})
         given = {k: v for k, v in job.values.items() if below(k, ("initial", "motion"))}
-        key = json.dumps(given).encode()
-        if key not in self._remembered:
-            x0 = self._start({k: v for k, v in given.items() if below(k, ("initial",))})
-            own = {k: v for k, v in given.items() if below(k, ("motion",))}
-            motion = with_values({"motion": json.loads(self._recipe.motion)}, own)["motion"]
-            choice = part_of_run(MotionChoice, "motion", motion)
-            course = self._motion(choice, x0[: len(self.joint_names)])
-            if course.torques is not None:
-                raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")
-            times = np.arange(self._ticks + 1) * self._simulator.dt
-            samples = (course.sample(float(t)) for t in times)
-            rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
-            if len(self._remembered) >= _REMEMBERED:
-                self._remembered.clear()
-            self._remembered[key] = read_only(x0), read_only(rows)
-        return self._remembered[key]
+        x0, rows = self._course_of(json.dumps(given))
+        return _Run(job, p, x0, rows, choice, runs_compiled(self._recipe, job))
+
+    def _course(self, values: str) -> tuple[Array, Array]:
+        """Start and references at all ticks, of varied values: shapes (nx,), (ticks + 1, 3n)."""
+        given = json.loads(values)
+        x0 = self._start({k: v for k, v in given.items() if below(k, ("initial",))})
+        own = {k: v for k, v in given.items() if below(k, ("motion",))}
+        motion = with_values({"motion": json.loads(self._recipe.motion)}, own)["motion"]
+        choice = validated(MotionChoice, motion, "motion")
+        course = self._motion(choice, x0[: len(self.joint_names)])
+        if course.torques is not None:
+            raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")
+        times = np.arange(self._ticks + 1) * self._simulator.dt
+        samples = (course.sample(float(t)) for t in times)
+        rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
+        return read_only(x0), read_only(rows)
 
     def _start(self, given: dict[str, Any]) -> Array:
         """The state at the start of a run, shape (nx,)."""
@@ -271,18 +196,25 @@ class World:
         return Row(run.job.index, DONE, "", tuple(values))
 
     def _alone(self, run: _Run) -> Row:
-        """Simulate a run: in compiled code, or with its controller as a ``ClosedLoop`` runs it."""
-        simulator, n = self._simulator, len(self.joint_names)
-        if run.compiled:
-            stepper, (trace, effort, notes) = self._stepper, self._space
-            stepper.restart()
-            stepper.p[:] = run.p
-            done = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
-            if done < self._ticks:
-                raise _diverged(done + 1, simulator.dt)
-            torque = simulator.arm.plant.joint_torque(trace, effort)
-            return self._row(run, np.vstack([run.x0[:n], trace[:, :n]]), torque, effort)
-        control = self._control(run)
+        """Simulate a run; an error gives a row as well."""
+        try:
+            return self._compiled(run) if run.compiled else self._closed_loop(run)
+        except ArmError as error:
+            return Row.failed(run.job, error, self._recipe.metrics)
+
+    def _compiled(self, run: _Run) -> Row:
+        stepper, (trace, effort, notes), n = self._stepper, self._space, len(self.joint_names)
+        stepper.restart()
+        stepper.p[:] = run.p
+        ticks = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
+        if ticks < self._ticks:
+            raise _diverged(ticks + 1, self._simulator.dt)
+        torque = self._simulator.arm.plant.joint_torque(trace, effort)
+        return self._row(run, np.vstack([run.x0[:n], trace[:, :n]]), torque, effort)
+
+    def _closed_loop(self, run: _Run) -> Row:
+        """Simulate a run with its controller as a ``ClosedLoop`` runs it."""
+        simulator, control = self._simulator, self._control(run)
         simulator.arm.imperfect(self._imperfect(run.job))
         simulator.arm.restore(run.x0, run.p, 0)
         references = [Reference(*np.split(row, 3)) for row in run.rows]
@@ -311,13 +243,13 @@ class World:
         left = self._rollouts.side_by_side(batch)
         if left is None:
             return {}
-        found = dict[int, Row]()
+        rows = dict[int, Row]()
         for i, run in enumerate(runs):
             if i not in left and np.isfinite(out[i, -1]).all():
                 torque = self._simulator.arm.plant.joint_torque(out[i, 1:], effort[i])
                 q = np.ascontiguousarray(out[i, :, :n])  # sums depend on the memory layout
-                found[run.job.index] = self._row(run, q, torque, effort[i])
-        return found
+                rows[run.job.index] = self._row(run, q, torque, effort[i])
+        return rows
 
     @cached_property
     def _control_law(self) -> CompiledControl:
@@ -342,18 +274,16 @@ class World:
 
     def _inputs(self, run: _Run) -> Array:
         """Inputs of the compiled controller in each tick: references and gains."""
-        key = json.dumps(run.choice.settings)
-        if key not in self._gains:
-            if len(self._gains) >= _REMEMBERED:
-                self._gains.clear()
-            self._gains[key] = gains(run.choice.name, self._dynamics, run.settings)
-        tuning = self._gains[key]
+        tuning = self._gains_of(run.choice.name, json.dumps(run.choice.settings))
         return np.hstack([run.rows[:-1], np.broadcast_to(tuning, (self._ticks, len(tuning)))])
 
+    def _gains(self, controller: str, settings: str) -> Array:
+        return gains(controller, self._dynamics, Settings(**json.loads(settings)))
+
     def _control(self, run: _Run) -> AnyController:
-        name = run.choice.name
+        name, settings = run.choice.name, Settings(**run.choice.settings)
         maker = load_controller(name) if is_own(name) else name
-        return make_controller(maker, self._dynamics, run.settings)
+        return make_controller(maker, self._dynamics, settings)
 
     def _imperfect(self, job: Job) -> Scene:
         """The scene with the sensors and command delays of a run, and its own noise."""
@@ -376,8 +306,7 @@ class _Run:
         p: The vector p, shape (np,).
         x0: State at the start, shape (nx,).
         rows: References at all ticks, shape (ticks + 1, 3n).
-        choice: Its controller.
-        settings: Of the controller.
+        choice: Its controller, with the time step among its settings.
         compiled: Whether it is simulated entirely in compiled code.
     """
 
@@ -386,41 +315,7 @@ class _Run:
     x0: Array
     rows: Array
     choice: ControllerChoice
-    settings: Settings
     compiled: bool
-
-
-def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:
-    """The controller of a run and its settings.
-
-    Raises:
-        InvalidInput: If a setting is unknown or not allowed.
-    """
-    own = {key: value for key, value in job.values.items() if below(key, ("controller",))}
-    return _chosen(recipe.controller, json.dumps(own))
-
-
-@lru_cache(maxsize=_REMEMBERED)
-def _chosen(controller: str, values: str) -> tuple[ControllerChoice, Settings]:
-    given = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
-    choice = part_of_run(ControllerChoice, "controller", given)
-    if choice.name not in NAMES and not is_own(choice.name):
-        allowed = choices(choice.name, NAMES)
-        raise InvalidInput(f"controller = {choice.name!r}; allowed: {allowed}")
-    known = [field.name for field in fields(Settings)]
-    for key in choice.settings:
-        if key not in known:
-            raise InvalidInput(
-                f"unknown setting 'controller.settings.{key}'; allowed: {choices(key, known)}"
-            )
-    return choice, Settings(**choice.settings)
-
-
-def runs_compiled(recipe: Recipe, job: Job) -> bool:
-    """Whether a run is simulated entirely in compiled code, with an ideal measured state."""
-    choice, settings = chosen(recipe, job)
-    perfect = not (recipe.imperfect or any(below(key, IMPERFECT) for key in job.values))
-    return perfect and is_compiled(choice.name, settings)
 
 
 def _diverged(tick: int, dt: float) -> SimulationDiverged:

@@ -14,7 +14,7 @@ from arm_dynamics.scene import SceneSource
 from arm_dynamics.scene.urdf import xml_root
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.view.shapes import visuals_of
-from arm_studies.identification.described import urdf_with
+from arm_studies.identification.identified_scene import urdf_with
 
 URDF = (models.FOLDER / "planar_3r.urdf").read_text()
 BODY = URDF[URDF.index("<robot") :]

@@ -156,6 +156,7 @@ def repeated(words: str) -> str:
 SOUND: dict[str, Way] = {
     "as it is": lambda text, rng: text,
     "blanks around": with_numbers(lambda words, _: f" \t{' '.join(words)}\n"),
+    "other blanks": with_numbers(lambda words, _: f"\u00a0{' '.join(words)}\u2003"),
     "blanks between": with_numbers(lambda words, _: " \n\t ".join(words)),
     "line feeds by reference": with_numbers(lambda words, _: "&#10;".join(words) + "&#x9;"),
     "digits by reference": with_one(lambda word: "".join(f"&#{ord(c)};" for c in word)),

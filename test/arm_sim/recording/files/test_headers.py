@@ -40,8 +40,8 @@ def test_numbered_joints(first):
 
 
 def test_names_that_hold_such_words_are_left_whole():
-    header = read_header(["time", "position.left/q_elbow_pos", "effort.left/q_elbow_pos"])
-    assert header.joints == ("left/q_elbow_pos",)
+    header = read_header(["time", "position.left/q_elbow_pos", "effort.left/q_elbow_pos", "q_²"])
+    assert header.joints == ("left/q_elbow_pos", "²")
 
 
 def test_columns_without_a_joint_or_of_an_unknown_unit_are_ignored():

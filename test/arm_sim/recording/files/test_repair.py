@@ -126,11 +126,8 @@ def test_the_files_of_a_bag_become_one(tmp_path: Path) -> None:
     second[second.index(b"zstd") + 40] ^= 0xFF
     (folder / "bag_1.mcap").write_bytes(second)
     found = repair(folder, tmp_path / "one.mcap")
-    assert found.count["/sim/ticks"] == 1100 and set(found.kept) == {
-        "arm_sim",
-        "scene.yaml",
-        "robot.urdf",
-    }
+    assert found.count["/sim/ticks"] == 1100
+    assert set(found.kept) == {"arm_sim", "scene.yaml", "robot.urdf"}
     assert len(found.damage) == 1 and "is damaged" in found.damage[0]
     assert opened_by_rosbags(tmp_path / "one.mcap") == found.count
 
@@ -149,12 +146,8 @@ def test_what_is_not_repaired_leaves_nothing_behind(
     cut: str, out: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, raw in (
-        ("cut.mcap", MCAP0_MAGIC),
-        ("old.mcap", b""),
-        ("cut.db3", b""),
-        ("text.mcap", b"x"),
-    ):
+    files = {"cut.mcap": MCAP0_MAGIC, "old.mcap": b"", "cut.db3": b"", "text.mcap": b"x"}
+    for name, raw in files.items():
         Path(name).write_bytes(raw)
     with pytest.raises(InvalidInput, match=said):
         repair(Path(cut), Path(out))

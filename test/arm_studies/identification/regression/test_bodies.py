@@ -7,7 +7,7 @@ import pytest
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.base_parameters import base_parameters
-from arm_studies.identification.regression.estimation import Prior, made_possible
+from arm_studies.identification.regression.estimation import Prior, consistent_solution
 from arm_studies.identification.regression.regressor import RigidRegressor
 
 BALL = bodies.numbers_of(np.diag([0.01, 0.01, 0.01, 2.0]))
@@ -19,16 +19,16 @@ def test_numbers_and_pseudo_inertia_are_each_others_inverse():
 
 
 def test_bodies_are_distinguished_from_impossible_ones():
-    assert bodies.possible(BALL)
+    assert bodies.consistent(BALL)
     rod_too_fat = BALL.copy()
     rod_too_fat[9] = 0.1  # more about one axis than about the other two together
-    assert not bodies.possible(rod_too_fat)
+    assert not bodies.consistent(rod_too_fat)
     far = BALL.copy()
     far[1] = 1.0  # a centre of mass beyond what the moments allow
-    assert not bodies.possible(far)
+    assert not bodies.consistent(far)
     np.testing.assert_array_equal(bodies.nearest(BALL), BALL)
     plate = bodies.numbers_of(np.diag([0.01, 0.01, 0.0, 2.0]))
-    assert bodies.possible(bodies.nearest(plate)) and not bodies.possible(plate)
+    assert bodies.consistent(bodies.nearest(plate)) and not bodies.consistent(plate)
 
 
 def test_the_barrier_has_the_derivatives_that_differences_have():
@@ -52,7 +52,7 @@ def test_a_plate_of_less_density_is_believed_to_be_a_body():
     plate = bodies.numbers_of(np.diag([0.01, 0.01, 1e-7, 2.0]))
     belief = Prior.near(plate, 0.1, 1e-4)
     lighter = 0.8 * belief.x0
-    assert bodies.possible(lighter)
+    assert bodies.consistent(lighter)
     assert np.linalg.norm(belief.rows @ (lighter - belief.x0)) == pytest.approx(2.0, 1e-3)
     np.testing.assert_allclose(belief.x0, plate, atol=1e-4)
 
@@ -64,10 +64,10 @@ def test_the_best_possible_body_is_found():
     weights = np.array([np.linalg.norm(b) for b in bodies.BASIS])
     gram = np.einsum("kab,lab->kl", bodies.BASIS, bodies.BASIS)
     R = np.linalg.cholesky(gram).T  # so that ‖R x‖ is Frobenius' norm of J
-    found = made_possible(R, R @ bodies.numbers_of(wanted), BALL, BALL, ())
+    found = consistent_solution(R, R @ bodies.numbers_of(wanted), BALL, BALL, ())
     best = np.diag([0.01, 0.01, 0.0, 2.0])
     np.testing.assert_allclose(bodies.pseudo_inertia(found), best, atol=1e-4)
-    assert bodies.possible(found) and weights.all()
+    assert bodies.consistent(found) and weights.all()
 
 
 @pytest.mark.parametrize(("scene", "count"), [("panda", 43), ("ur10", 36), ("puma560", 36)])

@@ -6,7 +6,7 @@ import pytest
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.regression.bodies import possible
+from arm_studies.identification.regression.bodies import consistent
 from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.fit import fitted
 from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit, Shape
@@ -53,7 +53,7 @@ def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
     rows = Rows(regressor, [prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)])
     found = fitted(
         Problem(rows, rows.use, Prior.near(regressor.nominal, 0.05, 0.5)),
-        [JointFit((VISCOUS,))] * 2, possible=True,
+        [JointFit((VISCOUS,))] * 2, consistent=True,
     )  # fmt: skip
     assert found.changed == changed
-    assert possible(found.x[10:20])
+    assert consistent(found.x[10:20])

@@ -3,18 +3,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
-
-
-def take_short_turns() -> None:
-    """Limit the time for which background work blocks the loop to 50 µs.
-
-    Python's default switch interval is 5 ms. Only for a process that runs one node.
-    """
-    sys.setswitchinterval(5e-5)
 
 
 class _Waiting(NamedTuple):

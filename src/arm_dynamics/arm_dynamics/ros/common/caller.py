@@ -18,24 +18,19 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from arm_dynamics.exceptions import InvalidInput, NoAnswer
-from arm_dynamics.ros.common.privileges import arrange_middleware_threads
+from arm_dynamics.ros.common.scheduling import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
-_GLANCE = 0.05  # [s] between checks of the number of servers, while waiting for an answer
-_LOOK = 0.01  # [s] between checks for a server
+_POLL = 0.01  # [s] between checks for a server
+_POLL_COUNT = 0.05  # [s] between checks of the number of servers, while waiting for an answer
 
 
-class Asker:
-    """A client of a service that needs no executor.
-
-    Attributes:
-        name: Full name of the service.
-    """
+class PolledClient:
+    """A client of a service that needs no executor; its node must not be spun elsewhere."""
 
     def __init__(self, node: Node, service: Service, name: str) -> None:
-        """Create the client; ``node`` must not be spun elsewhere."""
         client = node.create_client(service.type, name)
         self.name: str = client.service_name
         self._response, self._handle = service.type.Response, client.handle
@@ -45,16 +40,12 @@ class Asker:
         """Whether the service has a server."""
         return bool(self._handle.service_server_is_available())
 
-    def ask(self, request: Any) -> int:
+    def send(self, request: Any) -> int:
         """Send a request; return its number."""
         return int(self._handle.send_request(request))
 
-    def answer(self, asked: Collection[int], timeout: float) -> Any | None:
-        """Wait for the answer to any of the given requests, by number; others are ignored.
-
-        Returns:
-            The first answer, or None if none arrives within ``timeout`` in [s].
-        """
+    def receive(self, asked: Collection[int], timeout: float) -> Any | None:
+        """The first answer to any of the requests of these numbers within ``timeout`` in [s]."""
         end = time.monotonic_ns() + int(1e9 * timeout)
         while (left := end - time.monotonic_ns()) > 0:
             self._waiting.clear_entities()
@@ -67,11 +58,9 @@ class Asker:
 
 
 class TemporaryNode:
-    """A node with a context of its own, which joins the ROS graph for a while.
+    """A node with a context of its own, which joins a domain of the ROS graph for a while.
 
-    Args:
-        name: The beginning of its name.
-        domain: ROS domain; None for that of the environment.
+    Its name begins with ``name``; the domain None is that of the environment.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:
@@ -108,99 +97,87 @@ class TemporaryNode:
 
     def where(self, node: str | None = None) -> str:
         """The visible nodes, and what to check if none, or not this one, is among them."""
-        seen = [name for name in self.nodes() if "/arm_shell_" not in name]
-        text = f"nodes seen: {', '.join(seen) or 'none'}"
-        if node in seen:
+        visible = [name for name in self.nodes() if "/arm_shell_" not in name]
+        text = f"nodes seen: {', '.join(visible) or 'none'}"
+        if node in visible:
             return f"{text}\n  {node} may still be starting"
-        if node is None and seen:
+        if node is None and visible:
             return text
         domain = self._context.get_domain_id()
         return f"{text}\n  both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
 
 
 class Caller(TemporaryNode):
-    """A node that calls services of other nodes.
-
-    Args:
-        timeout: How long to wait for a node, and for each of its answers, in [s].
-        domain: ROS domain; None for that of the environment.
-    """
+    """A node that calls services; it waits ``timeout`` in [s] for a node, and for each answer."""
 
     def __init__(self, timeout: float, domain: int | None = None) -> None:
         super().__init__("arm_call", domain)
         self._timeout = timeout
-        self._askers: dict[tuple[str, str], Asker] = {}
-        self._answered: set[Asker] = set()
-        self._offering: dict[Asker, int] = {}
+        self._clients: dict[tuple[str, str], PolledClient] = {}
+        self._answered: set[PolledClient] = set()
+        self._offering: dict[PolledClient, int] = {}
 
     def close(self) -> None:
         """Leave the graph; may be called repeatedly."""
-        self._askers.clear()
+        self._clients.clear()
         super().close()
 
     def ask(self, node: str, service: Service, request: Any, repeatable: bool = True) -> Any:
-        """Call a service; a request without an answer is repeated.
+        """The response of a node, given by its name with its namespace, if it has one.
 
-        Args:
-            node: Name of the node, with its namespace if it has one.
-            service: The service.
-            request: The request.
-            repeatable: Whether the request may be sent twice.
-
-        Returns:
-            The response.
+        A request without an answer is repeated if it is ``repeatable``.
 
         Raises:
             InvalidInput: If no node can have that name.
             NoAnswer: If no node offers the service, or none answers.
         """
-        if (asker := self._askers.get((node, service.name))) is None:
+        if (client := self._clients.get((node, service.name))) is None:
             name = service.name.replace("~", _full_name(node))
-            asker = self._askers[node, service.name] = Asker(self._node, service, name)
-        met = asker in self._answered
+            client = self._clients[node, service.name] = PolledClient(self._node, service, name)
+        met = client in self._answered
         if not (met and repeatable):  # a check takes 10 µs
             end = time.monotonic() + self._timeout
-            while not asker.ready():
+            while not client.ready():
                 if time.monotonic() >= end:
-                    self._answered.discard(asker)
-                    raise NoAnswer(self._not_offered(asker.name))
-                time.sleep(_LOOK)
+                    self._answered.discard(client)
+                    raise NoAnswer(self._not_offered(client.name))
+                time.sleep(_POLL)
             if not (met or repeatable):
                 time.sleep(_SETTLE)
         # A server that has answered before may have been restarted, but it needs time to work.
         patience = self._timeout / 3.0 if met else _RETRY
-        response = self._response(asker, request, patience if repeatable else None)
+        response = self._response(client, request, patience if repeatable else None)
         if response is None:
-            self._answered.discard(asker)
-            if not asker.ready():
-                raise NoAnswer(self._not_offered(asker.name))
+            self._answered.discard(client)
+            if not client.ready():
+                raise NoAnswer(self._not_offered(client.name))
             doubt = "" if repeatable else " The request may have been carried out nevertheless"
             raise NoAnswer(
-                f"{asker.name} exists but did not answer within {self._timeout:g} s; is its "
+                f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
             )
-        self._answered.add(asker)
+        self._answered.add(client)
         return response
 
-    def _response(self, asker: Asker, request: Any, patience: float | None) -> Any | None:
+    def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:
         """The response; the request is repeated after ``patience`` in [s], unless that is None."""
         end, response, asked = time.monotonic() + self._timeout, None, set[int]()
         while response is None and (left := end - time.monotonic()) > 0.0:
-            asked.add(asker.ask(request))
+            asked.add(client.send(request))
             if patience is None:
-                return asker.answer(asked, left)
-            servers = partial(self._node.count_services, asker.name)
-            if asker not in self._offering:
-                self._offering[asker] = servers()
-            before = self._offering[asker]
-            response = self._watched(asker, asked, min(patience, left), servers)
+                return client.receive(asked, left)
+            servers = partial(self._node.count_services, client.name)
+            if client not in self._offering:
+                self._offering[client] = servers()
+            before = self._offering[client]
+            response = self._watched(client, asked, min(patience, left), servers)
             # Wait longer each time, but repeat at least three times.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
-            patience = longer if self._offering[asker] == before else _RETRY
+            patience = longer if self._offering[client] == before else _RETRY
         return response
 
     def _watched(
-        self, asker: Asker, asked: set[int], patience: float, servers: Callable[[], int]
+        self, client: PolledClient, asked: set[int], patience: float, servers: Callable[[], int]
     ) -> Any | None:
         """Wait for an answer, but only until the number of servers changes.
 
@@ -208,10 +185,10 @@ class Caller(TemporaryNode):
         """
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0.0:
-            if (response := asker.answer(asked, min(_GLANCE, left))) is not None:
+            if (response := client.receive(asked, min(_POLL_COUNT, left))) is not None:
                 return response
-            if (now := servers()) != self._offering[asker]:
-                self._offering[asker] = now
+            if (now := servers()) != self._offering[client]:
+                self._offering[client] = now
                 break
         return None
 

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from arm_dynamics.logs import Throttled
+from arm_dynamics.ros.common.conflicts import Alarm, same_name
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
@@ -18,22 +19,12 @@ PERIOD = 1.0  # [s]
 _LATE, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; what exceeds both is too long
 _BUSY = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
 _RARELY = 10.0  # [s] between log messages of a machine that is busy
-_WAY_OUT = "or give it a namespace (--ros-args -r __ns:=/left) or a ROS_DOMAIN_ID of its own"
-_SAME_NAME = (
-    "two nodes are called {}, and either answers requests to them; allowed: one (one that was "
-    f"killed counts for 20 s). End one, rename it (--ros-args -r __node:=NAME), {_WAY_OUT}"
-)
 OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 @dataclass
 class Finding:
-    """Condition of one part of a node.
-
-    Attributes:
-        part: Name of the part.
-        values: Numbers and texts about it, by name.
-    """
+    """Condition of one part of a node, with numbers and texts about it by name."""
 
     part: str
     values: dict[str, object] = field(default_factory=dict)
@@ -56,39 +47,6 @@ class Finding:
             hardware_id=node.get_fully_qualified_name(),
             values=[KeyValue(key=k, value=_text(v)) for k, v in self.values.items()],
         )
-
-
-def publishers(node: Node, topic: str) -> dict[bytes, str]:
-    """The nodes that publish a topic, by the identifiers of their publishers.
-
-    One that was killed is among them for up to 20 s.
-    """
-    return {
-        bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-        for info in node.get_publishers_info_by_topic(topic)
-    }
-
-
-def two_publish(topic: str, one: str, other: str) -> str:
-    """Complaint of two nodes that publish a topic of one."""
-    return f"two nodes publish {topic}: {one}, and {other}; allowed: one. End one, {_WAY_OUT}"
-
-
-class Alarm:
-    """A complaint of a node that is logged when it begins.
-
-    Attributes:
-        message: The complaint; empty while there is none.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._log, self.message = node.get_logger(), ""
-
-    def set(self, message: str) -> None:
-        """Begin, go on, or end."""
-        if message and not self.message:
-            self._log.error(message)
-        self.message = message
 
 
 class Growth:
@@ -122,7 +80,7 @@ class Lateness:
             node: The node.
             take: Returns the longest duration in [s] since the last call.
             usual: The usual duration in [s].
-            text: What is said of it, with a place for its value.
+            text: Text of the warning, with a place for the duration.
         """
         self._bound, self._text = max(_LATE, _FACTOR * usual), f"{text}: {_BUSY}"
         self._take, self.longest = take, 0.0
@@ -147,15 +105,9 @@ class Lateness:
 
 
 class Diagnosis:
-    """A timer that collects findings and publishes them."""
+    """A timer that collects findings and publishes them while there are subscribers."""
 
     def __init__(self, node: Node, find: Callable[[], Sequence[Finding]]) -> None:
-        """Start the timer.
-
-        Args:
-            node: The node.
-            find: Returns the findings; called once a second while there are subscribers.
-        """
         self._node, self._find, self._same_name = node, find, Alarm(node)
         self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = steady_timer(node, PERIOD, self.publish)
@@ -167,15 +119,12 @@ class Diagnosis:
 
     def publish(self) -> None:
         """Look for a node of the same name; publish the findings, if there are subscribers."""
-        me = self._node.get_name(), self._node.get_namespace()
-        twins = self._node.get_node_names_and_namespaces().count(me) > 1
-        self._same_name.set(
-            _SAME_NAME.format(self._node.get_fully_qualified_name()) if twins else ""
-        )
+        self._same_name.set(same_name(self._node))
         if not self.has_subscribers:
             return
-        found = self._find()
+        found, executor = self._find(), self._node.executor
         found[0].add(WARN, self._same_name.message)
+        found[0].values["executor"] = "none" if executor is None else type(executor).__name__
         message = DiagnosticArray(status=[f.message(self._node) for f in found])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command line of the nodes' executables: a scene, ROS arguments, --help."""
+"""Executables of the nodes: their command line, and the life of a process with one node."""
 
 from __future__ import annotations
 
+import gc
 import inspect
+import logging
 import re
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from textwrap import fill
 from typing import Any
 
+import rclpy
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.exceptions import InvalidInput, plain
-from arm_dynamics.ros.common.executor import run
+from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
+from arm_dynamics.logs import heard_by
+from arm_dynamics.ros.common.executor import spin
 from arm_dynamics.ros.common.params import listed
+from arm_dynamics.ros.common.scheduling import arrange_middleware_threads
+from arm_dynamics.ros.common.transport import avoid_shared_memory
 
 _ROS = "--ros-args"
 _HELP = {"-h", "--help"}
 _WIDTH = 98
+_FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 Words = tuple[str, ...]
 
 
@@ -35,8 +45,7 @@ def execute(
         **options: For the constructor of the node.
 
     Returns:
-        The exit status: 0 after a clean end, 2 when the node could not start, with the reason on
-        stderr.
+        The exit status, see ``run``.
     """
     words = tuple(sys.argv[1:] if args is None else args)
     if _HELP & set(words[: _end(words)]):
@@ -61,18 +70,14 @@ def split_words(words: Words) -> tuple[str | None, Words]:
     before = words[:end]
     for i, word in enumerate(before):
         if i or word.startswith("-") or ":=" in word:
+            rule = next((plain(word, 80) for word in before if ":=" in word), "NAME:=VALUE")
+            flag = "-r" if rule.startswith("__") or "-r" in before else "-p"
+            rule = re.sub("^__ns:=(?!/)", "__ns:=/", rule)
             raise InvalidInput(
                 f"'{plain(word, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, "
-                f"then for example {_ROS} {_suggested(before)}"
+                f"then for example {_ROS} {flag} {rule}"
             )
     return (before[0] if before else None), words[end:]
-
-
-def _suggested(words: Words) -> str:
-    """The first ROS argument among words, as it is written behind --ros-args."""
-    rule = next((plain(word, 80) for word in words if ":=" in word), "NAME:=VALUE")
-    flag = "-r" if rule.startswith("__") or "-r" in words else "-p"
-    return f"{flag} {re.sub('^__ns:=(?!/)', '__ns:=/', rule)}"
 
 
 def _end(words: Words) -> int:
@@ -101,3 +106,105 @@ def usage(kind: type[Node], params: type) -> str:
         text = fill(descriptor["description"] + allowed, _WIDTH - 6)
         lines += [f"      {line}" for line in text.split("\n")]
     return "\n".join(lines)
+
+
+class NodeHandler(logging.Handler):
+    """Passes log records to a node's logger, as information or as warnings."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(logging.INFO)
+        self._log = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log a record; ROS needs a separate line of code for each severity."""
+        if record.levelno >= logging.WARNING:
+            self._log.warning(record.getMessage())
+        else:
+            self._log.info(record.getMessage())
+
+
+def run(
+    make_node: Callable[..., Node],
+    args: list[str] | None = None,
+    done: Callable[[], bool] = lambda: False,
+) -> int:
+    """Run one node in this process: start, spin until SIGINT, SIGTERM or ``done``, clean up.
+
+    The signals interrupt what builds the node, compilers included. Later they only request the
+    end, so that the node is destroyed while ROS still works.
+
+    Returns:
+        0 after a clean end, also before the node was built; 2 when it could not start, with the
+        reason on stderr.
+    """
+    asked: list[int] = []
+    sys.setswitchinterval(5e-5)  # [s] for which other threads may block the loop, instead of 5e-3
+
+    def interrupt(number: int, _: Any) -> None:
+        asked.append(number)
+        _handle_signals(lambda received, _: asked.append(received))
+        raise KeyboardInterrupt
+
+    _handle_signals(interrupt)
+    context = Context()
+    node: Any = None
+    try:
+        avoid_shared_memory()
+        try:
+            off = SignalHandlerOptions.NO
+            rclpy.init(args=args, context=context, signal_handler_options=off)
+        except RuntimeError as error:
+            raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
+        node = make_node(context=context)
+        _handle_signals(lambda received, _: asked.append(received))
+        _warn_of_unknown(node)
+        arrange_middleware_threads()
+        if node.has_parameter(_FREEZE) and node.get_parameter(_FREEZE).value:
+            gc.collect()
+            gc.freeze()
+        with heard_by(NodeHandler(node)):
+            spin(node, lambda: bool(asked) or done())
+    except BaseException as error:
+        if asked and node is None:
+            return 0
+        if not isinstance(error, ArmError | OSError):
+            raise
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    finally:
+        if node is not None:
+            node.destroy_node()
+        context.try_shutdown()
+    return 0
+
+
+def _handle_signals(handler: Callable[[int, Any], object]) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
+
+
+def _warn_of_unknown(node: Node) -> None:
+    """Warn of parameters that the node does not have, which ROS ignores.
+
+    Those with dots may be declared later: for joints that are not known yet.
+    """
+    given = [name for name in node._parameter_overrides if "." not in name]  # no public API
+    known = [name for name in node._parameters if "." not in name]
+    for name in given:
+        if name not in known:
+            node.get_logger().warning(
+                f"this node has no parameter '{plain(name, 80)}', which is ignored; "
+                f"allowed: {choices(name, known, 100)}"
+            )
+
+
+def _reason(error: RuntimeError) -> str:
+    """The error message of ROS without references to its source lines."""
+    text = str(error).split(", at /")[0]
+    rule = re.search(r"(?:override|remap) rule: ('.*?')\.|^\[(.*)\]$", text)
+    if rule is None:
+        return text
+    return (
+        f"{rule[1] or rule[2]} is no ROS argument; expected -p NAME:=VALUE, such as -p dt:=0.001, "
+        "or -r NAME:=NEW, such as -r __ns:=/left"
+    )

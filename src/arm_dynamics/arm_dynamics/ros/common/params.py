@@ -40,16 +40,10 @@ def parameter(
     read_only: bool = True,
     name: str | None = None,
 ) -> Any:
-    """Describe one field of a parameter dataclass.
+    """Describe one field of a parameter dataclass, whose type is that of the default.
 
-    Args:
-        default: Value when it is not set; its type is the parameter's type.
-        description: Description with unit.
-        low: Smallest allowed value, with ``high``.
-        high: Largest allowed value.
-        choices: Allowed texts, if only some are allowed.
-        read_only: Whether it cannot be changed while the node runs.
-        name: Its name; None for that of the field.
+    Allowed are values from ``low`` to ``high``, or some ``choices``. It is called ``name``, by
+    default as the field.
     """
     about = {"description": description, "choices": choices, "read_only": read_only}
     if name is not None:

@@ -27,21 +27,13 @@ _REMEDY = (
 
 
 def code_of_nodes(
-    *files: Path,
-    headers: Sequence[Header],
-    packages: Sequence[str] = (),
+    *files: Path, headers: Sequence[Header], packages: Sequence[str] = (),
     folders: Sequence[Path] = (),
-) -> ctypes.CDLL:
-    """Compile C files that call rcl, as one unit.
+) -> ctypes.CDLL:  # fmt: skip
+    """Compile C files that call rcl, as one unit, and load it.
 
-    Args:
-        files: The files.
-        headers: Those that declare the functions that Python calls.
-        packages: Further packages whose headers they include.
-        folders: Further folders with headers, besides those of the files.
-
-    Returns:
-        The loaded library, with the types of its functions.
+    ``headers`` declare the functions that Python calls; ``packages`` and ``folders`` contain
+    further ones that the files include.
 
     Raises:
         KernelError: If there is neither a compiler nor code compiled elsewhere, a package is not

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +23,7 @@ FROM_SCENE, FROM_PARAMETER, FROM_TOPIC = "scene", "parameter", "topic"
 MOST_JOINTS = 200
 """Largest limit of ``max_joints``: Pinocchio's memory grows with the cube of the joints, and it
 needs 0.1 s and 0.1 GB for 128, 0.2 s and 0.3 GB for 200."""
-_GLANCE = 0.02  # [s] between polls for a description
+_POLL = 0.02  # [s] between polls for a description
 
 
 @dataclass(frozen=True)
@@ -66,17 +67,11 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
     ``robot_description``, the topic. A description is URDF text, never the name of a file, so no
     message makes a node read files.
 
-    Args:
-        node: The node.
-        given: Argument of the constructor: anything ``load_scene`` accepts, or None.
-        scene: The parameter ``scene``.
-        params: The parameters about the description.
-
     Raises:
         ArmError: If there is none, or it cannot be used.
     """
     if given is not None or scene:
-        tell_unused(node, params.robot_description)
+        warn_unused(node, params.robot_description)
         found, source = load_scene(given if given is not None else scene), FROM_SCENE
     elif params.robot_description:
         found, source = described_scene(params.robot_description, params), FROM_PARAMETER
@@ -87,11 +82,7 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
 
 
 def described_scene(text: str, limits: DescriptionLimits) -> Scene:
-    """The scene of a robot description, which is refused if it is too large.
-
-    Args:
-        text: URDF as XML.
-        limits: The node's limits.
+    """The scene of a robot description, which is URDF as XML.
 
     Raises:
         ModelError: If it exceeds them or cannot be used.
@@ -105,7 +96,7 @@ def described_scene(text: str, limits: DescriptionLimits) -> Scene:
     return scene_from_urdf(text, most_joints=limits.max_joints)
 
 
-def tell_unused(node: Node, description: str) -> None:
+def warn_unused(node: Node, description: str) -> None:
     """Warn that a description given at start is not used, because there is a scene."""
     if description:
         node.get_logger().warning(
@@ -114,19 +105,15 @@ def tell_unused(node: Node, description: str) -> None:
 
 
 def _awaited(node: Node, timeout: float) -> str:
-    topic, newest = node.resolve_topic_name(ROBOT_DESCRIPTION.name), None
-    end = time.monotonic() + timeout
+    topic = node.resolve_topic_name(ROBOT_DESCRIPTION.name)
     if timeout:
         node.get_logger().info(f"no scene: waiting for a robot description on {topic}")
-        newest = PolledSubscription(node, ROBOT_DESCRIPTION)
-    try:
-        while newest is not None and time.monotonic() < end:
-            if (taken := newest.take()) is not None:
-                return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
-            time.sleep(_GLANCE)
-    finally:
-        if newest is not None:
-            newest.close()
+        end = time.monotonic() + timeout
+        with closing(PolledSubscription(node, ROBOT_DESCRIPTION)) as newest:
+            while time.monotonic() < end:
+                if (taken := newest.take()) is not None:
+                    return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
+                time.sleep(_POLL)
     raise InvalidInput(
         "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "
         f"parameter 'robot_description' or on {topic}, where none arrived within {timeout:g} s"

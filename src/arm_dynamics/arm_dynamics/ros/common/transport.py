@@ -71,14 +71,7 @@ def by_profile(profile: Path) -> dict[str, str]:
 
 
 def clear_dead(folder: Path = FOLDER) -> int:
-    """Remove the segments whose owners are gone; those of living nodes stay.
-
-    Args:
-        folder: Folder of the segments.
-
-    Returns:
-        Number of segments that were removed.
-    """
+    """Remove the segments whose owners are gone from their folder; return their number."""
     paths = [path for begin in SEGMENTS for path in folder.glob(f"{begin}*")]
     names = {path.name.removesuffix("_el").removesuffix("_sl") for path in paths}
     return sum(_removed(folder, name) for name in sorted(names))

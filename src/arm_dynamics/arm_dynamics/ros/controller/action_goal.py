@@ -7,11 +7,10 @@ but goals that ask for something it would silently ignore are refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, make_dataclass
 from typing import Any
-
-import numpy as np
 
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.ros.common.convert import to_nanoseconds
@@ -73,28 +72,17 @@ def follow_params(joint_names: Sequence[str]) -> type[FollowParams]:
         ))
         for kind, text in about.items() for i, joint in enumerate(joint_names)
     ]  # fmt: skip
-    made: type[FollowParams] = make_dataclass(
-        "FollowParams", tolerances, bases=(FollowParams,), frozen=True
-    )
-    return made
+    return make_dataclass("FollowParams", tolerances, bases=(FollowParams,), frozen=True)
 
 
 class TrajectoryMessage:
-    """A JointTrajectory of a goal: its header is checked at once, its points in the background.
+    """A JointTrajectory of a goal, with the interface of ``TrajectoryBytes``.
 
-    Attributes:
-        stamp: Stamp of the header in [ns].
-        joint_names: As in the message.
-        count: Number of points.
+    Its header is checked at once, its points in the background.
     """
 
     def __init__(self, message: Any, model_names: JointNames, partial: bool) -> None:
-        """Check the header.
-
-        Args:
-            message: The JointTrajectory.
-            model_names: Joints of the model.
-            partial: Whether it may omit joints.
+        """Check the header of a message that names all joints, or some if it may be ``partial``.
 
         Raises:
             InvalidInput: If joints are missing, unknown or repeated, or there are no points or too
@@ -122,12 +110,7 @@ class TrajectoryMessage:
             yield time, point.positions, point.velocities, point.accelerations, point.effort
 
     def check_points(self) -> None:
-        """Check the points.
-
-        Raises:
-            InvalidInput: If times do not increase, numbers are missing or not finite, or the last
-                velocity is not zero.
-        """
+        """Check that times increase, that no numbers are missing, and that the last v is zero."""
         before = -1
         for i, point in enumerate(self._points):
             time = to_nanoseconds(point.time_from_start)
@@ -137,28 +120,23 @@ class TrajectoryMessage:
                     + (f"more than {1e-9 * before:g} s" if i else "at least 0 s")
                 )
             before = time
-            self._check_point(i, point)
+            for what in ("positions", "velocities", "accelerations", "effort"):
+                self._check(f"{what} of point {i}", getattr(point, what), what == "positions")
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
             if abs(v) > STANDING:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
 
-    def _check_point(self, i: int, point: Any) -> None:
-        n = len(self.joint_names)
-        for what in ("positions", "velocities", "accelerations", "effort"):
-            values = np.array(getattr(point, what))
-            if values.size != n and (values.size or what == "positions"):
-                raise InvalidInput(f"{what} of point {i} has {values.size} numbers; allowed: {n}")
-            if not np.isfinite(values).all():
-                joint = self.joint_names[int(np.argmin(np.isfinite(values)))]
-                raise InvalidInput(f"{what} of point {i}, joint '{joint}', is not finite")
+    def _check(self, what: str, numbers: Sequence[float], required: bool) -> None:
+        count, n = len(numbers), len(self.joint_names)
+        if count != n and (count or required):
+            raise InvalidInput(f"{what} has {count} numbers; allowed: {n}")
+        for joint, x in zip(self.joint_names, numbers, strict=False):
+            if not math.isfinite(x):
+                raise InvalidInput(f"{what}, joint '{joint}', is {x}; allowed: finite numbers")
 
 
 def refuse_multi_dof(goal: Any) -> None:
-    """Refuse goals for joints of several degrees of freedom.
-
-    Raises:
-        InvalidInput: If the goal contains such joints.
-    """
+    """Refuse goals for joints of several degrees of freedom by ``InvalidInput``."""
     several = goal.multi_dof_trajectory
     for what, given in (
         ("multi_dof_trajectory", [*several.joint_names, *several.points]),
@@ -173,12 +151,6 @@ def tolerances(
     goal: Any, params: FollowParams, model_names: JointNames, continuous: tuple[int, ...]
 ) -> Tolerances:
     """Tolerances of a goal: its own, else those of the parameters.
-
-    Args:
-        goal: A FollowJointTrajectory goal.
-        params: Parameters in force, with those of the joints.
-        model_names: Joints of the model.
-        continuous: Indices of the continuous joints.
 
     Raises:
         InvalidInput: If a tolerance is not allowed, or a joint does not exist or is named twice.

@@ -6,8 +6,6 @@ from __future__ import annotations
 import time
 from ctypes import addressof, byref
 
-from rclpy.node import Node
-
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.joint_state import address
@@ -32,21 +30,16 @@ class AnswerLog:
     def __init__(self) -> None:
         self._last, self._command = HEADER.structure("last_t")(), b""
         self._make_room(_ROOM)
-        self._seen = self._since = time.monotonic()
+        self._last_state = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
         self.failure = self.unusable = ""
         self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
         """The answer to this state if it is the last one, else None."""
-        self._seen = time.monotonic()
+        self._last_state = time.monotonic()
         repeated = library().is_repeated(byref(self._last), raw, len(raw))
         return self._command if repeated else None
-
-    def pass_over(self, why: str) -> None:
-        """Count a state that could not be used."""
-        self.passed_over += 1
-        self.unusable = why
 
     def note(self, raw: bytes, command: bytes) -> None:
         """Store an answer."""
@@ -66,44 +59,29 @@ class AnswerLog:
         self._memory = bytearray(size)
         self._last.raw, self._last.room = address(self._memory), size
 
-    def add(self, count: int, seen: float, command: bytes) -> None:
-        """Log answers given by C.
-
-        Args:
-            count: Their number.
-            seen: Time of the last one in [s], of the monotonic clock.
-            command: The last answer.
-        """
+    def add(self, count: int, at: float, command: bytes) -> None:
+        """Log answers of C: their number, the monotonic time of the last one in [s], and it."""
         self._answers += count
-        self._seen, self._command = seen, command
+        self._last_state, self._command = at, command
 
     def forget(self) -> None:
         """Compute the answer to the next state even if it repeats the last one."""
         self._last.length = 0
 
     def finding(
-        self, node: Node, controller: str, cut: list[str], goals: dict[str, str | int],
+        self, controller: str, cut: list[str], goals: dict[str, str | int],
         answers: dict[str, str | int | float],
     ) -> Finding:  # fmt: skip
-        """Condition of the controller, for ``/diagnostics``.
-
-        Args:
-            node: The controller.
-            controller: Name of the active controller.
-            cut: Joints whose torque was clipped at its limit.
-            goals: Outcome of the newest goal, and the number of ``goals refused``.
-            answers: Values about answers in C.
-        """
+        """Condition of the controller, for ``/diagnostics``; ``cut``: joints at effort limits."""
         now, found = time.monotonic(), Finding("controller")
-        executor = type(node.executor).__name__ if node.executor is not None else "none"
         found.values = {
             "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
-            "last state [s]": now - self._seen, "states passed over": self.passed_over,
-            "jumps of time": self.jumps, **goals, "executor": executor, **answers,
+            "last state [s]": now - self._last_state, "states passed over": self.passed_over,
+            "jumps of time": self.jumps, **goals, **answers,
         }  # fmt: skip
         found.add(ERROR, self.failure)
-        if now - self._seen > SILENCE:
-            found.add(ERROR, f"no joint state for {now - self._seen:.1f} s")
+        if now - self._last_state > SILENCE:
+            found.add(ERROR, f"no joint state for {now - self._last_state:.1f} s")
         if grown := self._growth.of("passed over", self.passed_over):
             found.add(WARN, f"{grown} joint states ignored: {self.unusable}")
         self._growth.warn(found, int(goals["goals refused"]), "goals refused")

@@ -45,7 +45,6 @@ _NEVER = 2**63 - 1
 # Fast DDS's listeners may take and write; others hold locks meanwhile that taking needs.
 _TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
-
 Answers = HEADER.structure("answers_t")
 """``answers_t`` of answers.h, where the fields are explained."""
 
@@ -54,18 +53,7 @@ Answers = HEADER.structure("answers_t")
 class Parts:
     """Parts of the controller node that an answer depends on or changes.
 
-    Attributes:
-        reader: Reads states.
-        sink: Publishes commands from the array ``command``.
-        command: Commands, shape (n,).
-        report: Publishes the tracking state.
-        control: The active controller.
-        command_map: Converts torques to commands.
-        goals: Gives the reference.
-        action: Monitors the goal of the action.
-        jumps: Compares each state with the previous one.
-        log: Remembers the last answer.
-        source: Whose states are answered.
+    ``sink`` publishes from the array ``command``, of shape (n,).
     """
 
     reader: JointStateReader
@@ -192,8 +180,9 @@ class CompiledAnswers:
         start, motion = follower.active
         factors, goal = parts.command_map.factors, parts.action.active
         self.obstacle = self._find_obstacle(motion, factors)
-        if self.obstacle or (law := self._law) is None or not isinstance(motion, Trajectory):
+        if self.obstacle:
             return
+        law = self._law
         answers.interrupt = 0
         parts.report.prepare(params.state_period, parts.goals)
         answers.gap, answers.far = params.gap_limit, params.jump_limit

@@ -39,21 +39,13 @@ _TRIES = 8  # each with twice the planning time
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal of the controller.
-
-    Attributes:
-        kind: Its kind, for messages.
-        about: Its content, for messages.
-        start: Stamp in [ns] at which its time is zero; None for its beginning.
-        plan: Function that plans it.
-        then: Called with the motion when it starts, or with None when it is refused.
-    """
+    """A goal of the controller; its kind and content are for messages."""
 
     kind: str
     about: str
-    start: int | None
+    start: int | None  # stamp in [ns] at which its time is zero; None for its beginning
     plan: Callable[[Outset], Motion]
-    then: Callable[[Motion | None], None] = lambda motion: None
+    then: Callable[[Motion | None], None] = lambda motion: None  # None when it is refused
 
 
 class Goals:
@@ -107,11 +99,7 @@ class Goals:
         return self.follower.reference(stamp)
 
     def brake(self, here: Reference | None = None) -> None:
-        """Decelerate smoothly and hold the arm there until the goal being planned is ready.
-
-        Args:
-            here: The motion to end; None for that of the reference.
-        """
+        """End a motion, or that of the reference, smoothly, and hold the arm there."""
         here = here or self.follower.reference(self.stamp)
         at_any_speed = replace(self._limits, velocity=np.full_like(here.v, np.inf))
         try:
@@ -170,12 +158,9 @@ class Goals:
         return CartesianGoals(task, dynamics, pace, _TIMINGS[params.cartesian_timing])
 
     def follow(self, goal: Goal, at_once: bool = False, tries: int = 0) -> None:
-        """Plan a goal and follow it.
+        """Plan a goal, in the background unless ``at_once``, and follow it.
 
-        Args:
-            goal: What to follow.
-            at_once: Whether it is planned immediately instead of in the background.
-            tries: Number of previous plans that were ready too late.
+        ``tries`` is the number of previous plans that were ready too late.
         """
         follower = self.follower
         if follower is None:

@@ -17,11 +17,7 @@ _STEADY, _BACKWARDS, _PAUSED, _MOVED = (
 
 
 class Jumps:
-    """Compares each state with the previous one.
-
-    Args:
-        names: The joints.
-    """
+    """Compares each state of the joints ``names`` with the previous one."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
@@ -43,15 +39,11 @@ class Jumps:
         longest, self._before.longest = self._before.longest, 0
         return float(1e-9 * longest)
 
-    def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
+    def detect(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
         """Describe a jump of time or of the arm since the last state; empty if there is none.
 
-        Args:
-            stamp: Time of the state in [ns].
-            state: The state.
-            longest: Longest time between two states in [s]; 0: any.
-            farthest: Largest displacement of a joint beyond that by its velocity in [rad] or [m];
-                0: any.
+        The ``longest`` time in [s] is allowed, and the ``farthest`` displacement of a joint beyond
+        that by its velocity, in [rad] or [m]; 0: any. ``stamp`` is the state's time in [ns].
         """
         q, v = np.ascontiguousarray(state.q), np.ascontiguousarray(state.v)
         compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
@@ -65,6 +57,8 @@ class Jumps:
             joint = found - _MOVED
             moved = abs(state.q[joint] - self._q[joint])
             jump = f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"
-        self._before.known *= found == _STEADY  # a jump is told as one
+        self._before.known *= (
+            found == _STEADY
+        )  # so C measures no time between states across a jump
         library().note_state(*compared)
         return jump

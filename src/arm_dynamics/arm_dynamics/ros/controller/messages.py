@@ -31,11 +31,7 @@ class TrajectoryBytes:
     """
 
     def __init__(self, raw: bytes, most_names: int) -> None:
-        """Read the head.
-
-        Args:
-            raw: The serialized message.
-            most_names: Largest number of joints that it may name.
+        """Read the head, with up to so many joint names.
 
         Raises:
             InvalidInput: If these bytes are no such message, or one beyond limits.
@@ -49,11 +45,7 @@ class TrajectoryBytes:
         self._raw, self._begin = raw, cdr.at
 
     def points(self) -> Iterator[tuple[int, Array, Array, Array, Array]]:
-        """Read the points one after another.
-
-        Yields:
-            ``time_from_start`` in [ns], positions, velocities, accelerations and efforts, of any
-            length each.
+        """Time from start in [ns], positions, velocities, accelerations and efforts of each.
 
         Raises:
             InvalidInput: If the message ends too early.
@@ -84,10 +76,7 @@ class PathBytes:
         self._raw, self._begin = raw, cdr.at
 
     def poses(self) -> Iterator[tuple[str, Array]]:
-        """Read the poses one after another, without stamps.
-
-        Yields:
-            The pose's frame, perhaps empty, and its position and quaternion x y z w, shape (7,).
+        """Frame, perhaps empty, and position and quaternion x y z w, shape (7,), of each.
 
         Raises:
             InvalidInput: If the message ends too early.
@@ -101,16 +90,10 @@ class PathBytes:
 def waypoints(
     message: TrajectoryBytes, model_names: JointNames, here: Reference
 ) -> list[Waypoint]:
-    """Read a trajectory message.
+    """Waypoints of a trajectory message, in model order.
 
-    Args:
-        message: Joints may be in any order; joints it does not name keep their reference, and
-            mimic joints agree with their leaders.
-        model_names: Joints of the model.
-        here: The current reference.
-
-    Returns:
-        Waypoints in model order.
+    Joints that it does not name keep their reference ``here``; mimic joints agree with their
+    leaders.
 
     Raises:
         InvalidInput: If joints are unknown or repeated, lengths differ, positions are missing, or

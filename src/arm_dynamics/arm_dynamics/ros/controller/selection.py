@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controllers that a node may run, and the one that acts, which may change in motion."""
+"""The controllers that a node may run, and the active one, which may change in motion."""
 
 from __future__ import annotations
 
@@ -45,11 +45,6 @@ class _Loaded:
     def __init__(self, params: ControllerParams, dynamics: Dynamics, settings: Settings) -> None:
         """Load the controllers that the parameters name, and create each once.
 
-        Args:
-            params: Parameters at the start of the node.
-            dynamics: The model of the controllers.
-            settings: Settings of the controllers.
-
         Raises:
             InvalidInput: If one cannot be loaded or created.
         """
@@ -85,7 +80,7 @@ class ControllerSelection:
 
     Attributes:
         params: The parameters in force, of the newest controller.
-        acting: Those of the active controller.
+        active_params: Those of the active controller.
         control: The active controller, and the transition to the next one.
         builder: Prepares controllers.
         overreach: A warning of gains that the loop does not carry; empty if it does.
@@ -95,17 +90,7 @@ class ControllerSelection:
         self, node: Node, params: ControllerParams, dynamics: Dynamics, answers: CompiledAnswers,
         log: AnswerLog, goals: Goals, late: Lateness, velocity: DerivedVelocity | None,
     ) -> None:  # fmt: skip
-        """Make the first controller.
-
-        Args:
-            node: The controller node.
-            params: Its parameters.
-            dynamics: The model of the controllers.
-            answers: Is interrupted when a controller is prepared, and locked while they change.
-            log: Knows whether the active controller failed.
-            goals: Are dropped where another controller must not go on with them.
-            late: How late states come.
-            velocity: Derives velocities from positions; None if the states have them.
+        """Make the first controller; the parts are those of the node.
 
         Raises:
             InvalidInput: If parameters cannot be used.
@@ -113,19 +98,19 @@ class ControllerSelection:
         self._node, self._dynamics, self._answers, self._log = node, dynamics, answers, log
         self._goals, self._late, self._velocity = goals, late, velocity
         self._loaded = _Loaded(params, dynamics, self._settings(params))
-        self.params = self.acting = params
+        self.params = self.active_params = params
         self.control = Switch(self._made(params), params.settings.dt, params.switch_time)
         self.builder = Background("builder", answers.interrupt)
         self._build_ahead()
 
     def watch(self) -> None:
         """Follow the parameters from now on."""
-        self._tell_overreach()
+        self._check_overreach()
         self._go_back = watch(self._node, self.params, self._apply)
 
     def obstacle(self) -> str:
         """Reason why trajectories are not followed now; empty if they are."""
-        free = _FREE in (self.params.controller, self.acting.controller)
+        free = _FREE in (self.params.controller, self.active_params.controller)
         return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
 
     def _settings(self, params: ControllerParams) -> Settings:
@@ -153,12 +138,12 @@ class ControllerSelection:
 
     def _apply(self, params: ControllerParams) -> None:
         with self._answers:
-            before, control = self.acting, self._made(params)
+            before, control = self.active_params, self._made(params)
             gains = {name: getattr(before.settings, name) for name in _GAINS}
             same = replace(params, settings=replace(params.settings, **gains)) == before
 
             def switch() -> None:
-                self.acting = params
+                self.active_params = params
                 if self._log.failure:  # the arm has been braked: there is no torque to fade from
                     self.control.restart()
                     self._goals.drop("as the controller had failed")
@@ -177,7 +162,7 @@ class ControllerSelection:
                 switch()
             else:
                 self.builder.start(job, lambda built: self._finish_switch(built, switch))
-            self._tell_overreach()
+            self._check_overreach()
 
     def _finish_switch(self, built: Callable[[], object], switch: Callable[[], None]) -> None:
         try:
@@ -185,13 +170,13 @@ class ControllerSelection:
         except ArmError as error:
             kept = "controller refused, the old one and its parameters stay in force"
             self._node.get_logger().error(f"{kept}: {plain(error)}")
-            self.params = self.acting
-            self._go_back(self.acting)
-            self._tell_overreach()
+            self.params = self.active_params
+            self._go_back(self.active_params)
+            self._check_overreach()
         else:
             switch()
 
-    def _tell_overreach(self) -> None:
+    def _check_overreach(self) -> None:
         """Warn of gains that the loop, as late as it is now, does not carry."""
         settings, chosen = self._settings(self.params), self._loaded.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)

@@ -7,7 +7,8 @@ import time
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import PERIOD, Alarm, publishers, two_publish
+from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
+from arm_dynamics.ros.common.diagnostics import PERIOD
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.controller.controller_library import HEADER
 from arm_dynamics.ros.interfaces import JOINT_STATES
@@ -48,10 +49,10 @@ class StateSource:
 
     def check_conflict(self) -> None:
         """Look whether both were heard within the last half second."""
-        shared, words = self.shared, ""
+        shared, message = self.shared, ""
         if time.monotonic_ns() - min(shared.heard, shared.ignored) < SILENCE // 2:
             names = publishers(self._node, self._topic)
             one, other = (names.get(bytes(x), "unknown") for x in (shared.who, shared.other))
             one, other = f"'{one}', which is followed", f"'{other}', which is not"
-            words = two_publish(self._topic, one, other)
-        self.alarm.set(words)
+            message = two_publish(self._topic, one, other)
+        self.alarm.set(message)

@@ -30,15 +30,8 @@ _ERASED = -1.0
 def resolved(what: str, asked: float, default: float) -> float:
     """The effective tolerance: positive ones unchanged, inf and -1 none, 0 the default.
 
-    Source: comments of control_msgs/JointTolerance; -1 up to the rounding of a float32.
-
-    Args:
-        what: Name of the tolerance, for messages.
-        asked: The requested tolerance.
-        default: The default tolerance; inf for none.
-
-    Raises:
-        InvalidInput: If it is another negative number, or none.
+    Source: comments of control_msgs/JointTolerance; -1 up to the rounding of a float32. Other
+    negative numbers and NaN are refused by ``InvalidInput``, which names ``what``.
     """
     if asked > 0.0:
         return asked
@@ -50,13 +43,12 @@ def resolved(what: str, asked: float, default: float) -> float:
 
 
 class Allowed(Structure):
-    """``tolerance_t`` of answers.h, where the fields are explained."""
+    """``tolerance_t`` of answers.h, where the fields are explained, of arrays of shape (n,)."""
 
     _fields_ = HEADER.fields("tolerance_t")
 
     def __init__(self, position: Array, velocity: Array, turning: Array) -> None:
-        """Keep the arrays, each of shape (n,)."""
-        self._arrays = position, velocity, turning
+        self._arrays = position, velocity, turning  # kept alive
         super().__init__(*(array.ctypes.data for array in self._arrays))
 
 
@@ -67,12 +59,7 @@ def joined(state: Moving, reference: Reference) -> Array:
 
 @dataclass(frozen=True)
 class StateTolerance:
-    """Largest errors of the joints; inf for any.
-
-    Attributes:
-        position: Position errors in [rad] or [m], one per joint.
-        velocity: Velocity errors in [rad/s] or [m/s], one per joint.
-    """
+    """Largest errors of each joint in [rad] or [m], and per second; inf for any."""
 
     position: tuple[float, ...]
     velocity: tuple[float, ...]
@@ -127,15 +114,9 @@ class Tolerances:
         return found[:n].tolist(), found[n:].tolist()
 
     def verdict(self, left: float, reference: Reference, state: Moving) -> Verdict | None:
-        """Check one state.
+        """The outcome by one state; None while the trajectory is being followed.
 
-        Args:
-            left: Time in [s] until the last point; negative after it.
-            reference: Desired state of the joints.
-            state: Measured positions and velocities.
-
-        Returns:
-            The outcome; None while the trajectory is being followed.
+        ``left`` is the time in [s] until the last point, negative after it.
         """
         tolerance = self.path if left > 0.0 else self.goal
         motion, allowed = joined(state, reference), self.allowed(tolerance)

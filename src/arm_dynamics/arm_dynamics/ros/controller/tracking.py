@@ -54,15 +54,9 @@ class TrackingTopic:
         self, stamp: int, period: float, goals: Goals, reference: Reference, state: Moving,
         tau: Array,
     ) -> None:  # fmt: skip
-        """Publish a message if one is due.
+        """Publish the state of ``stamp`` in [ns] and its answer ``tau`` if a message is due.
 
-        Args:
-            stamp: Of the state in [ns].
-            period: Shortest time between two messages in [s].
-            goals: What is followed.
-            reference: At this stamp.
-            state: Its positions and velocities.
-            tau: The answer in [N m, N], shape (n,).
+        ``period`` is the shortest time between two messages in [s].
         """
         self.prepare(period, goals)
         motion = joined(state, reference)
@@ -75,16 +69,13 @@ class TrackingTopic:
         shared = self._shared
         start, motion = goals.follower.newest
         shared.period, shared.start, shared.duration = round(1e9 * period), start, motion.duration
-        if not self._raw or goals.outcome != self._outcome:
-            self._outcome = goals.outcome
-            self._lay_out()
-
-    def _lay_out(self) -> None:
-        """Serialize a message for C, and find its numbers."""
+        if self._raw and goals.outcome == self._outcome:
+            return
+        self._outcome = goals.outcome
         message = TrackingState(joint_names=self._names, goal=self._outcome)
         for name in _FIELDS:
             setattr(message, name, to_array(np.zeros(len(self._names))))
-        raw, shared = as_bytes(message), self._shared
+        raw = as_bytes(message)
         cdr = CdrReader(raw)
         cdr.nanoseconds()
         cdr.text()

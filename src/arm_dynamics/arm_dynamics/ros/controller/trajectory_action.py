@@ -60,44 +60,24 @@ class _Server(ActionServer):
         if execute_callback is not None:
             super().notify_execute(goal_handle, execute_callback)
 
-    def end(self, goal_handle: Any, result: Any) -> None:
-        """Send the result of a goal in a terminal state."""
-        self.notify_execute(goal_handle, lambda _: result)
-
 
 @dataclass
 class Active:
-    """A goal that is being followed.
-
-    Attributes:
-        motion: Its planned motion.
-        begin: Stamp in [ns] at which it begins.
-        start: Stamp in [ns] at which the goal's time is zero.
-        tolerances: Its tolerances.
-        follower: The follower of its motion.
-        handle: The action's goal; None until it is accepted.
-        next_feedback: Stamp in [ns] of the next feedback.
-        next_check: Stamp in [ns] before which nothing needs to be checked.
-    """
+    """A goal that is being followed; stamps are in [ns]."""
 
     motion: Motion
-    begin: int
-    start: int
+    begin: int  # stamp at which the motion begins
+    start: int  # stamp at which the goal's time is zero
     tolerances: Tolerances
     follower: Follower
-    handle: Any = None
+    handle: Any = None  # the action's goal, once it is accepted
     next_feedback: int = 0
-    next_check: int = 0
+    next_check: int = 0  # until then only the path's tolerances are checked
 
     @property
     def end(self) -> int:
         """Stamp in [ns] from which the goal tolerances apply."""
         return self.begin + round(1e9 * self.motion.duration)
-
-    def is_due(self, stamp: int) -> bool:
-        """Whether the state with this stamp in [ns] must be checked."""
-        path = self.tolerances.path
-        return stamp >= self.begin and (stamp >= self.next_check or not path.is_none)
 
     @property
     def is_followed(self) -> bool:
@@ -124,10 +104,10 @@ class TrajectoryAction:
         self, node: Node, goals: Goals, model: ArmModel, limits: Limits,
         obstacle: Callable[[], str], lock: AbstractContextManager[None], late: Lateness,
     ) -> None:  # fmt: skip
-        """Offer the action, if its interface is installed.
+        """Offer the action, if its interface is installed, and declare its parameters.
 
         Args:
-            node: The controller; the action's parameters are declared on it.
+            node: The controller.
             goals: Plans and follows trajectories.
             model: The arm.
             limits: Limits of its motion.
@@ -160,19 +140,15 @@ class TrajectoryAction:
             self._server.destroy()
 
     def watch(self, stamp: int, reference: Reference, state: Moving) -> None:
-        """Monitor the goal; called after the answer to every joint state.
-
-        Args:
-            stamp: Stamp of the state in [ns].
-            reference: Desired positions and velocities.
-            state: Measured positions and velocities.
-        """
-        active = self.active
-        if active is None:
+        """Monitor the goal, after the answer to every joint state, whose stamp is in [ns]."""
+        if (active := self.active) is None:
             return
-        if not (active.is_followed and self._goals.follower is active.follower):
-            self.abort(_OTHER if self._goals.follower is active.follower else _HELD)
-        elif active.is_due(stamp):
+        every = not active.tolerances.path.is_none  # state is checked
+        if self._goals.follower is not active.follower:
+            self.abort(_HELD)
+        elif not active.is_followed:
+            self.abort(_OTHER)
+        elif stamp >= active.begin and (every or stamp >= active.next_check):
             self._check(active, stamp, reference, state)
 
     def abort(self, why: str) -> None:
@@ -221,7 +197,7 @@ class TrajectoryAction:
         result = ACTION.type.Result(error_string=why)
         result.error_code = getattr(ACTION.type.Result, code)
         getattr(handle, event)()
-        self._server.end(handle, result)
+        self._server.notify_execute(handle, lambda _: result)
         self._goals.outcome = why or "action goal cancelled, the arm is held"
         self._log.info(self._goals.outcome)
 
@@ -267,41 +243,32 @@ class TrajectoryAction:
                 self._coming = goal, active
             answer.append(motion is not None)
 
-        plan = self._planned(message, params)
+        plan = partial(self._plan, message, params)
+        about, start = counted(message.count, "point"), message.stamp or None
         at_once = message.count <= PLANNED_AT_ONCE
-        start = message.stamp or None
-        self._goals.follow(
-            Goal(_KIND, counted(message.count, "point"), start, plan, then), at_once
-        )
+        self._goals.follow(Goal(_KIND, about, start, plan, then), at_once)
 
-    def _planned(
-        self, message: TrajectoryMessage, params: FollowParams
-    ) -> Callable[[Outset], Motion]:
-        """Function that plans a goal; it may run in the planner's thread, which owns the model."""
-
-        def plan(outset: Outset) -> Motion:
-            message.check_points()
-            points = waypoints(message, self._model.joint_names, outset.here)
-            points = self._unwound(points, outset.here)
-            if message.stamp == 0 and points[-1].time == 0.0:
-                return _zero_duration_motion(outset.here, points[-1])
-            ahead = outset.ahead(points)
-            bounds = Bounds(self._limits, Dynamics(self._model), params.limit_margin)
-            if not params.stretch_goals:
-                motion = spline(ahead)
-            else:
-                motion = stretched_spline(ahead, bounds.factor)
-            bounds.check(motion, outset.late, outset.here.v)
-            return motion
-
-        return plan
+    def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
+        """Plan a goal, perhaps in the planner's thread."""
+        message.check_points()
+        points = waypoints(message, self._model.joint_names, outset.here)
+        points = self._unwound(points, outset.here)
+        if message.stamp == 0 and points[-1].time == 0.0:
+            return _zero_duration_motion(outset.here, points[-1])
+        ahead = outset.ahead(points)
+        bounds = Bounds(self._limits, Dynamics(self._model), params.limit_margin)
+        if params.stretch_goals:
+            motion = stretched_spline(ahead, bounds.factor)
+        else:
+            motion = spline(ahead)
+        bounds.check(motion, outset.late, outset.here.v)
+        return motion
 
     def _unwound(self, points: list[Waypoint], here: Reference) -> list[Waypoint]:
         """The points shifted by revolutions of continuous joints, the first to the nearest."""
         if not self._continuous:
             return points
-        turns = np.zeros_like(here.q)
-        some = list(self._continuous)
+        turns, some = np.zeros_like(here.q), list(self._continuous)
         turns[some] = np.round((here.q - np.asarray(points[0].q))[some] / (2.0 * np.pi))
         return [replace(p, q=np.asarray(p.q) + 2.0 * np.pi * turns) for p in points]
 

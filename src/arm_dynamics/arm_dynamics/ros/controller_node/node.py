@@ -13,7 +13,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import Array, finite_numbers
+from arm_dynamics.arrays import finite_numbers
 from arm_dynamics.control.controller import Checked, Measured
 from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
@@ -96,7 +96,12 @@ class ControllerNode(Node):
         self.goals = Goals(model, limits, Throttled(self.get_logger()), interrupt, forget)
         text = "joint states came up to {:.2g} s apart"
         self._late = Lateness(self, self._jumps.take_longest, params.settings.dt, text)
-        self._velocity = self._derived(params)
+        self._velocity: DerivedVelocity | None = None
+        if params.velocities == "positions":
+            dt, cutoff = params.settings.dt, params.velocity_cutoff
+            self._velocity = DerivedVelocity(self.dynamics.n, dt, cutoff)
+            delay = f"{1e3 * self._velocity.delay:.3g} ms"
+            self.get_logger().info(f"velocities are derived from positions, {delay} late")
         self._selection = ControllerSelection(
             self, params, self.dynamics, self.answers, self._log, self.goals, self._late,
             self._velocity,
@@ -199,12 +204,19 @@ class ControllerNode(Node):
         except InvalidInput as error:
             lacking = str(error).startswith("velocity")
             way_out = "; 'velocities: positions' derives them" if lacking else ""
-            self._log.pass_over(f"{plain(error)}{way_out}")
+            self._log.passed_over += 1
+            self._log.unusable = f"{plain(error)}{way_out}"
             self._throttled.warning(f"joint state ignored: {self._log.unusable}")
             return None
         if not self._source.accept(self._reader.sender):
             return None
-        state, reference = self._motion(stamp, np.array(q), *map(np.array, v))
+        if self._velocity is None:
+            state = Checked(np.array(q), np.array(*v))
+            reference = self._reference(stamp, state)
+        else:
+            q = np.array(q)
+            reference = self._reference(stamp, Checked(q, self._velocity.last))
+            state = Checked(q, self._velocity(stamp, q))
         try:
             tau = self.control.torque(state, reference)
         except ControllerFailed as error:
@@ -231,37 +243,17 @@ class ControllerNode(Node):
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         goals, params = self.goals, self.params
-        jump = self._jumps.look(stamp, state, params.gap_limit, params.jump_limit)
+        jump = self._jumps.detect(stamp, state, params.gap_limit, params.jump_limit)
+        if jump:
+            self._log.jumps += 1
+            self.control.restart()
+            if self._velocity is not None:
+                self._velocity.restart()
         if goals.follower is None or jump:
-            why = f"{jump}: " if jump else ""
-            if jump:
-                self._log.jumps += 1
-                self.control.restart()
-                if self._velocity is not None:
-                    self._velocity.restart()
-            self._throttled.info(f"{why}holding the arm at its position")
+            self._throttled.info(f"{jump and f'{jump}: '}holding the arm at its position")
             goals.hold(state.q, jump)
             self._report.restart()
         return goals.reference(stamp)
-
-    def _derived(self, params: ControllerParams) -> DerivedVelocity | None:
-        """What derives velocities from positions; None if the states have them."""
-        if params.velocities == "states":
-            return None
-        derived = DerivedVelocity(self.dynamics.n, params.settings.dt, params.velocity_cutoff)
-        self.get_logger().info(
-            f"velocities are derived from positions, {1e3 * derived.delay:.3g} ms late"
-        )
-        return derived
-
-    def _motion(self, stamp: int, q: Array, v: Array | None = None) -> tuple[Checked, Reference]:
-        """The state, with velocities if those must be derived, and the reference."""
-        derived = self._velocity
-        if derived is None:
-            state = Checked(q, v)
-            return state, self._reference(stamp, state)
-        reference = self._reference(stamp, Checked(q, derived.last))
-        return Checked(q, derived(stamp, q)), reference
 
     def _saturated_joints(self) -> list[str]:
         active = self.control.active
@@ -276,8 +268,8 @@ class ControllerNode(Node):
             about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
             answers = self.answers.summary()
             answers["longest time between states [s]"] = self._late.longest
-            acting, cut = self._selection.acting.controller, self._saturated_joints()
-            found = self._log.finding(self, acting, cut, about, answers)
+            name, cut = self._selection.active_params.controller, self._saturated_joints()
+            found = self._log.finding(name, cut, about, answers)
             found.add(WARN, self._late.message)
             found.add(WARN, self._selection.overreach)
             found.add(ERROR, self._source.alarm.message)

@@ -29,13 +29,7 @@ class Batch:
     def __init__(
         self, names: Sequence[str], model_names: JointNames, position: Sequence[float], most: int
     ) -> None:
-        """Read the fields common to all requests.
-
-        Args:
-            names: The request's joint names; none means the model's order.
-            model_names: Joints of the model.
-            position: k·n numbers, point after point.
-            most: Largest number of points.
+        """Read the positions of up to ``most`` points, in the order of ``names``, if any.
 
         Raises:
             InvalidInput: If joints are unknown, repeated or missing, or lengths do not match.
@@ -57,10 +51,7 @@ class Batch:
         self.q = self._rows("position", position)
 
     def read(self, what: str, values: Sequence[float]) -> Array:
-        """Read another vector, as long as the positions, or empty for zeros.
-
-        Returns:
-            Shape (k, n), in model order.
+        """Another vector, as long as the positions or empty for zeros; (k, n), in model order.
 
         Raises:
             InvalidInput: If the length does not match or a number is not finite.
@@ -73,14 +64,10 @@ class Batch:
 
     def written(self, values: Array, shape: Sequence[str | int] = ("n",)) -> array[float]:
         """Write k values of a shape in n and numbers as the flat vector of a response."""
-        return to_array(finite_answer(self.by_joint(values, shape)))
-
-    def by_joint(self, values: Array, shape: Sequence[str | int]) -> Array:
-        """Permute axes of n joints from model order to the order of the request."""
         if self._order is not _ALL:
             for axis, size in enumerate(shape, 1):
                 values = np.take(values, self._order, axis) if size == "n" else values
-        return values
+        return to_array(finite_answer(values))
 
     def _rows(self, what: str, values: Sequence[float]) -> Array:
         rows = np.array(values, float).reshape(-1, len(self.joint_names))

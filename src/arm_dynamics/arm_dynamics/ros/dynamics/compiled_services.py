@@ -28,9 +28,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.c_message import CMessage
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
-from arm_dynamics.ros.dynamics.request_counts import InC
+from arm_dynamics.ros.dynamics.c_message import CMessage
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
     FORWARD_DYNAMICS,
@@ -52,8 +51,6 @@ WORTH = 20  # number of requests after which compiling a service is worth the ti
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))
 _ENDED = HEADER.constants["ENDED"]
-
-
 _Answer = HEADER.structure("answer_t")
 """``answer_t`` of services.h, where the fields are explained."""
 
@@ -81,8 +78,7 @@ class _Known:
     def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
         self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
-        said = service.type.Response(success=True, joint_names=names)
-        self._response = CMessage.of(said)
+        self._response = CMessage.of(service.type.Response(success=True, joint_names=names))
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.answer = _Answer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
@@ -112,19 +108,21 @@ class CompiledServices:
     """
 
     def __init__(
-        self,
-        node: Node,
-        library: ctypes.CDLL,
-        answer: Callable[[Service, Any, Any], Any],
-        dynamics: Callable[[], Dynamics | None],
-        lock: RLock,
-    ) -> None:
+        self, node: Node, library: ctypes.CDLL, answer: Callable[[Service, Any, Any], Any],
+        dynamics: Callable[[], Dynamics | None], lock: RLock,
+    ) -> None:  # fmt: skip
         self._log, self._native, self._answer = Throttled(node.get_logger()), library, answer
         self._arm, self._lock = dynamics, lock
         self._known: dict[int, _Known] = {}
         self._asked, self._tried = Counter[int](), set[int]()
         self._builder = Background("builder")
-        self._handles = [_offered(node, service) for service, *_ in COMPILED]
+        self._handles = []
+        profile = qos_profile_services_default.get_c_qos_profile()
+        for service, *_ in COMPILED:  # which no executor handles
+            check_for_type_support(service.type)
+            about = service.type, service.name, profile
+            with node.handle:
+                self._handles.append(rclpy_implementation.Service(node.handle, *about))
         self._requests = [CMessage(service.type.Request) for service, *_ in COMPILED]
         pointers = [handle.pointer for handle in self._handles]
         places = [message.place.value for message in self._requests]
@@ -138,12 +136,12 @@ class CompiledServices:
         self._thread.start()
 
     @property
-    def counts(self) -> InC:
-        """Counts of requests that C answered."""
+    def counts(self) -> ctypes.Structure:
+        """Counts of requests that C answered: ``counts_t`` of services.h."""
         counts = HEADER.structure("counts_t")()
         if self._server:
             self._native.counts(self._server, ctypes.byref(counts))
-        return InC(counts.answered, counts.lost, 1e-9 * counts.busy)
+        return counts
 
     @property
     def compiled(self) -> list[Service]:
@@ -185,22 +183,18 @@ class CompiledServices:
     def _serve(self) -> None:
         """Answer requests that C passes on, until the end."""
         while (k := self._native.serve(self._server)) != _ENDED:
+            service, *_ = COMPILED[k]
             try:
-                self._by_python(k)
+                request = self._requests[k].read()
+                response = CMessage.of(self._answer(service, request, service.type.Response()))
+                self._native.respond(self._server, k, response.place)
+                response.close()
+                with self._lock:
+                    self._builder.deliver()
+                    self._compile(k)
             except Exception as error:
-                said = f"a request was ignored after an unexpected failure: {error!r}"
-                self._log.error(plain(said))
-
-    def _by_python(self, k: int) -> None:
-        """Answer the request that C has passed on."""
-        service, *_ = COMPILED[k]
-        request = self._requests[k].read()
-        response = CMessage.of(self._answer(service, request, service.type.Response()))
-        self._native.respond(self._server, k, response.place)
-        response.close()
-        with self._lock:
-            self._builder.deliver()
-            self._compile(k)
+                text = f"a request was ignored after an unexpected failure: {error!r}"
+                self._log.error(plain(text))
 
     def _compile(self, k: int) -> None:
         """Start compiling the answer to a service, once that is worth it."""
@@ -221,11 +215,3 @@ class CompiledServices:
         service, _, most = COMPILED[k]
         self._known[k] = known = _Known(service, most, arm, rows)
         self._native.use(self._server, k, ctypes.byref(known.answer))
-
-
-def _offered(node: Node, service: Service) -> Any:
-    """A service of the node that no executor handles."""
-    check_for_type_support(service.type)
-    profile = qos_profile_services_default.get_c_qos_profile()
-    with node.handle:
-        return rclpy_implementation.Service(node.handle, service.type, service.name, profile)

@@ -5,28 +5,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
-
-from rclpy.node import Node
+from typing import Any
 
 from arm_dynamics.ros.common.diagnostics import WARN, Finding, Growth
 
 Answer = Callable[[Any, Any], Any]
-
-
-class InC(NamedTuple):
-    """Counts of requests that C answered.
-
-    Attributes:
-        answered: Requests that it answered.
-        lost: Responses that could not be sent, including those of Python, since the client is
-            gone.
-        busy: Time spent on the answers in [s].
-    """
-
-    answered: int
-    lost: int
-    busy: float
 
 
 class RequestCounts:
@@ -56,26 +39,22 @@ class RequestCounts:
 
         return counting
 
-    def finding(self, node: Node, in_c: InC | None) -> Finding:
-        """The counts, for ``/diagnostics``.
-
-        Args:
-            node: The node.
-            in_c: Further requests; None where there is no compiled code for them.
-        """
+    def finding(self, in_c: Any | None) -> Finding:
+        """The counts, for ``/diagnostics``, with ``counts_t`` of services.h if C answers, too."""
         now, found = time.monotonic(), Finding("services")
-        executor = type(node.executor).__name__ if node.executor is not None else "none"
-        further = in_c or InC(0, 0, 0.0)
-        busy, self._before = self._busy + further.busy - self._before, further.busy
+        answered, lost, by_c = 0, 0, 0.0
+        if in_c is not None:
+            answered, lost, by_c = in_c.answered, in_c.lost, 1e-9 * in_c.busy
+        busy, self._before = self._busy + by_c - self._before, by_c
         found.values = {
-            "requests": self._asked + further.answered, "refused": self._refused,
-            "answered in C": further.answered if in_c else "none, there is no compiled code",
+            "requests": self._asked + answered, "refused": self._refused,
+            "answered in C": answered if in_c else "none, there is no compiled code",
             "busy": busy / max(now - self._since, 1e-9),
-            "responses lost": further.lost,
-            "descriptions refused": self.descriptions_refused, "executor": executor,
+            "responses lost": lost,
+            "descriptions refused": self.descriptions_refused,
         }  # fmt: skip
         self._growth.warn(found, self._refused, "requests refused")
-        self._growth.warn(found, further.lost, "responses lost, the client is gone")
+        self._growth.warn(found, lost, "responses lost, the client is gone")
         if self._growth.of("descriptions", self.descriptions_refused):
             found.add(WARN, "a robot description was refused")
         self._busy, self._since = 0.0, now

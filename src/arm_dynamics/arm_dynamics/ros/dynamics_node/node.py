@@ -21,7 +21,7 @@ from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
-from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, tell_unused
+from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, warn_unused
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 
@@ -65,7 +65,7 @@ class DynamicsNode(Node):
         self._params = params = declare(self, DynamicsParams)
         scene = scene if scene is not None else params.scene or None
         if scene is not None:
-            tell_unused(self, params.robot_description)
+            warn_unused(self, params.robot_description)
             self.load(scene)
             watch(self, params, _refuse)
         else:
@@ -73,23 +73,19 @@ class DynamicsNode(Node):
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
             watch(self, params, self._redescribe, renewed=["robot_description"])
-        self._offer()
-        self._diagnosis = Diagnosis(self, self.diagnostics)
-
-    def _offer(self) -> None:
-        """Offer the services, by C where it is available and supports them, else by Python."""
         answers = {
             service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
         }
-        with suppress(KernelError):  # without compiled code
+        with suppress(KernelError):  # without compiled code, Python answers all
             self._compiled = CompiledServices(
-                self, native(), lambda service, *said: answers[service](*said),
+                self, native(), lambda service, *call: answers[service](*call),
                 lambda: self._dynamics, self._lock,
             )  # fmt: skip
         in_c = [service for service, *_ in COMPILED] if self._compiled else []
         for service, callback in answers.items():
             if service not in in_c:
                 self.create_service(service.type, service.name, callback)
+        self._diagnosis = Diagnosis(self, self.diagnostics)
 
     def destroy_node(self) -> None:
         """End the services, and the node."""
@@ -153,7 +149,7 @@ class DynamicsNode(Node):
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
         in_c = None if self._compiled is None else self._compiled.counts
-        return [self._counts.finding(self, in_c)]
+        return [self._counts.finding(in_c)]
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; errors are reported in the response."""

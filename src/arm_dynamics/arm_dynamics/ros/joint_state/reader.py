@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
-from arm_dynamics.scene.urdf.joint_names import AGREES, Follower, JointNames
+from arm_dynamics.scene.urdf.joint_names import AGREES, JointNames
 
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
@@ -102,13 +102,7 @@ class JointStateReader:
         self._read = partial(self._native.joint_state_read, self._place)
 
     def read(self, raw: bytes) -> Read:
-        """Read a message.
-
-        Args:
-            raw: The serialized JointState.
-
-        Returns:
-            Its stamp in [ns] and n numbers for each of the fields.
+        """The stamp in [ns] of a serialized JointState, and n numbers for each of the fields.
 
         Raises:
             InvalidInput: If joints or numbers are missing, unknown, repeated or not finite.
@@ -184,9 +178,9 @@ class JointStateReader:
         if other is not None and (found := other._read(raw, len(raw))) <= BEYOND:
             return other._accepted(found)
         message = parsed(raw)
-        leads = message.position or message.velocity
-        reader = other if leads and other is not None else self
-        return reader._introduced(message)
+        if other is not None and (message.position or message.velocity):
+            return other._introduced(message)
+        return self._introduced(message)
 
     def _introduced(self, message: JointState) -> Read:
         """Pass the kind of a message to C, and read it, in this machine's byte order."""
@@ -203,33 +197,29 @@ class JointStateReader:
         """Check names and lengths, and determine the kind of a message."""
         order = np.array(self._places(message), np.int64)
         followers = [] if self._extra else self._arm.followers(list(message.name))
-        lengths = [len(getattr(message, field)) for field in FIELDS]
-        source = message.header.frame_id
-        layout = layout_of(source, message.name, lengths)
-        joints = frozenset(np.flatnonzero(order >= 0).tolist())
-        return _Kind(source, joints, layout, order, self._laws(followers))
-
-    def _laws(self, followers: Sequence[Follower]) -> NDArray[np.void]:
-        """How mimic joints follow, for C."""
         laws = np.zeros(len(followers), _FOLLOWER)
         for law, follower in zip(laws, followers, strict=True):
             law["place"], law["leader"], law["within"] = follower.place, follower.leader, AGREES
             for f, field in enumerate(self._fields):
                 law["factor"][f], law["offset"][f] = follower.law(field)
-        return laws
+        lengths = [len(getattr(message, field)) for field in FIELDS]
+        source = message.header.frame_id
+        layout = layout_of(source, message.name, lengths)
+        joints = frozenset(np.flatnonzero(order >= 0).tolist())
+        return _Kind(source, joints, layout, order, laws)
 
     def _register(self, kind: _Kind, message: JointState) -> None:
         """Let C know a kind, in place of the oldest one."""
         oldest, layout = self._learned % _KINDS, kind.layout
         self._kinds[oldest : oldest + 1] = [kind]
         self._learned += 1
-        told = self._state.kinds[oldest]
-        told.size, told.place = len(layout.fixed), kind.order.ctypes.data
-        told.follows, told.followers = kind.followers.ctypes.data, len(kind.followers)
-        told.fixed, told.expected = (
+        shared = self._state.kinds[oldest]
+        shared.size, shared.place = len(layout.fixed), kind.order.ctypes.data
+        shared.follows, shared.followers = kind.followers.ctypes.data, len(kind.followers)
+        shared.fixed, shared.expected = (
             ctypes.cast(part, c_void_p).value for part in (layout.fixed, layout.expected)
         )
-        told.at[: len(self._fields)] = [
+        shared.at[: len(self._fields)] = [
             layout.places[FIELDS.index(f)] if getattr(message, f) else -1 for f in self._fields
         ]
 

@@ -91,15 +91,7 @@ class JointStateWriter:
         self._numbers = [raw[place : place + size].cast("d") for place in self.places]
 
     def write(self, stamp: int, *arrays: Array) -> bytes:
-        """Return the message.
-
-        Args:
-            stamp: Time in [ns].
-            arrays: One array of float for each of the writer's fields, shape (n,).
-
-        Raises:
-            ValueError: If the number or the size of the arrays differs.
-        """
+        """The message with a stamp in [ns] and an array of shape (n,) for each of the fields."""
         TIME.pack_into(self.raw, HEADER, *divmod(stamp, GIGA))
         for numbers, array in zip(self._numbers, arrays, strict=True):
             numbers[:] = array.data

@@ -36,15 +36,9 @@ class JointStateSink:
     def __init__(
         self, node: Node, topic: Topic, writer: JointStateWriter, arrays: Sequence[Array]
     ) -> None:
-        """Advertise the topic.
+        """Advertise the topic, with a contiguous array of shape (n,) for each written field.
 
         No other thread may be using it when the node is destroyed.
-
-        Args:
-            node: The publishing node.
-            topic: The topic.
-            writer: Writes the messages.
-            arrays: One for each of the writer's fields, contiguous, shape (n,).
         """
         self._handle, self.names = advertise(node, topic).handle, writer.names
         self._writer, self._arrays, self.raw = writer, tuple(arrays), writer.raw

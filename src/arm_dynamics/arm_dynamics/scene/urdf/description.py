@@ -146,21 +146,15 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     size = size_of(links, joints, _check_tree(joints, links))
     note_units(links, joints, size, notes)
     kinds = {name: joint.get("type", "") for name, joint in described.items()}
-    crossed = _crossed(joints)
+    ranges = {name: described_range(joint) for name, joint in joints.items()}
+    crossed = {name: (lower, upper) for name, (lower, upper) in ranges.items() if lower > upper}
+    for name in crossed:
+        remove_range(joints[name])
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
     anew = _written(robot, [*links.values(), *joints.values()], notes)
     limited = {name: described_range(x) for name, x in joints.items() if is_limited(x)}
     return Urdf(anew, kinds, tuple(links), mimics, limited, crossed, size, doubtful, notes)
-
-
-def _crossed(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[float, float]]:
-    """Limits with the lower one above the upper one, which are taken away."""
-    found = {name: described_range(joint) for name, joint in joints.items()}
-    crossed = {name: (lower, upper) for name, (lower, upper) in found.items() if lower > upper}
-    for name in crossed:
-        remove_range(joints[name])
-    return crossed
 
 
 def _written(
@@ -260,29 +254,34 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
     return fault(weight, six)
 
 
-def _parents(joints: dict[str, ElementTree.Element]) -> dict[str, str]:
-    """The parent of each link that has one."""
-    parent_of: dict[str, str] = {}
+def _check_tree(
+    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
+) -> list[str]:
+    """The names of the links, each after its parent."""
+    parent_of = dict[str, str]()
+    children = dict[str, list[str]]()
     for name, joint in joints.items():
-        child = link_at(joint, "child")
+        parent, child = str(link_at(joint, "parent")), str(link_at(joint, "child"))
         if child in parent_of:
             raise ModelError(
                 f"joint '{name}': link '{child}' already has a parent joint; "
                 "URDF describes trees only"
             )
-        parent_of[str(child)] = str(link_at(joint, "parent"))
-    return parent_of
-
-
-def _check_tree(
-    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
-) -> list[str]:
-    """The names of the links, each after its parent."""
-    parent_of = _parents(joints)
+        parent_of[child] = parent
+        children.setdefault(parent, []).append(child)
     roots = [name for name in links if name not in parent_of]
-    depths = _depths(roots, parent_of)
+    depths = dict.fromkeys(roots, 0)
+    waiting = list(depths)
+    for link in waiting:
+        depths |= dict.fromkeys(children.get(link, ()), depths[link] + 1)
+        waiting += children.get(link, ())
     if lost := [name for name in links if name not in depths]:
-        ring = _ring(lost[0], parent_of)
+        link = lost[0]
+        for _ in parent_of:  # into the loop in which the way to its parents ends
+            link = parent_of[link]
+        ring = {link}
+        while (link := parent_of[link]) not in ring:
+            ring.add(link)
         raise ModelError(
             f"robot description: links {known_names(x for x in links if x in ring)} form a loop; "
             "URDF describes trees only"
@@ -298,29 +297,6 @@ def _check_tree(
             f"robot description: one root link expected, found {len(roots)}: {known_names(roots)}"
         )
     return list(depths)
-
-
-def _ring(link: str, parent_of: Mapping[str, str]) -> set[str]:
-    """The loop in which the way from a link to its parents ends."""
-    for _ in parent_of:
-        link = parent_of[link]
-    ring = {link}
-    while (link := parent_of[link]) not in ring:
-        ring.add(link)
-    return ring
-
-
-def _depths(roots: Iterable[str], parent_of: Mapping[str, str]) -> dict[str, int]:
-    """Number of joints between the roots and each link that they lead to."""
-    below: dict[str, list[str]] = {}
-    for child, parent in parent_of.items():
-        below.setdefault(parent, []).append(child)
-    depths = dict.fromkeys(roots, 0)
-    waiting = list(depths)
-    for link in waiting:
-        depths |= dict.fromkeys(below.get(link, ()), depths[link] + 1)
-        waiting += below.get(link, ())
-    return depths
 
 
 def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> dict[str, Mimic]:

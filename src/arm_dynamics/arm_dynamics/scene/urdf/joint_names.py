@@ -65,9 +65,7 @@ class Follower(NamedTuple):
 class JointNames(tuple[str, ...]):
     """Names of the independent joints, in the order of every vector, that know the others.
 
-    Attributes:
-        rules: How mimic joints follow independent or locked ones.
-        locked: Joints that do not move.
+    ``rules`` say how mimic joints follow independent or locked ones, which do not move.
     """
 
     rules: Mapping[str, Mimic] = {}
@@ -83,14 +81,9 @@ class JointNames(tuple[str, ...]):
         return made
 
     def refuse(self, names: Sequence[str], what: str) -> None:
-        """Refuse names of joints that cannot be given values.
+        """Refuse names that are unknown or locked, or follow others that are not given.
 
-        Args:
-            names: The given names; mimic joints among them need their leaders.
-            what: The beginning of the message, if a name is unknown.
-
-        Raises:
-            InvalidInput: If a joint is unknown, locked, or follows another that is not given.
+        ``what`` begins the message, if a name is unknown.
         """
         others = [name for name in names if name not in self]
         for name in others:
@@ -121,11 +114,7 @@ class Named:
     """
 
     def __init__(self, names: Sequence[str], arm: JointNames) -> None:
-        """Check the names; none mean all joints of the arm.
-
-        Raises:
-            InvalidInput: If joints are unknown or repeated.
-        """
+        """Check the names, each at most once; none mean all joints of the arm."""
         names = list(names) or list(arm)
         arm.refuse(names, "unknown joints")
         if len(set(names)) != len(names):

@@ -62,15 +62,7 @@ def floats(text: str) -> list[float]:
 
 
 def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
-    """Copy of a named <link> with no more than its <inertial>.
-
-    Args:
-        link: The element.
-        notes: Receives remarks.
-
-    Raises:
-        ModelError: If a number cannot be read, or is negative where none may be.
-    """
+    """Copy of a named <link> with no more than its <inertial>; ``notes`` receives remarks."""
     owner = f"link '{link.get('name')}'"
     copy = ElementTree.Element("link", name=link.get("name", ""))
     inertials = link.findall("inertial")
@@ -80,25 +72,22 @@ def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
     for inertial in inertials[:1]:
         part = ElementTree.SubElement(copy, "inertial")
         part.extend(_parts(inertial, ("origin", "mass", "inertia"), owner, notes))
-        if (tensor := part.find("inertia")) is not None:
-            _add_products(tensor, owner, notes)
+        tensor = part.find("inertia")
+        if tensor is not None and (
+            absent := [key for key in PRODUCTS if key not in tensor.keys()]
+        ):
+            tensor.attrib.update(dict.fromkeys(absent, "0.0"))
+            _note(notes, f"<inertia> without {', '.join(absent)}: taken as 0", owner)
     return copy
 
 
 def plain_joint(
     joint: ElementTree.Element, notes: Notes, locked: bool = False
 ) -> ElementTree.Element:
-    """Copy of a named <joint> with what matters to its motion.
+    """Copy of a named <joint> with what matters to its motion; ``notes`` receives remarks.
 
-    What is not limited has a limit of zero or of the largest number.
-
-    Args:
-        joint: The element.
-        notes: Receives remarks.
-        locked: Whether the scene locks it; then one of ``HELD`` is fixed.
-
-    Raises:
-        ModelError: As by ``plain_link``.
+    What is not limited has a limit of zero or of the largest number. If the scene locks it, one of
+    ``HELD`` is fixed.
     """
     name, kind = joint.get("name", ""), joint.get("type", "")
     if locked and kind in HELD:
@@ -109,8 +98,14 @@ def plain_joint(
     copy.extend(_parts(joint, ("origin", "parent", "child", *own), owner, notes))
     if kind in MOVING:
         _check_axis(copy, joint, owner, notes)
-    if (limit := copy.find("limit")) is not None:
-        _open(limit, owner, notes)
+    for limit in copy.findall("limit"):  # open ones such that urdfdom reads them
+        for key in _LIMITS:
+            if key not in limit.keys():
+                limit.set(key, "0.0")
+                _note(notes, f"<limit> without {key}: none is assumed", owner)
+        for key in limit.keys():
+            if abs(float(limit.get(key, "0"))) == _LARGEST:
+                _note(notes, f"<limit {key}> is infinite: there is none", owner)
     if (losses := copy.find("dynamics")) is not None and not losses.attrib:
         losses.attrib.update(damping="0.0", friction="0.0")
         _note(notes, "<dynamics> without damping and friction: both are taken as 0", owner)
@@ -189,8 +184,15 @@ def _plain(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str
         values = [float(text)]
     if len(values) != count or not (open_ended or all(map(math.isfinite, values))):
         number = "one finite number" if count == 1 else "three finite numbers"
-        allowed = "one number, or inf" if open_ended else number
-        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: expected {allowed}{_remedy(text)}")
+        allowed, remedy = "one number, or inf" if open_ended else number, ""
+        if "{" in text or "$(" in text:
+            remedy = (
+                "; this is an expression, as of xacro (${…}): write its value, or expand the "
+                "source with 'xacro arm.urdf.xacro > arm.urdf'"
+            )
+        elif "," in text:
+            remedy = "; decimals have a point, and there are spaces between numbers"
+        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: expected {allowed}{remedy}")
     if open_ended and key in _LIMITS and values == [-1.0]:
         _note(notes, f"<limit {key}> is -1: there is none", owner)
         values = [0.0]
@@ -200,23 +202,6 @@ def _plain(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str
     if key == "rpy" and any(map(degrees_meant, values)):
         _note(notes, "<origin rpy> of more than two turns; angles are in rad", owner)
     return " ".join(repr(max(-_LARGEST, min(value, _LARGEST))) for value in values)
-
-
-def _remedy(text: str) -> str:
-    """What to do about a text in place of numbers, as the end of a message, or empty."""
-    if "{" in text or "$(" in text:
-        return (
-            "; this is an expression, as of xacro (${…}): write its value, or expand the source "
-            "with 'xacro arm.urdf.xacro > arm.urdf'"
-        )
-    return "; decimals have a point, and there are spaces between numbers" if "," in text else ""
-
-
-def _add_products(tensor: ElementTree.Element, owner: str, notes: Notes) -> None:
-    absent = [key for key in PRODUCTS if key not in tensor.keys()]
-    if absent:
-        tensor.attrib.update(dict.fromkeys(absent, "0.0"))
-        _note(notes, f"<inertia> without {', '.join(absent)}: taken as 0", owner)
 
 
 def _check_axis(
@@ -234,14 +219,3 @@ def _check_axis(
     if length < 1e-9:
         given = [part.get("xyz") for part in joint.findall("axis")]
         raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
-
-
-def _open(limit: ElementTree.Element, owner: str, notes: Notes) -> None:
-    """Write open limits such that urdfdom reads them."""
-    for key in _LIMITS:
-        if key not in limit.keys():
-            limit.set(key, "0.0")
-            _note(notes, f"<limit> without {key}: none is assumed", owner)
-    for key in limit.keys():
-        if abs(float(limit.get(key, "0"))) == _LARGEST:
-            _note(notes, f"<limit {key}> is infinite: there is none", owner)

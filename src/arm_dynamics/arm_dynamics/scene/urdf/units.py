@@ -21,12 +21,8 @@ type Parts = Mapping[str, ElementTree.Element]
 def size_of(links: Parts, joints: Parts, inward: Iterable[str]) -> float:
     """Largest distance in [m] of a joint or centre of mass from the first joint that moves.
 
-    It is measured along the chain, so that no posture exceeds it.
-
-    Args:
-        links: Copies of the links by name, see ``plain_link``.
-        joints: Copies of the joints.
-        inward: Names of the links, each after its parent.
+    It is measured along the chain, so that no posture exceeds it. ``inward`` has the names of the
+    links, each after its parent.
     """
     above = {link_at(joint, "child"): joint for joint in joints.values()}
     far: dict[str | None, float] = {}
@@ -46,14 +42,7 @@ def wide(size: float) -> float:
 
 
 def note_units(links: Parts, joints: Parts, size: float, notes: Notes) -> None:
-    """Add remarks on lengths probably in mm, and on inertias probably in kg mm², kg cm² or g mm².
-
-    Args:
-        links: Copies of the links by name.
-        joints: Copies of the joints.
-        size: See ``size_of``.
-        notes: Receives the remarks.
-    """
+    """Note lengths probably in mm, and inertias probably in kg mm², kg cm² or g mm²."""
     inner = {link_at(joint, "child") for joint in joints.values() if joint.get("type") in MOVING}
     bodies = {name: body for name, link in links.items() if (body := _body(link))[0] > 0.0}
     mass = sum(weight for weight, _ in bodies.values())

@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,38 +21,23 @@ _ARGUMENT = re.compile(r"""<[\w.-]+:arg\s[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> str:
-    """The URDF text of a xacro file.
-
-    Args:
-        path: The file.
-        arguments: Arguments by name; the others have their defaults.
-
-    Raises:
-        SceneError: If xacro is not installed, or cannot expand the file, or this has no such
-            arguments.
-    """
+    """The URDF text of a xacro file; arguments that are not given have their defaults."""
     given = [f"{name}:={value}" for name, value in arguments.items()]
     text = _output(path, *given)
-    if given:
-        _check_known(path, list(arguments), _output(path, "--deps", *given).split())
-    return text
-
-
-def _check_known(path: Path, names: Sequence[str], includes: Sequence[str]) -> None:
-    """Refuse arguments that a file and what it includes do not have: xacro ignores them."""
-    files = [path, *map(Path, includes)]
+    if not given:
+        return text
+    files = [path, *map(Path, _output(path, "--deps", *given).split())]
     if not all(map(os.path.isfile, files)):  # a name with a space, which is not told from two
-        return
-    known = dict.fromkeys(
-        name for file in files for pair in _ARGUMENT.findall(file_text(file)) for name in pair
-    )
-    known.pop("", None)
-    for name in names:
-        if name not in known:
+        return text
+    pairs = (pair for file in files for pair in _ARGUMENT.findall(file_text(file)))
+    known = dict.fromkeys(name for pair in pairs for name in pair if name)
+    for name in arguments:
+        if name not in known:  # xacro ignores it
             raise SceneError(
                 f"scene: 'robot.arguments.{name}': '{path}' has no such argument; allowed: "
                 f"{choices(name, known)}"
             )
+    return text
 
 
 def _output(path: Path, *arguments: str) -> str:

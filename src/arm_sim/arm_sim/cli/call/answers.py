@@ -34,6 +34,8 @@ class Answer:
         self, service: Service, response: Any, given: Mapping[Field, Vector],
         joints: Mapping[str, str],
     ) -> None:  # fmt: skip
+        import numpy as np
+
         self._given = {field: vector for field, vector in given.items() if "k" in field.shape}
         self._batch = any(vector.batch for vector in self._given.values())
         self._count = next((len(x.rows) for x in self._given.values()), 0) or 1
@@ -50,22 +52,18 @@ class Answer:
                 raise click.ClickException(
                     f"{field.name} has {row} numbers in a row; allowed: {size}"
                 )
-        values = {x: self._shaped(x, getattr(response, x.name)) for x in service.response}
-        self._values = {field: value for field, value in values.items() if value is not None}
+        self._values: dict[Field, Any] = {}  # arrays in their shapes, none that is left empty
+        for field in service.response:
+            value, shape = getattr(response, field.name), [self._size(dim) for dim in field.shape]
+            if not shape:
+                self._values[field] = value
+            elif len(value) or not math.prod(shape):
+                self._values[field] = np.array(value).reshape(shape)
 
     def _size(self, dim: str) -> int:
         if dim == "k":
             return self._count
         return int(dim) if dim.isdigit() else len(self._names[dim])
-
-    def _shaped(self, field: Field, values: Any) -> Any:
-        """An array in its shape; None if it is empty but should not be."""
-        import numpy as np
-
-        if not field.shape:
-            return values
-        shape = [self._size(dim) for dim in field.shape]
-        return np.array(values).reshape(shape) if len(values) or not math.prod(shape) else None
 
     def print_json(self, refusal: str) -> None:
         """Print all fields as JSON, without k unless points were listed."""

@@ -19,14 +19,14 @@ from rich.progress import BarColumn, TimeElapsedColumn
 
 from arm_dynamics import load_scene
 from arm_dynamics.ros.common.transport import as_usual
-from arm_sim.cli.demo.figure import draw
 from arm_sim.cli.demo.motion import DemoMotion, choose_motion
-from arm_sim.cli.demo.observer import Observer, Seen
+from arm_sim.cli.demo.observer import Observations, Observer
 from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
 from arm_sim.cli.demo.report import (
     Numbers,
     cause,
     complaints,
+    draw,
     load,
     numbers,
     remarks,
@@ -60,34 +60,34 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     with (
         tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch,
         # A separate thread that refreshes it would disturb the measurement.
-        progress(sys.stdout, _Lines(out).tell, *columns, refresh=True) as tell,
+        progress(sys.stdout, _PrintedProgress(out).tell, *columns, refresh=True) as tell,
     ):
-        seen, clock = _run(motion, output, Path(scratch), tell, view)
+        observed, clock = _run(motion, output, Path(scratch), tell, view)
         tell(description="checking the simulated motion by a second run")
         with quiet():
             verdict = Recording.load(Path(scratch) / RECORDING).verdict
-    _report(output, motion, seen, numbers(motion, seen, clock), verdict, out)
+    _report(output, motion, observed, numbers(motion, observed, clock), verdict, out)
 
 
-class _Lines:
+class _PrintedProgress:
     """Prints, without a terminal, what goes on, and every two seconds for how long it has."""
 
     def __init__(self, out: Console) -> None:
-        self._out, self._began, self._told = out, 0.0, 0.0
+        self._out, self._began, self._printed = out, 0.0, 0.0
 
     def tell(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
         now = time.monotonic()
         if description:
-            self._began = self._told = now
+            self._began = self._printed = now
             self._out.print(f"{description} …")
-        elif now > self._told + _TELL:
-            self._told = now
+        elif now > self._printed + _TELL:
+            self._printed = now
             self._out.print(f"  {now - self._began:.0f} s")
 
 
 def _run(
     motion: DemoMotion, output: Path, scratch: Path, tell: Callable[..., object], view: bool
-) -> tuple[Seen, dict[str, Any]]:
+) -> tuple[Observations, dict[str, Any]]:
     """Execute the motion; return the observations and the sim node's report."""
     scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
     # A self-contained file for all three nodes.
@@ -120,7 +120,7 @@ def _run(
             raise DemoFailed(
                 "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
             )
-        return observer.seen(), json.loads(report.read_text(encoding="utf-8"))
+        return observer.observations(), json.loads(report.read_text(encoding="utf-8"))
 
 
 def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> None:
@@ -152,7 +152,7 @@ def _open_view(processes: Processes, scene: Path) -> str:
 
 
 def _report(
-    output: Path, motion: DemoMotion, seen: Seen, n: Numbers, verdict: str, out: Any
+    output: Path, motion: DemoMotion, observed: Observations, n: Numbers, verdict: str, out: Any
 ) -> None:
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
@@ -160,7 +160,7 @@ def _report(
         f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
         f"{n['error_rms']:.1e} {n['unit']} RMS"
     )
-    draw(figure, seen, model.joint_names, model.joint_types, n["duration"], title)
+    draw(figure, observed, model.joint_names, model.joint_types, n["duration"], title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, result_table(n))

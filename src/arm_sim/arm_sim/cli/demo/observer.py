@@ -35,7 +35,7 @@ _ENERGIES = ("kinetic", "potential", "total", "input", "dissipated", "balance")
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observations:
     """Observations of a motion; time starts with the trajectory, rows are samples.
 
     Attributes:
@@ -176,12 +176,12 @@ class Observer(Listener):
 
         self._ask.call_async(request).add_done_callback(answered)
 
-    def seen(self) -> Seen:
+    def observations(self) -> Observations:
         """All observations since the trajectory began."""
         states = [s for s in self._states if self._time(s) >= 0.0]
         good = [(s, waited, r) for s, waited, r in self._questions if r.success]
         energy = [[getattr(e, name) for name in _ENERGIES] for e in self._energies]
-        return Seen(
+        return Observations(
             np.array(list(map(self._time, states))),
             *(np.array([getattr(s, field) for s in states]) for field in _FIELDS),
             asked_time=np.array([self._time(s) for s, *_ in good]),

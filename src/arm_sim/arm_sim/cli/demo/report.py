@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of a demo run: numbers, a table, and whether the loop was closed."""
+"""Results of a demo run: numbers, a table, a figure, and whether the loop was closed."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.ticker import EngFormatter
 
 from arm_dynamics.arrays import Array
-from arm_sim.cli.demo.observer import Seen
+from arm_sim.cli.demo.observer import Observations
 from arm_sim.cli.output import table
-from arm_sim.figures import units
+from arm_sim.figures import COLORS, WIDTH, figure, joint_words, most_moved, units
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -28,16 +31,19 @@ LEAST_COMMANDS = 100  # commands per second of the motion
 MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
 
+DOTS = 45  # number of service answers that are drawn
+CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
-def numbers(motion: DemoMotion, seen: Seen, clock: dict[str, Any]) -> Numbers:
+
+def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -> Numbers:
     """The results by name: times in [s], errors in ``unit``, energies in [J].
 
     ``clock`` is the sim node's own report.
     """
     model, duration = motion.model, motion.trajectory.duration
-    loop, trip, asked = clock["loop"], clock["round_trip"], seen.latencies
+    loop, trip, asked = clock["loop"], clock["round_trip"], observed.latencies
     p50, p99, longest = np.percentile(asked if len(asked) else np.nan, (50, 99, 100)).tolist()
-    error = seen.error[seen.time <= duration]
+    error = observed.error[observed.time <= duration]
     return {
         "robot": model.pin.name, "joints": model.n,
         "unit": units(model.joint_types, "rad", "m", " or "), "duration": duration,
@@ -48,13 +54,13 @@ def numbers(motion: DemoMotion, seen: Seen, clock: dict[str, Any]) -> Numbers:
         "commands": trip["count"],
         **{f"round_trip_{name}": trip[name] for name in ("p50", "p99", "max")},
         "questions": len(asked), "service_p50": p50, "service_p99": p99, "service_max": longest,
-        "torque_difference": _largest(seen.asked_effort - seen.asked_for),
+        "torque_difference": _largest(observed.asked_effort - observed.asked_for),
         "error_rms": float(np.sqrt(np.mean(error**2))), "error_max": float(abs(error).max()),
-        "goal_distance": _largest(seen.position[-1] - np.asarray(motion.waypoints[-1].q)),
+        "goal_distance": _largest(observed.position[-1] - np.asarray(motion.waypoints[-1].q)),
         "effort_share": motion.effort_share,
-        "energy_moved": float(abs(np.diff(seen.energy[:, 3])).sum()),
-        "energy_dissipated": float(seen.energy[:, 4].max(initial=0.0)),
-        "energy_balance": _largest(seen.energy[:, 5]),
+        "energy_moved": float(abs(np.diff(observed.energy[:, 3])).sum()),
+        "energy_dissipated": float(observed.energy[:, 4].max(initial=0.0)),
+        "energy_balance": _largest(observed.energy[:, 5]),
     }  # fmt: skip
 
 
@@ -134,3 +140,32 @@ def result_table(n: Numbers) -> Table:
         ("tracking error max", *error("error_max")),
         ("energy balance", f"{n['energy_balance']:.1e} J", moved),
     ], text=(0, 2))  # fmt: skip
+
+
+def draw(
+    file: Path,
+    run: Observations,
+    names: Sequence[str],
+    types: Sequence[str],
+    duration: float,
+    title: str,
+) -> None:
+    """Draw a PNG; ``types`` are the joint types, ``duration`` is that of the motion in [s]."""
+    joints = most_moved(run.position)
+    short = [joint_words(names)[i] for i in joints]
+    with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as axes:
+        position, error, torque = axes
+        position.plot(run.time, run.position[:, joints], label=short)
+        position.plot(run.time, run.reference[:, joints[0]], "k--", lw=0.7, label="reference")
+        position.plot(run.time, run.reference[:, joints[1:]], "k--", lw=0.7)
+        position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
+        error.plot(run.time, run.error[:, joints], lw=1.0)
+        error.yaxis.set_major_formatter(EngFormatter())  # as 5 µ
+        error.set_ylabel(f"tracking error [{units(types, 'rad', 'm')}]")
+        torque.plot(run.time, run.effort[:, joints])
+        for color, answers in zip(COLORS, run.asked_effort.T[joints], strict=False):
+            every = max(1, len(answers) // DOTS)
+            torque.plot(run.asked_time[::every], answers[::every], color=color, **CIRCLES)
+        torque.plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
+        torque.set(xlabel="time [s]", xlim=(0.0, max(duration, float(run.time[-1]))))
+        torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")

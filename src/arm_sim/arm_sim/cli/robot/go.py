@@ -3,22 +3,28 @@
 
 from __future__ import annotations
 
+import math
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import click
 
+from arm_dynamics.exceptions import degrees_meant
 from arm_sim.cli.arguments import File, NotNegative, Seconds, Timeout
 from arm_sim.cli.command import command
 from arm_sim.cli.output import number, progress, say
-from arm_sim.cli.robot.goal import parse, targets, unhurried
 from arm_sim.cli.vectors import Vector, VectorType
 
 if TYPE_CHECKING:
     from arm_sim.cli.robot.controller import Controller
 
+PEAK = 1.875  # ratio of a quintic's peak speed to its mean
+FASTEST = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
+LEAST = 1.0  # [s]
+_GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
 _THERE = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 POSE = VectorType(
@@ -95,11 +101,11 @@ def go(
         else:
             start = points.start
             if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
-                _lead(controller, _joint_motion(controller, start, duration), tolerance)
+                _follow(controller, _joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
             say(f"{len(points.points)} points in {seconds} s")
             send = partial(controller.send_points, points)
-        _lead(controller, send, tolerance, no_wait)
+        _follow(controller, send, tolerance, no_wait)
 
 
 def _joint_motion(
@@ -114,7 +120,7 @@ def _joint_motion(
     return partial(controller.send_joints, there, seconds)
 
 
-def _lead(
+def _follow(
     controller: Controller, send: Callable[[], None], tolerance: float, no_wait: bool = False
 ) -> None:
     """Send a goal and follow the motion to its end."""
@@ -141,3 +147,49 @@ def _lead(
         off, allowed = number(error, 3), number(tolerance, 3)
         raise click.ClickException(f"stopped short: {joint} is off by {off}, more than {allowed}")
     say(f"arrived: largest error {number(error, 2)} at {joint}")
+
+
+def parse(words: Sequence[str]) -> dict[str, tuple[float, bool]]:
+    """Goals of joints by name: in [rad] or [m], and whether from the current reference.
+
+    Raises:
+        click.UsageError: If a word is not a goal, or repeats a joint.
+    """
+    goals = dict[str, tuple[float, bool]]()
+    for word in words:
+        found = _GOAL.fullmatch(word.strip())
+        try:
+            value = float(found["number"]) if found else math.nan
+        except ValueError:
+            value = math.nan
+        if found is None or not math.isfinite(value):
+            raise click.UsageError(
+                f"'{word}' is not a joint goal; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
+                "JOINT-=DISTANCE, with finite numbers in rad or m"
+            )
+        name, how = found["name"], found["how"]
+        if name in goals:
+            raise click.UsageError(f"joint '{name}' is named twice")
+        if remark := degrees_meant(value):
+            click.echo(f"{name}: {remark} (for a joint that slides, in m)", err=True)
+        goals[name] = -value if how == "-=" else value, how != "="
+    return goals
+
+
+def targets(
+    goals: Mapping[str, tuple[float, bool]], here: Mapping[str, float]
+) -> dict[str, float]:
+    """Target positions of the joints, from their current reference.
+
+    The controller decides about joints that have none: they follow others, or do not exist.
+    """
+    return {
+        name: value + (here.get(name, 0.0) if relative else 0.0)
+        for name, (value, relative) in goals.items()
+    }
+
+
+def unhurried(there: Mapping[str, float], here: Mapping[str, float]) -> float:
+    """A duration in [s] in which no joint gets faster than ``FASTEST``."""
+    farthest = max((abs(there[name] - here[name]) for name in there.keys() & here), default=0.0)
+    return max(LEAST, PEAK * farthest / FASTEST)

@@ -13,7 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
 
 from arm_dynamics.ros.common.caller import TemporaryNode
-from arm_dynamics.ros.common.diagnostics import publishers
+from arm_dynamics.ros.common.conflicts import publishers
 from arm_dynamics.ros.interfaces import Service, Topic
 from arm_sim.cli.interrupts import postponed
 

@@ -62,28 +62,28 @@ def watch(
     from arm_sim.cli.robot.listener import Listener, full
 
     with Listener() as listener, suppress(KeyboardInterrupt):
-        seen = Seen(full(topic))
-        seen.join(listener)
+        arm = WatchedArm(full(topic))
+        arm.join(listener)
         left = timeout
-        while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
+        while left > _TELL and not listener.until(lambda: arm.state is not None, _TELL):
             left -= _TELL
             if not as_json:
-                click.echo(f"no joint states on {seen.topic} yet …", err=True)
-        if not listener.until(lambda: seen.state is not None, left):
+                click.echo(f"no joint states on {arm.topic} yet …", err=True)
+        if not listener.until(lambda: arm.state is not None, left):
             raise click.ClickException(
-                f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
+                f"no joint states on {arm.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
                 f"sim SCENE; --topic selects another topic\n  {listener.where()}"
             )
-        listener.until(lambda: seen.measured, 0.3)
+        listener.until(lambda: arm.measured, 0.3)
         listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
         try:
-            _show(listener, seen, once, 1.0 / rate, as_json)
+            _show(listener, arm, once, 1.0 / rate, as_json)
         except BrokenPipeError:  # the pipe was closed
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @dataclass
-class Seen:
+class WatchedArm:
     """The newest joint state, the rate of joint states, and warnings of nodes.
 
     Attributes:
@@ -156,30 +156,30 @@ class Seen:
         return float(self.state.header.stamp.sec + 1e-9 * self.state.header.stamp.nanosec)
 
 
-def _show(listener: Listener, seen: Seen, once: bool, period: float, as_json: bool) -> None:
+def _show(listener: Listener, arm: WatchedArm, once: bool, period: float, as_json: bool) -> None:
     if as_json or not (once or sys.stdout.isatty()):
         line = _json if as_json else _line
-        click.echo(line(seen))
+        click.echo(line(arm))
         while not once:
             listener.until(lambda: False, period)
-            click.echo(line(seen))
+            click.echo(line(arm))
         return
     from rich.live import Live
 
-    with Live(_picture(seen), console=console(), auto_refresh=False) as live:
+    with Live(_picture(arm), console=console(), auto_refresh=False) as live:
         while not once:
             listener.until(lambda: False, period)
-            live.update(_picture(seen), refresh=True)
+            live.update(_picture(arm), refresh=True)
 
 
-def _picture(seen: Seen) -> Group:
+def _picture(arm: WatchedArm) -> Group:
     """The table with the lines below it."""
     from rich.console import Group
     from rich.text import Text
 
-    rows = [(name, *map(_steady, values)) for name, *values in seen.rows()]
-    about = f" t = {seen.stamp:.3f} s, {seen.rate:.0f} joint states/s"
-    remarks = [f" {remark}" for remark in seen.remarks()]
+    rows = [(name, *map(_steady, values)) for name, *values in arm.rows()]
+    about = f" t = {arm.stamp:.3f} s, {arm.rate:.0f} joint states/s"
+    remarks = [f" {remark}" for remark in arm.remarks()]
     return Group(table(_COLUMNS, rows), Text(about, "dim"), Text("\n".join(remarks), "yellow"))
 
 
@@ -189,12 +189,12 @@ def _steady(value: float) -> str:
     return "-" if math.isnan(value) else text.removeprefix("-") if float(text) == 0.0 else text
 
 
-def _line(seen: Seen) -> str:
-    joints = " ".join(f"{name}={_steady(position)}" for name, position, *_ in seen.rows())
-    return "; ".join([f"{seen.stamp:.3f} {joints}", *seen.remarks()])
+def _line(arm: WatchedArm) -> str:
+    joints = " ".join(f"{name}={_steady(position)}" for name, position, *_ in arm.rows())
+    return "; ".join([f"{arm.stamp:.3f} {joints}", *arm.remarks()])
 
 
-def _json(seen: Seen) -> str:
-    names, *columns = zip(*seen.rows(), strict=True)
-    about = {"time": seen.stamp, "rate": seen.rate, "remarks": seen.remarks(), "names": names}
+def _json(arm: WatchedArm) -> str:
+    names, *columns = zip(*arm.rows(), strict=True)
+    about = {"time": arm.stamp, "rate": arm.rate, "remarks": arm.remarks(), "names": names}
     return to_json(about | dict(zip(("position", "velocity", "effort"), columns, strict=True)))

@@ -22,8 +22,8 @@ from arm_sim.exceptions import ViewError
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.view import View
 from arm_sim.view.charts import RollingCharts
+from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
-from arm_sim.view.stage import DrawnArm
 from arm_sim.view.view import opened
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class RunningArm:
 
 @sealed
 class Follower(View):
-    """A page that follows running arms; times count from the first data."""
+    """A page that follows running arms; times count from the first data, or from a restart."""
 
     def __init__(
         self, server: viser.ViserServer, actors: Sequence[DrawnArm], arms: Sequence[RunningArm],
@@ -161,7 +161,7 @@ class Follower(View):
         self._followed = tuple(zip(arms, actors, strict=True))
         self._began, self._times, self._heard = (dict[str, float]() for _ in range(3))
 
-    def _beat(self, passed: float) -> None:
+    def _update(self, passed: float) -> None:
         self._listener.until(self._ended.is_set, HEARD)
         for arm, actor in self._followed:
             if (newest := arm.newest()) is None:
@@ -169,6 +169,7 @@ class Follower(View):
             (stamp, q, *values), name = newest, actor.name
             at = stamp - self._began.setdefault(name, stamp)
             if at < self._times.get(name, at):  # it was restarted
+                self._began[name], at = stamp, 0.0
                 self._charts.clear(name)
                 actor.forget_way()
             self._heard[name], self._times[name] = time.monotonic(), at
@@ -176,9 +177,9 @@ class Follower(View):
                 actor.draw(Instant(q), leave_path=True)
             self._charts.add(name, at, lambda values=values: values)  # type: ignore[misc]
         if self._charts.draw(CHARTED):
-            self._complain("")
+            self._report("")
 
-    def _complain(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         lines = []
         for name in (actor.name for actor in self.actors):
             silence, state = time.monotonic() - self._heard.get(name, np.nan), ""

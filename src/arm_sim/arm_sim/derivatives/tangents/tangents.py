@@ -21,19 +21,11 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
+from arm_sim.stepping.addresses import address, pointer
+from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, strides
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.rollout import (
-    ADDRESS,
-    NUMBER,
-    ArmTable,
-    Engine,
-    Marks,
-    built_of_lanes,
-    share,
-    strides,
-    widths,
-)
-from arm_sim.stepping.stepper import address, pointer
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widths
+from arm_sim.stepping.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
 # halved once more: from there on they converge by the method's order. Rounding, relative to the
@@ -60,16 +52,16 @@ class Arms:
         x: Initial states, shape (b, nx).
         tau: Commands, shape (b, ticks, n).
         p: Parameters, shape (b, np).
-        given: Columns of x at the beginning, shape (b, nx, k).
-        pushed: Columns of the commands and, below them, of the quantities to differentiate by,
+        initial: Columns of x at the beginning, shape (b, nx, k).
+        held: Columns of the commands and, below them, of the quantities to differentiate by,
             shape (b, ticks, n + nt, k).
     """
 
     x: Array
     tau: Array
     p: Array
-    given: Array
-    pushed: Array
+    initial: Array
+    held: Array
 
     @property
     def count(self) -> int:
@@ -83,7 +75,7 @@ class Arms:
 
     def room(self, every: bool) -> Array:
         """Memory for the columns after every tick, shape (b, ticks, nx, k), or after the last."""
-        return np.empty((self.count, self.ticks if every else 1, *self.given.shape[1:]))
+        return np.empty((self.count, self.ticks if every else 1, *self.initial.shape[1:]))
 
 
 class Tangents:
@@ -235,8 +227,8 @@ class Tangents:
         by_arm, by_tick = strides(columns, 2)
         table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, marks, None)
         found = Columns(
-            address(arms.given), address(arms.pushed), address(columns), *strides(arms.given, 1),
-            *strides(arms.pushed, 2), by_arm, by_tick if every else 0, arms.given.shape[-1], False,
+            address(arms.initial), address(arms.held), address(columns), *strides(arms.initial, 1),
+            *strides(arms.held, 2), by_arm, by_tick if every else 0, arms.initial.shape[-1], False,
         )  # fmt: skip
         alone, done = self._side_by_side(table, marks, found, after, begins, (threads, lanes))
         return columns, alone, after, done
@@ -251,7 +243,9 @@ class Tangents:
             The arms whose results are invalid, and with events the ticks of each before one.
         """
         threads, lanes = cores
-        built = ((self.library(width), width) for width in self._widths(lanes))
+        # With events lanes save less time than their compilation takes.
+        tried = (1,) if self._functions.event_free and lanes is None else widths(lanes)
+        built = ((self.library(width), width) for width in tried)
         code, width = next((code, width) for code, width in built if code is not None)
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         done = np.zeros(0 if self.engine is None else len(after), np.int64)
@@ -266,10 +260,6 @@ class Tangents:
 
         share(len(after), width, threads, work, table.ticks, marks.halt)
         return marks.of(0, len(after)), done
-
-    def _widths(self, lanes: int | None) -> tuple[int, ...]:
-        """As ``widths``; with events lanes save less time than their compilation takes."""
-        return (1,) if self._functions.event_free and lanes is None else widths(lanes)
 
     @cached_property
     def native(self) -> bool:

@@ -81,7 +81,10 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   if (!all_finite(sim->x, 2 * NU)) return LIBRARY_NOT_FINITE;
   if (!are_loops_closed(sim)) return LIBRARY_OPEN;
   if (!is_inside_stops(sim->x)) return LIBRARY_BEYOND_STOP;
-  if (is_penetrated(scene, sim->x)) return LIBRARY_INSIDE_PLANE;
+#if EVENTS
+  LOCAL_TICK(segment, 0);
+  if (is_inside(scene, sim->x, &segment)) return LIBRARY_INSIDE_PLANE;
+#endif
   for (int i = 0; i < NZ && (q || v); ++i) sim->x[2 * NU + i] = of_state[i] < 0 ? 0.0 : sim->x[of_state[i]];
   return LIBRARY_OK;
 }

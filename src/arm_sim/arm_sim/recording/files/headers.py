@@ -95,10 +95,10 @@ def read_header(names: Sequence[str]) -> Header:
                     f"joint '{what[1]}'; one is expected"
                 )
             found[what] = Column(place, _UNITS[unit])
-    numbers = [int(joint) for _, joint in found if joint.isdigit()]
+    numbers = [int(joint) for _, joint in found if joint.isdecimal()]
     first = 1 - min(numbers, default=1) if 0 in numbers else 0
     found = {
-        (part, f"joint{int(joint) + first}" if joint.isdigit() else joint): column
+        (part, f"joint{int(joint) + first}" if joint.isdecimal() else joint): column
         for (part, joint), column in found.items()
     }
     joints = tuple(dict.fromkeys(joint for part, joint in found if part == PARTS[0]))

@@ -44,9 +44,9 @@ def from_bag(found: BagContents, topic: str | None, where: Path) -> Contents:
     """
     topics = found.of(JOINT_STATE)
     if topic is not None and topic not in topics:
-        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {found.told()}")
+        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {found.listing()}")
     if not topics:
-        raise InvalidInput(f"'{where}' has no joint states; it has {found.told()}")
+        raise InvalidInput(f"'{where}' has no joint states; it has {found.listing()}")
     chosen = topic or max(topics, key=lambda name: len(topics[name]))
     states, times, refused = list[Any](), list[int](), list[str]()
     for _, time, raw in topics[chosen]:
@@ -99,7 +99,7 @@ def _contents(states: list[Any], times: list[int], notes: list[str]) -> Contents
         names += added
     if twice := sum(map(len, groups)) - len(at) - sum(len(its) for _, its, _ in others):
         notes.append(f"{twice} messages have the time of another one")
-    return made(1e-9 * (at - at[0]), names, parts, notes)
+    return _recorded(1e-9 * (at - at[0]), names, parts, notes)
 
 
 def _clock(
@@ -184,7 +184,7 @@ def from_table(path: Path) -> Contents:
     used = {header.clock.place, *(column.place for row in wanted for column in row if column)}
     unused = [name or "without a name" for i, name in enumerate(table.names) if i not in used]
     notes = [f"columns that are not used: {known_names(unused)}"] if unused else []
-    return made(time, header.joints, parts, [*table.notes, *notes])
+    return _recorded(time, header.joints, parts, [*table.notes, *notes])
 
 
 def to_table(contents: Contents, efforts: Array, path: Path) -> None:
@@ -239,7 +239,7 @@ def _echoed(table: Table, row: int) -> Any:
     return _state(10**9 * stamp[0] + stamp[1], names, parts)
 
 
-def made(
+def _recorded(
     time: Array, names: tuple[str, ...], parts: Sequence[Array], notes: list[str]
 ) -> Contents:
     """A measured recording of positions, velocities and efforts."""

@@ -69,7 +69,7 @@ class BagContents:
         """Messages of a type, by topic."""
         return {name: kept for name, kept in self.messages.items() if self.topics[name] == kind}
 
-    def told(self) -> str:
+    def listing(self) -> str:
         """Topics and types, for an error message."""
         return known_names(f"{topic} ({kind})" for topic, kind in self.topics.items())
 

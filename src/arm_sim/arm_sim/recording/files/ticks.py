@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import json
-from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,6 +19,7 @@ from arm_dynamics.scene import Scene
 from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.schema import Tunable
 from arm_sim.imperfections import Measured
+from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
@@ -28,7 +29,7 @@ from arm_sim.recording.files.writer import McapWriter, Place
 from arm_sim.recording.origin import URDF_FILE, Origin
 
 FACTS, FORMAT = "arm_sim", "1"
-EXTERNAL, SWITCHES = "external", "constraints"
+SWITCHES = "constraints"
 UNCHANGED = -1.0
 """Sub-step of a change of external torques only."""
 _INFO = 20
@@ -156,32 +157,26 @@ def _messages(
 
 def _changes(contents: Contents) -> Iterator[tuple[int, bytes]]:
     """The start, and every change other than by a tick; the last of several at one time."""
-    x = contents.x
-    scene, jumps = _scene(contents), {jump.row: i for i, jump in enumerate(contents.jumps)}
-    later = [*(jump.tunable for jump in contents.jumps[1:]), tunable_names(scene)]
-    tunable = contents.jumps[0].tunable if contents.jumps else tunable_names(scene)
-    substep = contents.substep
+    assert contents.origin is not None
+    x, scene, n = contents.x, contents.origin.scene, contents.q.shape[1]
+    jumps = {jump.row: i for i, jump in enumerate(contents.jumps, 1)}
+    tunable = [*(jump.tunable for jump in contents.jumps), tunable_names(scene)]  # until each
     changed = np.any(contents.p[1:] != contents.p[:-1], axis=1).nonzero()[0] + 1
+    passed = 0
     for row in sorted({0, *jumps, *contents.gaps, *changed.tolist()}):
+        substep = UNCHANGED if row else contents.substep
         if row in jumps:
-            tunable = later[jumps[row]]
-            substep = contents.jumps[jumps[row]].substep
-        p, n = contents.p[row], contents.q.shape[1]
-        if EXTERNAL not in tunable and EXTERNAL in tunable_names(scene):
+            passed = jumps[row]
+            substep = contents.jumps[passed - 1].substep
+        p = contents.p[row]
+        if EXTERNAL not in tunable[passed] and EXTERNAL in tunable[-1]:
             place = _external_place(scene, p)
             p = np.delete(p, np.s_[place - n : place])
-        stamp, text = round(1e9 * contents.time[row]), "changed" if row else "start"
-        known = substep if row in jumps or not row else UNCHANGED
         yield row, msg.written(
-            CHANGE, stamp=stamp, text=text, tunable=tunable, parameters=p, state=x[row],
-            substep=known, error=contents.local_error[row],
-            time_stepped=contents.time_stepped[row],
+            CHANGE, stamp=round(1e9 * contents.time[row]), text="changed" if row else "start",
+            tunable=tunable[passed], parameters=p, state=x[row], substep=substep,
+            error=contents.local_error[row], time_stepped=contents.time_stepped[row],
         )  # fmt: skip
-
-
-def _scene(contents: Contents) -> Scene:
-    assert contents.origin is not None
-    return contents.origin.scene
 
 
 def tunable_names(scene: Scene) -> tuple[str, ...]:
@@ -218,28 +213,16 @@ def read(found: BagContents, path: Path) -> Contents:
     changes = [(place, msg.read(CHANGE, raw)) for place, _, raw in _only(found, CHANGE)]
     if not changes:
         raise InvalidInput("the recording is truncated before its first state")
-    ticks = _only(found, TICK)
-    n, nx = len(names), changes[0][1].state.size
-    places = np.array([place for place, *_ in ticks], np.int64)
-    rows = msg.tick_layout(nx, n).read([raw for *_, raw in ticks])
-    seconds = rows["stamp"][:, 0] + 1e-9 * rows["stamp"][:, 1]
-    steps = np.round(seconds / origin.dt).astype(np.int64)
-    tunable = changes[-1][1].tunable
-    scene = origin.scene.model_copy(
-        update={"tunable": tuple(name for name in tunable if name != SWITCHES)}
-    )
-    run = _Run(origin.dt, scene, n, changes[0][1])
-    edges = np.searchsorted(places, [place for place, _ in changes]).tolist()
-    for i, (place, change) in enumerate(changes):
-        if i:
-            run.change(place, change)
-        end = edges[i + 1] if i + 1 < len(edges) else len(ticks)
-        block = slice(edges[i], end)
-        run.ticks(places[block], steps[block], rows[block])
-    events = list(_events(found, run, origin.dt))
-    made = run.contents(replace(origin, scene=scene), names)
-    if scene.sensors is not None:
-        made = replace(made, measured=_measured(path, made, run, origin.dt))
+    tunable = tuple(name for name in changes[-1][1].tunable if name != SWITCHES)
+    origin = replace(origin, scene=origin.scene.model_copy(update={"tunable": tunable}))
+    ticks = [tick for tick in _only(found, TICK) if tick[0] > changes[0][0]]
+    made, offset_at = _joined(origin, names, changes, ticks)
+    if origin.scene.sensors is not None:
+        made = replace(made, measured=_measured(path, made, offset_at))
+    events = list[Event]()
+    for place, _, raw in _only(found, LOG):
+        log = msg.read(LOG, raw)
+        events.append(Event(1e-9 * log.stamp + origin.dt * offset_at(place), log.msg))
     events += [Event(made.time[-1], f"file: {damage}") for damage in found.damage]
     return replace(made, events=tuple(events))
 
@@ -256,131 +239,94 @@ def _only(found: BagContents, kind: str) -> list[BagMessage]:
     return [message for messages in found.of(kind).values() for message in messages]
 
 
-def _events(found: BagContents, run: _Run, dt: float) -> Iterator[Event]:
-    """Events by the recording's time, which continues across resets."""
-    for place, _, raw in _only(found, LOG):
-        log = msg.read(LOG, raw)
-        yield Event(1e-9 * log.stamp + dt * run.offset_at(place), log.msg)
+def _joined(
+    origin: Origin, names: tuple[str, ...], changes: Sequence[tuple[int, Any]],
+    ticks: Sequence[BagMessage],
+) -> tuple[Contents, Callable[[int], int]]:  # fmt: skip
+    """A recording from its changes and ticks, in a time that continues across resets.
+
+    Returns:
+        The recording, and a function: by how many ticks its time is ahead of the simulation's at a
+        place in the file.
+    """
+    scene, n = origin.scene, len(names)
+    change_places, states = zip(*changes, strict=True)
+    places = np.array([*change_places, *(place for place, *_ in ticks)])
+    order = np.argsort(places)
+    rows = msg.tick_layout(states[0].state.size, n).read([raw for *_, raw in ticks])
+    seconds = rows["stamp"][:, 0] + 1e-9 * rows["stamp"][:, 1]
+    stamps = np.concatenate([[1e-9 * change.stamp for change in states], seconds])
+    places = places[order]
+    own, ticked = np.round(stamps / origin.dt).astype(np.int64)[order], order >= len(states)
+    # A tick ends one step after what precedes it, and a change is at the same time. A change that
+    # is earlier is a reset; everything else is a gap. Ticks and changes after gaps begin a row.
+    ahead = np.diff(own, prepend=own[0])
+    steps = own[0] + np.cumsum(np.maximum(ahead, ticked))
+    begins = ticked | (ahead > 0)
+    begins[0] = True
+    row, first = np.cumsum(begins) - 1, np.flatnonzero(begins)
+    last = np.append(first[1:], len(order)) - 1
+
+    p = np.array([_complete(change, scene, n) for change in states])
+    x = np.concatenate([[change.state for change in states], rows["state"]])[order]
+    q, v, z = np.split(x[last], (n, 2 * n), axis=1)
+    error, time_stepped = (
+        np.append([getattr(change, name) for change in states], rows[name])[order][first]
+        for name in ("error", "time_stepped")
+    )
+    # The effective command from a time is that of the tick that begins there, else of the last.
+    following = np.append(first[1:], len(order) - 1)
+    acting = np.cumsum(ticked)[following]
+    command = np.vstack([np.zeros(n), rows["command"]])[acting]
+    hold = np.append(np.uint8(FREE), rows["hold"])[acting] * np.append(ticked[first[1:]], False)
+    arrays = {
+        "time": steps[first] * origin.dt, "q": q, "v": v, "z": z, "command": command,
+        "local_error": error, "time_stepped": time_stepped, "p": p[np.cumsum(~ticked)[last] - 1],
+    }  # fmt: skip
+    kept: dict[str, Any] = {name: read_only(np.array(array)) for name, array in arrays.items()}
+    jumps = [
+        Jump(int(row[at]), read_only(x[at - 1].copy()), read_only(before), earlier.tunable,
+             max(change.substep, 0.0))
+        for at, before, (earlier, change) in zip(
+            np.flatnonzero(~ticked)[1:], p[:-1], pairwise(states), strict=True
+        )
+        if change.substep != UNCHANGED
+    ]  # fmt: skip
+
+    def offset_at(place: int) -> int:
+        at = max(int(np.searchsorted(places, place, side="right")) - 1, 0)
+        return int(steps[at] - own[at])
+
+    made = Contents(
+        **kept, joint_names=names, origin=origin, jumps=tuple(jumps),
+        held=held_of(scene.constraints, kept["p"][-1]), hold=hold if hold.any() else None,
+        gaps=tuple(row[begins & (ahead != ticked)].tolist()), substep=max(states[0].substep, 0.0),
+    )  # fmt: skip
+    return made, offset_at
 
 
-def _measured(path: Path, made: Contents, run: _Run, dt: float) -> Measured | None:
+def _complete(change: Any, scene: Scene, n: int) -> Array:
+    """The vector p of a change with external torques, which may have become tunable later."""
+    p: Array = change.parameters
+    if EXTERNAL in change.tunable or EXTERNAL not in scene.tunable:
+        return p
+    return np.insert(p, _external_place(scene, p), np.zeros(n))
+
+
+def _measured(path: Path, made: Contents, offset_at: Callable[[int], int]) -> Measured | None:
     """Measurements at each time, NaN where the file has none; None if it has none at all."""
-    n, found = len(made.joint_names), dict[int, Array]()
+    assert made.origin is not None
+    n, dt, found = len(made.joint_names), made.origin.dt, dict[int, Array]()
     states = read_bag(path, lambda name, kind: kind == JOINT_STATE).of(JOINT_STATE)
     for place, _, raw in next(iter(states.values()), []):
         state = msg.read(JOINT_STATE, raw)
         if state.position.size == state.effort.size == n:
-            step = round(1e-9 * state.stamp / dt) + run.offset_at(place)
+            step = round(1e-9 * state.stamp / dt) + offset_at(place)
             row = np.concatenate([state.position, state.velocity, state.effort])
             found.setdefault(step, row)  # the first is that of the tick, before a change
     unknown = np.full(3 * n, np.nan)
     rows = [found.get(step, unknown) for step in np.rint(made.time / dt).astype(int).tolist()]
     return None if np.isnan(rows).all() else Measured.of(np.array(rows))
-
-
-class _Run:
-    """Assembles rows from changes and ticks.
-
-    Attributes:
-        offset: Ticks before the last reset: the recording's time less simulated time.
-        resets: Places in the file, and the offset from each of them on.
-    """
-
-    def __init__(self, dt: float, scene: Scene, n: int, first: Any) -> None:
-        self._dt, self._scene, self._n = dt, scene, n
-        self._substep, self._tunable = max(first.substep, 0.0), first.tunable
-        self._present = self._whole(first)
-        self._kind = np.dtype([
-            ("step", np.int64), ("state", float, (first.state.size,)), ("command", float, (n,)),
-            ("error", float), ("time_stepped", float), ("hold", np.uint8),
-            ("p", float, self._present.shape),
-        ])  # fmt: skip
-        self._blocks = list[NDArray[np.void]]()
-        self._jumps, self._gaps = list[Jump](), list[int]()
-        self._rows, self.offset, self._last = 0, 0, 0
-        self.resets = [(0, 0)]
-        self._append([self._step(first)], first)
-
-    def _append(self, steps: Any, message: Any, **more: Any) -> None:
-        """Append rows with the state and the notes of a change, or of ticks."""
-        block = np.zeros(len(steps), self._kind)
-        block["state"], block["error"] = message.state, message.error
-        block["time_stepped"], block["p"] = message.time_stepped, self._present
-        for name, values in more.items():
-            block[name] = values
-        block["step"] = np.asarray(steps) + self.offset
-        self._blocks.append(block)
-        self._rows, self._last = self._rows + len(block), int(steps[-1])
-
-    def _step(self, change: Any) -> int:
-        return round(1e-9 * int(change.stamp) / self._dt)
-
-    def _reset(self, place: int, ticks: int) -> None:
-        self.offset += ticks
-        self.resets.append((place, self.offset))
-
-    def offset_at(self, place: int) -> int:
-        """The offset at a place in the file."""
-        return self.resets[bisect_right(self.resets, (place, self.offset)) - 1][1]
-
-    def change(self, place: int, change: Any) -> None:
-        """Apply a later change."""
-        step, before = self._step(change), self._blocks[-1][-1].copy()
-        self._present = self._whole(change)
-        if step > self._last:
-            self._gaps.append(self._rows)
-            self._append([step], change, command=before["command"])
-        elif step < self._last:
-            self._reset(place, self._last - step)  # the recording's time continues
-        self._last, now = step, self._blocks[-1][-1]
-        now["state"], now["p"] = change.state, self._present
-        if change.substep != UNCHANGED:
-            x, p = (read_only(before[part].copy()) for part in ("state", "p"))
-            substep = max(change.substep, 0.0)
-            self._jumps.append(Jump(self._rows - 1, x, p, self._tunable, substep))
-        self._tunable = change.tunable
-
-    def ticks(
-        self, places: NDArray[np.int64], steps: NDArray[np.int64], rows: NDArray[np.void]
-    ) -> None:
-        """Append successive ticks, and detect missing ones."""
-        missing = np.flatnonzero(np.diff(steps, prepend=self._last) != 1).tolist()
-        cuts = sorted({0, *missing})
-        for first, end in zip(cuts, [*cuts[1:], len(steps)], strict=True):
-            if first in missing:
-                self._gaps.append(self._rows)
-                self._reset(int(places[first]), max(0, self._last + 1 - int(steps[first])))
-            if first < end:
-                part, now = rows[first:end].view(np.recarray), self._blocks[-1][-1]
-                now["command"], now["hold"] = part["command"][0], part["hold"][0]
-                # The effective command from a time is that of the tick that begins there.
-                later = np.append(np.arange(first + 1, end), end - 1)
-                self._append(
-                    steps[first:end], part, command=rows["command"][later],
-                    hold=np.append(part["hold"][1:], FREE),
-                )  # fmt: skip
-
-    def _whole(self, change: Any) -> Array:
-        """The vector p with external torques, which may have become tunable later."""
-        p: Array = change.parameters
-        if EXTERNAL in change.tunable or EXTERNAL not in self._scene.tunable:
-            return p
-        return np.insert(p, _external_place(self._scene, p), np.zeros(self._n))
-
-    def contents(self, origin: Origin, names: tuple[str, ...]) -> Contents:
-        """The complete recording."""
-        n, rows = self._n, np.concatenate(self._blocks)
-        q, v, z = np.split(rows["state"], (n, 2 * n), axis=1)
-        arrays = {
-            "time": rows["step"] * self._dt, "q": q, "v": v, "z": z, "command": rows["command"],
-            "local_error": rows["error"], "time_stepped": rows["time_stepped"], "p": rows["p"],
-        }  # fmt: skip
-        kept: dict[str, Any] = {name: read_only(np.array(x)) for name, x in arrays.items()}
-        return Contents(
-            **kept, joint_names=names, origin=origin, jumps=tuple(self._jumps),
-            held=held_of(self._scene.constraints, rows["p"][-1]), gaps=tuple(self._gaps),
-            hold=rows["hold"].copy() if rows["hold"].any() else None, substep=self._substep,
-        )  # fmt: skip
 
 
 def _nanoseconds(time: Array) -> NDArray[np.int64]:

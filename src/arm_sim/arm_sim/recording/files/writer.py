@@ -7,19 +7,13 @@ import os
 from pathlib import Path
 
 import yaml
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from arm_dynamics.exceptions import InvalidInput, NotWritten
 from arm_dynamics.writing import writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files.reader import BAGS
-
-try:
-    from mcap.reader import make_reader
-    from mcap.writer import Writer
-except ModuleNotFoundError as error:
-    raise InvalidInput(
-        f"files of recordings require the module '{error.name}': pip install mcap"
-    ) from None
 
 Place = tuple[Path, Path | None]
 """An MCAP file, and the folder of its bag, if it is in one."""

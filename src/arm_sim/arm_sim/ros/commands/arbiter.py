@@ -76,24 +76,22 @@ class Arbiter(Structure):
             InvalidInput: If the stream of another source commands one of these joints.
         """
         if not self.alone or source not in self._streams:
-            self._refuse_if_owned(source, joints)
+            self._streams = {s: one for s, one in self._streams.items() if self._is_recent(one)}
+            self._share_only()  # also where the command is refused
+            for other, stream in self._streams.items():
+                if other != source and stream.count >= STREAM and stream.joints & joints:
+                    self.refused += 1
+                    self._refused_at = self.now
+                    self.last_refusal = (
+                        f"two controllers: '{plain(source, 80)}' is refused while "
+                        f"'{plain(other, 80)}' commands these joints"
+                    )
+                    allowed = "allowed: one stream for each joint"
+                    raise InvalidInput(f"{self.last_refusal}; {allowed}")
         stream = self._streams.setdefault(source, Source())
         stream.joints = joints
         library().hear(byref(stream), self.now, self.patience)
-        self._tell_c()
-
-    def _refuse_if_owned(self, source: str, joints: frozenset[int]) -> None:
-        self._streams = {s: one for s, one in self._streams.items() if self._is_recent(one)}
-        self._tell_c()  # also where the command is refused
-        for other, stream in self._streams.items():
-            if other != source and stream.count >= STREAM and stream.joints & joints:
-                self.refused += 1
-                self._refused_at = self.now
-                self.last_refusal = (
-                    f"two controllers: '{plain(source, 80)}' is refused while "
-                    f"'{plain(other, 80)}' commands these joints"
-                )
-                raise InvalidInput(f"{self.last_refusal}; allowed: one stream for each joint")
+        self._share_only()
 
     def _is_recent(self, stream: Source) -> bool:
         return bool(library().is_remembered(byref(stream), self.now, self.patience))
@@ -101,8 +99,8 @@ class Arbiter(Structure):
     def forget(self) -> None:
         """Forget all sources."""
         self._streams.clear()
-        self._tell_c()
+        self._share_only()
 
-    def _tell_c(self) -> None:
+    def _share_only(self) -> None:
         """Let C know the only source."""
         self.only = addressof(next(iter(self._streams.values()))) if self.alone else None

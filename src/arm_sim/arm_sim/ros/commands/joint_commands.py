@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.arrays import Array
 from arm_dynamics.ros.joint_state import Numbers
 from arm_sim.ros.commands.latest import Command
 from arm_sim.servo import JointCommand
@@ -19,11 +18,7 @@ class JointCommands:
 
     A message commands the joints for which it has a number; the others keep their last command, an
     effort, a velocity or a position. While all joints have efforts, a command consists of efforts
-    only.
-
-    Args:
-        model: The arm.
-        admit: Decides whether a source may command joints, see ``Arbiter.admit``.
+    only. ``admit`` decides whether a source may command joints, see ``Arbiter.admit``.
     """
 
     def __init__(self, model: ArmModel, admit: Callable[[str, frozenset[int]], None]) -> None:
@@ -50,13 +45,11 @@ class JointCommands:
         """Register efforts of all joints that were read elsewhere."""
         self._last, self._efforts = None, efforts
 
-    def merged(self, stamp: int, numbers: list[Numbers]) -> Command | None:
-        """The command of all joints; None if the message commands none.
+    def command(self, stamp: int, numbers: list[Numbers]) -> Command | None:
+        """The command of all joints; None if the message, of ``stamp`` in [ns], commands none.
 
-        Args:
-            stamp: Of the message in [ns].
-            numbers: Efforts of n joints, merged with those of earlier messages; or efforts,
-                positions and velocities, NaN where the message has none.
+        ``numbers`` are efforts of n joints, merged with those of earlier messages; or efforts,
+        positions and velocities, NaN where the message has none.
 
         Raises:
             InvalidInput: If its source may not command these joints.
@@ -64,28 +57,20 @@ class JointCommands:
         if len(numbers) == 1 and (self._last is None or len(self._named) == self._model.n):
             self._last, self._efforts = None, numbers[0]
             return numbers[0]
-        rows = self._rows(numbers)
+        n = self._model.n
+        rows, before = np.full((2, 3, n), np.nan)  # efforts, positions, velocities
+        rows[: len(numbers)] = numbers
+        if len(numbers) == 1:  # the others are from earlier messages
+            rows[:, [i for i in range(n) if i not in self._named]] = np.nan
         given = np.isfinite(rows).any(axis=0)
         if not given.any():
             return None
         if len(numbers) > 1:
             self._admit(self._source, frozenset(np.flatnonzero(given).tolist()))
-        effort, position, velocity = np.where(given, rows, self._before())
+        if self._last is not None:
+            before[:] = self._last.effort, self._last.position, self._last.velocity
+        elif self._efforts is not None:
+            before[0] = self._efforts
+        effort, position, velocity = np.where(given, rows, before)
         self._last = JointCommand.of_rows(position, velocity, effort, stamp)
         return self._last
-
-    def _rows(self, numbers: list[Numbers]) -> Array:
-        """Effort, position and velocity that a message commands, shape (3, n)."""
-        rows = np.full((3, self._model.n), np.nan)
-        rows[: len(numbers)] = numbers
-        if len(numbers) == 1:  # the others are from earlier messages
-            rows[:, [i for i in range(self._model.n) if i not in self._named]] = np.nan
-        return rows
-
-    def _before(self) -> Array:
-        if self._last is not None:
-            return np.array([self._last.effort, self._last.position, self._last.velocity])
-        rows = np.full((3, self._model.n), np.nan)
-        if self._efforts is not None:
-            rows[0] = self._efforts
-        return rows

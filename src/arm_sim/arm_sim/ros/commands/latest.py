@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import Structure, byref
+from ctypes import Structure
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_sim.imperfections import Line
-from arm_sim.ros.node_library import TICKS, library
+from arm_sim.ros.node_library import TICKS
 from arm_sim.servo import JointCommand
 
 BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
@@ -59,13 +59,10 @@ class LatestCommand(Structure):
         self.configure(0, ZERO)
 
     def configure(self, timeout: int, policy: str) -> None:
-        """Set when a command is stale.
+        """Set the ticks for which a command may act, 0: forever, and what acts without one.
 
-        Args:
-            timeout: Ticks for which a command may act; 0: forever.
-            policy: What acts after that and before the first command: ``brake`` and ``servo`` stop
-                the arm and hold it, ``zero`` effort, ``hold`` of the last command, or ``gravity``,
-                the effort that compensates gravity and springs.
+        ``brake`` and ``servo`` stop the arm and hold it; ``zero`` effort; ``hold`` of the last
+        command; or ``gravity``, the effort that compensates gravity and springs.
         """
         self.timeout, self.policy = timeout, TICKS.constants[policy.upper()]
 
@@ -114,10 +111,6 @@ class LatestCommand(Structure):
             return None
         self.unread = False
         return tuple(self._efforts.tolist())
-
-    def held(self, q: Array) -> str | Command:
-        """What acts in a tick at q that does not age the command."""
-        return self.command(library().acting(byref(self)), q)
 
     def command(self, acts: int, q: Array) -> str | Command:
         """What acts, as a number of ticks.h, at q: a command, or the policy that stops the arm."""

@@ -8,19 +8,12 @@ from arm_sim.ros.commands.latest import BRAKE
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
-# Joints slower than this, in [rad/s] or [m/s], are held at once.
-SLOW = 1e-3
-# Longest duration in [s] of a stop by the servos; after it brakes hold all joints.
-LONGEST = 1.0
+SLOW = 1e-3  # [rad/s] or [m/s], below which joints are held at once
+LONGEST = 1.0  # [s] of a stop by the servos; after it brakes hold all joints
 
 
 class Servos:
-    """The servos of a simulation, built when they are first needed.
-
-    Args:
-        arm: The arm.
-        background: Builds them while the loop continues; None: in the loop.
-    """
+    """The servos of an arm, built when first needed, by ``background`` while the loop goes on."""
 
     def __init__(self, arm: SimulatedArm, background: Background | None) -> None:
         self._arm, self._background = arm, background
@@ -79,7 +72,11 @@ class Stopping:
         """Command of the servos in the next tick, by the policy; None if brakes hold."""
         self.acts = True
         if not self._holds:
-            if self._slows_down():
+            arm = self._arm
+            self._begun = arm.step_count if self._begun is None else self._begun
+            taken = (arm.step_count - self._begun) * arm.dt
+            speed = abs(arm.x[arm.n : 2 * arm.n]).max()
+            if speed > SLOW and taken < LONGEST and self._servos.ready:
                 return self._still
             self.hold()
         if policy == BRAKE or not self._servos.ready:
@@ -87,12 +84,3 @@ class Stopping:
         if self._place is None:
             self._place = JointCommand(position=self._arm.x[: self._arm.n])
         return self._place
-
-    def _slows_down(self) -> bool:
-        """Whether servos are still decelerating the arm."""
-        arm = self._arm
-        if self._begun is None:
-            self._begun = arm.step_count
-        taken = (arm.step_count - self._begun) * arm.dt
-        speed = abs(arm.x[arm.n : 2 * arm.n]).max()
-        return bool(speed > SLOW and taken < LONGEST and self._servos.ready)

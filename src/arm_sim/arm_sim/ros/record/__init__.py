@@ -5,7 +5,6 @@ Depends on the engine, its topics, and the writers of recordings; a separate thr
 writes. Public are the parts that the sim node uses.
 """
 
-from arm_sim.ros.record.node import recorder_of
-from arm_sim.ros.record.ticks import TickRecorder
+from arm_sim.ros.record.ticks import TickRecorder, recorder_of
 
 __all__ = ["TickRecorder", "recorder_of"]

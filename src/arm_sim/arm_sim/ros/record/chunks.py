@@ -71,11 +71,7 @@ class Chunk(Structure):
 
 
 class ChunkThread:
-    """Writes messages to a file.
-
-    Args:
-        mcap: The file, with its channels; closed at the end.
-        tell: Called once by the thread with the error message of a failure.
+    """Writes messages to a file, which it closes; ``on_failure`` gets the message of a failure.
 
     Attributes:
         lock: Held while ``chunk`` and ``room`` are used.
@@ -87,8 +83,10 @@ class ChunkThread:
         failure: Reason why writing has stopped; empty while it has not.
     """
 
-    def __init__(self, mcap: McapWriter, tell: Callable[[str], None] = lambda text: None) -> None:
-        self.mcap, self._tell = mcap, tell
+    def __init__(
+        self, mcap: McapWriter, on_failure: Callable[[str], None] = lambda text: None
+    ) -> None:
+        self.mcap, self._on_failure = mcap, on_failure
         self.lost, self.trouble, self.failure = 0, "the disk is slow", ""
         self._closed = False
         self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
@@ -100,13 +98,7 @@ class ChunkThread:
         self._thread.start()
 
     def add(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> bool:
-        """Add a message; may be called from any thread.
-
-        Args:
-            channel: Number of its channel in the file.
-            log: Time of its arrival in [ns].
-            publish: Time of its publication in [ns].
-            data: Its bytes, copied immediately.
+        """Add a message with its times of arrival and publication in [ns]; from any thread.
 
         Returns:
             Whether it was stored.
@@ -125,16 +117,10 @@ class ChunkThread:
             return True
 
     def room(self, log: int, size: int, count: int, patience: float = 0.0) -> Chunk | None:
-        """A chunk with room for messages that arrive now; the lock must be held.
+        """A chunk with room for messages that arrive now, or None if they are lost.
 
-        Args:
-            log: The time in [ns].
-            size: Their bytes, including ``HEAD`` for each.
-            count: Their number.
-            patience: Time in [s] to wait for the disk.
-
-        Returns:
-            The chunk, or None if they are lost.
+        The lock must be held. ``size`` in bytes includes ``HEAD`` for each of ``count`` messages;
+        ``patience`` is the time in [s] to wait for the disk.
         """
         if self._closed:
             return None
@@ -149,12 +135,7 @@ class ChunkThread:
             return self.mcap.channel(topic, kind, definition, profile)
 
     def _exchange(self, size: int = 0, patience: float = 0.0) -> bool:
-        """Pass the current chunk to the thread, and begin another one if one is free.
-
-        Args:
-            size: Bytes for which the new chunk must have room.
-            patience: Time in [s] to wait for a free one.
-        """
+        """Pass the current chunk to the thread, and begin one for so many bytes if one is free."""
         if self.failure:
             self.lost += self.chunk.count
             self.chunk.clear()
@@ -179,7 +160,7 @@ class ChunkThread:
 
     def close(self) -> None:
         """Write all messages and the summary, and end the thread; may be called repeatedly."""
-        if not self._closed:
+        if not self._closed:  # else ticks in progress may hold the lock for long
             self.end()
         self._thread.join()
 
@@ -236,7 +217,7 @@ class ChunkThread:
             f"recording stopped after {self.written} bytes, which remain readable: "
             f"{f'{full} ({why})' if full else why}"
         )
-        self._tell(self.failure)
+        self._on_failure(self.failure)
 
     def _end(self) -> None:
         try:

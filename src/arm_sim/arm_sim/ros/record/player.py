@@ -32,12 +32,9 @@ class Player(Node):
     """
 
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
-        """Read a recording and advertise its topics.
+        """Read a bag, or a recording without messages, played as joint states; advertise topics.
 
-        Args:
-            path: A bag, or a recording without messages, which is played as joint states.
-            topics: Their names; all that can be played if none is named.
-            **node_kwargs: For ``rclpy.node.Node``.
+        All topics are played that can be, if none is named.
 
         Raises:
             InvalidInput: If there is nothing to play.
@@ -73,10 +70,7 @@ class Player(Node):
         return 1e-9 * (self._pending[-1][0] - self._pending[0][0])
 
     def start(self, rate: float = 1.0) -> None:
-        """Publish all messages at their times, in a separate thread.
-
-        Args:
-            rate: Playback speed relative to the clock; 0: as fast as possible.
+        """Publish all messages in a thread, at a rate relative to the clock; 0: at once.
 
         Raises:
             InvalidInput: If the rate is negative or not finite.

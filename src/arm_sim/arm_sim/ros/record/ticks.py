@@ -7,21 +7,32 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from ctypes import Structure, addressof
+from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from rclpy.node import Node
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.common.convert import as_bytes
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
-from arm_sim.recording.files.ticks import UNCHANGED, log_message, tunable_names
+from arm_sim.recording.files.ticks import UNCHANGED, log_message
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.interfaces import COMMANDS, ENERGY, MULTIPLIERS, WRENCH
 from arm_sim.ros.node_library import RECORD
+from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.record.chunks import ChunkThread
+from arm_sim.ros.record.definitions import definition_of, kind_of
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
 INFO, ERROR = 20, 40
+_TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
 _PARTS = ("state", "command", "error")  # and time_stepped, which follows it
 _MANY = 100  # largest number of messages between two ticks
 
@@ -52,6 +63,7 @@ class TickRecorder:
     Attributes:
         lost: Number of ticks that are not in the file.
         path: The file or folder.
+        channels: Numbers of the topics' channels in the file.
         thread: The writing thread.
     """
 
@@ -62,17 +74,12 @@ class TickRecorder:
         prefix: str = "/sim",
         states: str = "/joint_states",
         topics: Mapping[str, tuple[str, str]] = MappingProxyType({}),
-        tell: Callable[[str], None] = lambda text: None,
+        on_failure: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """Create the file and attach to the engine.
+        """Create the file, ``.mcap`` or a bag's folder, and attach to the engine.
 
-        Args:
-            path: ``.mcap``, or a bag's folder.
-            engine: The recorded engine.
-            prefix: Prefix of the suite's topics.
-            states: Topic of the joint states.
-            topics: Type and definition of the topics passed to ``message``.
-            tell: Called with the error message of a failure, by another thread.
+        ``prefix`` is that of the suite's topics, ``topics`` are types and definitions of those
+        passed to ``message``; another thread calls ``on_failure`` with the message of a failure.
 
         Raises:
             InvalidInput: If the path has another suffix, or exists already.
@@ -83,9 +90,9 @@ class TickRecorder:
         self._name = prefix.rpartition("/")[2]
         self.file = TickFile(new_file(path), arm.origin, arm.joint_names, prefix, states)
         begin = self.file.channel
-        self._channels = {topic: begin(topic, *about) for topic, about in topics.items()}
-        self._channels[states] = self.file.states
-        self.thread = ChunkThread(self.file, tell)
+        self.channels = {topic: begin(topic, *about) for topic, about in topics.items()}
+        self.channels[states] = self.file.states
+        self.thread = ChunkThread(self.file, on_failure)
         self._copy = TickCopy(arm, self.file.ticks, self.file.states)
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
@@ -95,9 +102,6 @@ class TickRecorder:
         self.lost = 0
         self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
         self._begin("start")
-        self._listen(engine)
-
-    def _listen(self, engine: TickEngine) -> None:
         ticks = engine.ticks
         ticks.copy, ticks.chunk = addressof(self._copy), None
         ticks.answer(space=self._make_space)
@@ -141,10 +145,6 @@ class TickRecorder:
         with self.thread.lock:
             self.thread.room(time.time_ns(), 0, 0)
 
-    def take_commands(self, topic: str) -> None:
-        """Let C record the commands that it reads, on a topic."""
-        self._engine.ticks.commands = self._channels[topic]
-
     def published(self, stamp: int, message: bytearray) -> None:
         """Record a joint state with its stamp in [ns]; its bytes stay valid until the next one."""
         self._published = stamp, message
@@ -154,15 +154,14 @@ class TickRecorder:
 
         It is written with the next tick, so the loop locks and reads the clock only once.
         """
-        self._waiting.append((self._channels[topic], stamp, data))
+        self._waiting.append((self.channels[topic], stamp, data))
         if len(self._waiting) > _MANY:  # without ticks
             self._flush(wait=False)
 
     def _flush(self, wait: bool = True) -> None:
         """Write messages that no tick follows: at a change, or while time stands still.
 
-        Args:
-            wait: Whether to wait for ticks in progress; if not, they may be written with these.
+        Without ``wait`` for ticks in progress, they may be written with these.
         """
         if not self.thread.lock.acquire(blocking=wait):
             return
@@ -199,7 +198,7 @@ class TickRecorder:
     def _change(self, why: str, substep: float) -> bool:
         arm, stamp = self._arm, self._engine.stamp
         self._plant, p = arm.plant, arm.parameters
-        tunable, self._p = tunable_names(self._plant.model.scene), p.tobytes()
+        tunable, self._p = self._plant.parameters.names, p.tobytes()
         error, stepped = arm.notes.tolist()
         change = written(
             CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,
@@ -224,3 +223,39 @@ class TickRecorder:
     def _end(self) -> None:
         self._flush()
         self.thread.end()
+
+
+def recorder_of(
+    node: Node, path: str, engine: TickEngine, inputs: Inputs, outputs: Outputs
+) -> TickRecorder:
+    """The recorder of a node's engine, inputs and outputs; ``{time}`` in the path is now.
+
+    Raises:
+        InvalidInput: If it cannot be written.
+    """
+    name = path.replace("{time}", datetime.now().strftime("%Y%m%d-%H%M%S"))
+    names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
+    topics = {
+        names[topic.name]: (kind := kind_of(topic.type), definition_of(kind)) for topic in _TOPICS
+    }
+    try:
+        recorder = TickRecorder(
+            Path(name).expanduser(), engine, node.get_fully_qualified_name(),
+            node.resolve_topic_name(JOINT_STATES.name), topics, node.get_logger().error,
+        )  # fmt: skip
+    except OSError as error:
+        raise InvalidInput(f"parameter 'record' = '{path}': {error.strerror or error}") from error
+
+    def sent(topic: Topic, stamp: int, raw: Any) -> None:
+        if topic is JOINT_STATES:
+            recorder.published(stamp, raw)
+        else:
+            recorder.message(names[topic.name], stamp, raw)
+
+    def came(topic: Topic, message: Any) -> None:
+        recorder.message(names[topic.name], 0, as_bytes(message))
+
+    engine.ticks.commands = recorder.channels[names[JOINT_COMMANDS.name]]  # C records them
+    outputs.tap = sent
+    inputs.tap = came
+    return recorder

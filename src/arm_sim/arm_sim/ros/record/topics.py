@@ -19,7 +19,7 @@ from arm_sim.recording.files.messages import LATCHED
 from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.definitions import definition_of, type_of
 
-_LOOK = 0.5  # [s] between checks for new topics
+_PERIOD = 0.5  # [s] between checks for new topics
 _DEPTH = 1000  # length of the message queue
 
 
@@ -36,12 +36,7 @@ class TopicRecorder(Node):
     _complete = False  # a node that could not be built is destroyed, too, by Kilted's rclpy
 
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
-        """Create the file.
-
-        Args:
-            path: ``.mcap``, or a bag's folder.
-            topics: Their names; all topics, including later ones, if none is named.
-            **node_kwargs: For ``rclpy.node.Node``.
+        """Create the file, ``.mcap`` or a bag's folder, for all topics if none is named.
 
         Raises:
             InvalidInput: If the path has another suffix, or exists already, or a name is not that
@@ -54,8 +49,8 @@ class TopicRecorder(Node):
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
         self._complete = True
-        self.look()
-        self.create_timer(_LOOK, self.look)
+        self.discover()
+        self.create_timer(_PERIOD, self.discover)
 
     def _resolved(self, topic: str) -> str:
         try:
@@ -67,7 +62,7 @@ class TopicRecorder(Node):
             ) from None
         return str(self.resolve_topic_name(topic))
 
-    def look(self) -> None:
+    def discover(self) -> None:
         """Subscribe to topics that are new."""
         for topic, kinds in self.get_topic_names_and_types():
             if topic in self.count or topic in self.passed_over:
@@ -101,9 +96,9 @@ class TopicRecorder(Node):
                 DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
             ),
         )
-        definition, self.count[topic] = definition_of(kind), 0
         about = LATCHED if latched else ""
-        channel = self.thread.channel(topic, kind, definition, about)
+        channel = self.thread.channel(topic, kind, definition_of(kind), about)
+        self.count[topic] = 0
         take = partial(self._take, topic, channel)
         self.create_subscription(type_, topic, take, profile, raw=True)
 

@@ -7,22 +7,25 @@ from ctypes import byref
 from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
+from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
-from arm_dynamics.ros.common.privileges import MiddlewareThreads
-from arm_dynamics.ros.common.robot_source import scene_for
+from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
+from arm_dynamics.ros.common.scheduling import MiddlewareThreads
+from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
+from arm_sim.ros.display import Display
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.node_library import library
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.rivals import Rivals
-from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.standard import StandardServices
@@ -113,7 +116,8 @@ class SimNode(Node):
             self._refused_privileges, self.recorder, self.rivals, late,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
-        publish_description(self, params, chosen.description, source)
+        if params.publish_description and source != FROM_TOPIC:
+            advertise(self, ROBOT_DESCRIPTION).publish(String(data=chosen.description))
         watch(self, params, self._apply)
         self._complete = True
         self._start()

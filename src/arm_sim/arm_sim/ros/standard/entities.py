@@ -11,7 +11,7 @@ import pinocchio as pin
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import plain
-from arm_sim.ros.standard.names import Pattern
+from arm_sim.ros.standard.patterns import Pattern
 from arm_sim.ros.standard.results import NOT_FOUND, UNSUPPORTED, Refusal
 from arm_sim.simulation.simulator import Simulator
 
@@ -22,21 +22,13 @@ _EMPTY = 0  # Bounds.msg
 
 @dataclass(frozen=True)
 class Entity:
-    """The robot, or one of its links.
-
-    Attributes:
-        name: Unique name.
-        category: As in ``EntityCategory``.
-        description: Its description, as text.
-        tags: ``arm``, or ``link`` and whether it moves.
-        frame: Its frame in the simulated model.
-    """
+    """The robot, or one of its links."""
 
     name: str
-    category: int
+    category: int  # as in ``EntityCategory``
     description: str
-    tags: tuple[str, ...]
-    frame: int
+    tags: tuple[str, ...]  # ``arm``, or ``link`` and whether it moves
+    frame: int  # in the simulated model
 
 
 class Entities:

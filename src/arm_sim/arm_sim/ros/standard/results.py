@@ -13,7 +13,7 @@ from arm_dynamics.logs import Throttled
 # Result.msg
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
 # SetSimulationState.srv
-ALREADY_THERE, TRANSITION_ERROR, INCORRECT_TRANSITION = 101, 102, 103
+ALREADY_THERE, INCORRECT_TRANSITION = 101, 103
 
 
 class Refusal(ArmError):

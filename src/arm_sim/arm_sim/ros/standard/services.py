@@ -24,7 +24,7 @@ from arm_sim.ros.tick_engine import TickEngine
 
 STOPPED, PLAYING, PAUSED = 0, 1, 2  # SimulationState.msg
 _STATES = {STOPPED: "stopped", PLAYING: "playing", PAUSED: "paused"}
-TIME, STATE, SPAWNED, ALL = 1, 2, 4, 255  # ResetSimulation.srv
+TIME, STATE, ALL = 1, 2, 255  # ResetSimulation.srv
 
 # Interfaces required for a feature, and the feature's name in SimulatorFeatures.msg.
 FEATURES = {
@@ -52,11 +52,7 @@ class StandardServices:
     ) -> None:
         """Offer the services of the installed package, under ``~/``.
 
-        Args:
-            node: The node.
-            engine: The engine.
-            params: Whether to offer services, and the name of the scene.
-            stamp: Returns the stamp of the current state in [ns]; for the ticking thread.
+        ``stamp`` returns the stamp of the current state in [ns], in the ticking thread.
         """
         self._engine, self._scene, self._stamp = engine, params.scene, stamp
         self.offered: list[str] = []
@@ -70,19 +66,7 @@ class StandardServices:
         self._entities = Entities(engine.simulator)
         log = Throttled(node.get_logger())
         node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
-        for name, answer in self._answers().items():
-            kind = getattr(srv, name.title().replace("_", ""), None)
-            if kind is not None:
-                node.create_service(kind, f"~/{name}", service_callback(answer, log))
-                self.offered.append(name)
-        if hasattr(action, "SimulateSteps"):
-            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
-            self.offered.append("simulate_steps")
-        self.offered.append("get_simulator_features")
-
-    def _answers(self) -> dict[str, Callable[[Any, Any], Any]]:
-        """What answers each service, but for that of the features."""
-        return {
+        answers = {
             "get_simulation_state": self._get_state,
             "set_simulation_state": self._set_state,
             "reset_simulation": self._reset,
@@ -93,6 +77,15 @@ class StandardServices:
             "get_entities_states": self._get_entities_states,
             "get_current_world": self._get_world,
         }
+        for name, answer in answers.items():
+            kind = getattr(srv, name.title().replace("_", ""), None)
+            if kind is not None:
+                node.create_service(kind, f"~/{name}", service_callback(answer, log))
+                self.offered.append(name)
+        if hasattr(action, "SimulateSteps"):
+            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
+            self.offered.append("simulate_steps")
+        self.offered.append("get_simulator_features")
 
     def close(self) -> None:
         """End the action; call before the node is destroyed."""
@@ -145,13 +138,13 @@ class StandardServices:
             raise Refusal(
                 UNSUPPORTED, f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)"
             )
-        self._engine.queue.run(lambda: self._back(bool(scope & TIME), bool(scope & STATE)))
+        self._engine.queue.run(lambda: self._back(scope & (TIME | STATE)))
 
-    def _back(self, time: bool, state: bool) -> None:
+    def _back(self, scope: int) -> None:
         engine, simulator = self._engine, self._engine.simulator
-        if time and state:
+        if scope == TIME | STATE:
             engine.reset()
-        elif time:
+        elif scope == TIME:
             n, x = simulator.n, simulator.arm.x.copy()
             engine.reset(x[:n], x[n : 2 * n], x[2 * n :])
         else:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from arm_dynamics.cdr import NATIVE, time_bytes
-from arm_dynamics.ros.common.diagnostics import Alarm
+from arm_dynamics.ros.common.conflicts import Alarm
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.joint_state import Sink, address
@@ -32,13 +32,13 @@ class SimClock:
             raw=address(self._raw), size=len(self._raw), publisher=self._handle.pointer
         )
         self.topic, self.alarm = node.resolve_topic_name(CLOCK.name), Alarm(node)
-        self._timer = steady_timer(node, _PERIOD, self.look)
+        self._timer = steady_timer(node, _PERIOD, self.check_conflict)
 
-    def look(self) -> None:
+    def check_conflict(self) -> None:
         """Count publishers."""
         count = self._node.count_publishers(self.topic)
-        words = (
+        message = (
             f"{count} publishers on {self.topic}: time jumps between them; only one "
             "simulation may have publish_clock"
         )
-        self.alarm.set(words if count > 1 else "")
+        self.alarm.set(message if count > 1 else "")

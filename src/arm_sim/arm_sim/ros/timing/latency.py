@@ -93,11 +93,7 @@ class RoundTrip(Structure):
         library().sent(byref(self), stamp)
 
     def answered(self, stamp: int, arrival: int) -> bool:
-        """Register that a command for the state of ``stamp`` arrived; only the first one counts.
-
-        Args:
-            stamp: Time of the state in [ns].
-            arrival: System time of arrival in [ns].
+        """Register when, in [ns] of the system, a command for a state arrived: the first counts.
 
         Returns:
             Whether that state is the newest.

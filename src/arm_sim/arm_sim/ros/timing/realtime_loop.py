@@ -7,11 +7,11 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
-from ctypes import Structure, addressof, c_int64
+from ctypes import addressof, c_int64
 from dataclasses import dataclass
 from typing import Any
 
-from arm_dynamics.ros.common.privileges import shorten_slice
+from arm_dynamics.ros.common.scheduling import shorten_slice
 from arm_sim.ros.node_library import LOOP
 from arm_sim.ros.timing.latency import Histogram, Percentiles
 
@@ -22,21 +22,13 @@ _PR_SET_TIMERSLACK = 29
 
 @dataclass(frozen=True)
 class LoopReport:
-    """Timing of a loop since it started or was reset.
-
-    Attributes:
-        ticks: Number of calls.
-        elapsed: Elapsed time in [s].
-        missed: Ticks that began after the next one was due.
-        dropped: Deadlines that were dropped, skipped or shifted.
-        lateness: Delays of ticks after their deadlines.
-    """
+    """Timing of a loop since it started or was reset."""
 
     ticks: int
-    elapsed: float
-    missed: int
-    dropped: int
-    lateness: Percentiles
+    elapsed: float  # [s]
+    missed: int  # ticks that began after the next one was due
+    dropped: int  # deadlines that were dropped, skipped or shifted
+    lateness: Percentiles  # delays of ticks after their deadlines
 
     @property
     def rate(self) -> float:
@@ -44,10 +36,8 @@ class LoopReport:
         return self.ticks / self.elapsed if self.elapsed else 0.0
 
 
-class Due(Structure):
-    """Deadlines of ticks, in [ns]: ``due_t`` of loop.h, where the fields are explained."""
-
-    _fields_ = LOOP.fields("due_t")
+Due = LOOP.structure("due_t")
+"""Deadlines of ticks, in [ns]: ``due_t`` of loop.h, where the fields are explained."""
 
 
 class RealtimeLoop:
@@ -85,7 +75,7 @@ class RealtimeLoop:
     _until: int | None
 
     def __init__(
-        self, run: Callable[[Due], None], period: float, *, overrun: str = CATCH_UP,
+        self, run: Callable[[Any], None], period: float, *, overrun: str = CATCH_UP,
         closest: float = 0.1, give_up: float = 1.0, prepare: Callable[[], None] = lambda: None,
         clock: Any = time,
     ) -> None:  # fmt: skip

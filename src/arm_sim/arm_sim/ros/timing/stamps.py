@@ -25,7 +25,7 @@ class SimulatedTime:
 
     near = at
 
-    def see(self) -> None:
+    def update_source(self) -> None:
         """Nothing to do: there is no clock."""
 
     def release(self) -> None:
@@ -66,16 +66,13 @@ class NodeTime(Structure):
     name = ROS
 
     def __init__(
-        self,
-        clock: Any,
-        tick: int,
-        system: Callable[[], int] = time.time_ns,
+        self, clock: Any, tick: int, system: Callable[[], int] = time.time_ns,
         steady: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(tick=tick, simulated=-1, free=True)
         self._clock, self._system, self._steady = clock, system, steady
         self.follow(c_int64())
-        self.see()
+        self.update_source()
 
     def follow(self, due: c_int64) -> None:
         """Read in ``due`` from now on when the current tick was due, in [ns] of the steady clock.
@@ -93,7 +90,7 @@ class NodeTime(Structure):
         look, now = self.look, self.now
         stamp = library().stamp_at(byref(self), simulated, now, self._steady())
         if self.look != look:  # once a second
-            self.see()
+            self.update_source()
         return int(stamp)
 
     def near(self, simulated: int) -> int:
@@ -106,7 +103,7 @@ class NodeTime(Structure):
         # The node's clock is the system's unless use_sim_time is set; asking rclpy takes 6 µs.
         return int(self._clock.now().nanoseconds) if self.foreign else self._system()
 
-    def see(self) -> None:
+    def update_source(self) -> None:
         """Determine the source of the node's clock."""
         foreign = self._clock.ros_time_is_active
         self.foreign = self._clock.handle.pointer if foreign else None

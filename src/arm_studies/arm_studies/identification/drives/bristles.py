@@ -149,10 +149,10 @@ def _guess(small: SmallMotion, wide: SmallMotion) -> dict[str, float]:
     elif J_wide > 0.0:
         J = J_wide
     damp = 0.3 * np.sqrt(s0 * J)
-    found = {
+    guess = {
         "inertia": J, "sigma0": s0, "sigma1": s1 if 0.0 < s1 < 3.0 * damp else damp,
         "coulomb": Fc, "static": 1.3 * Fc,
         "stribeck_velocity": (0.3 if slides else 3.0) * abs(v).max(),
         "viscous": s2 if slides and s2 > 0.0 else 0.1 * damp,
     }  # fmt: skip
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in guess.items()}

@@ -110,15 +110,15 @@ def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
     push = (tau[:-2] + tau[1:-1]) / 2.0  # held: the mean over both neighbours' steps
     if held:
         table = np.column_stack([th[inner], om, acc, np.ones_like(om)])
-        found = np.linalg.lstsq(table, push, rcond=1e-12)[0]
-        stiff, damp, motor, link = found[0], found[1], found[2], 1.0
+        solution = np.linalg.lstsq(table, push, rcond=1e-12)[0]
+        stiff, damp, motor, link = solution[0], solution[1], solution[2], 1.0
     else:
         both = np.zeros((2 * len(om), 6))
         delta, rate = (th - q)[inner], om - v
         both[: len(om)] = np.column_stack([delta, rate, acc, om, 0 * om, 0 * om])
         both[len(om) :] = np.column_stack([-delta, -rate, 0 * om, 0 * om, acl, v])
-        found = np.linalg.lstsq(both, np.concatenate([push, 0 * push]), rcond=1e-12)[0]
-        stiff, damp, motor, link = found[0], found[1], found[2], found[4]
+        solution = np.linalg.lstsq(both, np.concatenate([push, 0 * push]), rcond=1e-12)[0]
+        stiff, damp, motor, link = solution[0], solution[1], solution[2], solution[4]
     motor, link = (x if x > 0.0 else 0.1 for x in (motor, link))
     stiff = stiff if stiff > 0.0 else motor / (20.0 * dt) ** 2
     small = 0.01 * np.sqrt(stiff * motor)

@@ -22,13 +22,16 @@ from arm_dynamics.codegen import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import InvalidInput
 
-_MOST = 512  # steps between two samples
-_SMALL, _LIKE = 1e-3, 0.6  # residual over signal, and its correlation from sample to sample, above
-# which the residual is not noise: another model, or a local minimum
-_BLIND, _APART = 1e-9, 1e-7  # singular values, and entries of singular vectors, that are zero
-_FOUND = 0.5  # relative half width of an interval above which a parameter is not identified
-_WEIGHTED = 3
-_ROUNDS, _TRIES, _ENOUGH = 60, 12, 1e-12
+_MOST_STEPS = 512  # between two samples
+# Residual over signal, and its correlation from sample to sample, above which the residual is not
+# noise: another model, or a local minimum.
+_SMALL, _CORRELATED = 1e-3, 0.6
+# Singular values relative to the largest, and entries of singular vectors, that are zero.
+_SINGULAR, _ROUNDING = 1e-9, 1e-7
+_VAGUE = 0.5  # relative half width of an interval above which a parameter is not identified
+_WEIGHTINGS = 3  # fits, each output weighted by the residual of the one before
+# Largest number of iterations and of steps tried in each; reduction of the cost that ends them.
+_ITERATIONS, _TRIES, _CONVERGED = 60, 12, 1e-12
 
 
 @frozen
@@ -171,12 +174,12 @@ def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
     log_p = np.log([guess[name] for name in names])
     problem = _Problem(trials, names)
     problem.refine(log_p)
-    for _ in range(_WEIGHTED):  # each output by its own noise, and by steps that are short enough
+    for _ in range(_WEIGHTINGS):  # by each output's own noise, and steps that are short enough
         log_p, problem.x0 = _least_squares(problem, log_p)
-        if not problem.refine(log_p) and not _left_over(problem, log_p)[1]:
+        if not problem.refine(log_p) and not _residual(problem, log_p)[1]:
             break
         problem.weigh(log_p)
-    return _judged(problem, log_p)
+    return _estimated(problem, log_p)
 
 
 class _Problem:
@@ -187,7 +190,7 @@ class _Problem:
         self.x0 = [np.array(trial.x0, float) for trial in trials]
         self.steps = [0] * len(trials)
         self._rolls: dict[int, Call] = {}
-        self._made: dict[tuple[int, int, int], Call] = {}  # windows of a record share one
+        self._kernels: dict[tuple[int, int, int], Call] = {}  # windows of a record share one
         self.noise = [trial.size for trial in trials]  # zero: not used
         if not any(np.any(size > 0.0) for size in self.noise):
             raise InvalidInput("nothing varies in the records; motions or currents are expected")
@@ -202,14 +205,14 @@ class _Problem:
             still = np.zeros(law.u.shape[0])
             rates = [np.linalg.eigvals(A(x, still, p).full()) for x in trial.around]
             rate = float(np.max(np.abs(rates)))
-            steps = int(np.clip(np.ceil(rate * trial.dt / law.step), 1, _MOST))
+            steps = int(np.clip(np.ceil(rate * trial.dt / law.step), 1, _MOST_STEPS))
             steps = 1 << (steps - 1).bit_length()  # few different ones, each of which is compiled
             if steps > self.steps[i]:
                 self.steps[i], finer = steps, True
                 key = id(trial.law), steps, len(trial.y)
-                if key not in self._made:
-                    self._made[key] = Kernel([_rolled(trial, steps)]).call("roll")
-                self._rolls[i] = self._made[key]
+                if key not in self._kernels:
+                    self._kernels[key] = Kernel([_rolled(trial, steps)]).call("roll")
+                self._rolls[i] = self._kernels[key]
         return finer
 
     def weigh(self, log_p: Array) -> None:
@@ -228,15 +231,12 @@ class _Problem:
         p, nx, m = self._own(trial, log_p), len(x0), len(trial.law.numbers)
         seed = np.hstack([np.zeros((nx, m)), np.eye(nx)]).ravel(order="F")
         k, ny = trial.y.shape
-        (seen,) = roll(np.concatenate([x0, seed]), np.reshape(trial.u.T, roll.inputs[1].shape), p)
-        table = np.moveaxis(seen.reshape(1 + m + nx, ny, k), 2, 0)  # (k, 1 + m + nx, ny)
+        u = np.reshape(trial.u.T, roll.inputs[1].shape)
+        (outputs,) = roll(np.concatenate([x0, seed]), u, p)
+        table = np.moveaxis(outputs.reshape(1 + m + nx, ny, k), 2, 0)  # (k, 1 + m + nx, ny)
         slopes = np.moveaxis(table[:, 1:], 1, 2).copy()
         slopes[..., :m] *= p  # by log p
         return table[:, 0], slopes
-
-    def simulated(self, log_p: Array) -> tuple[Array, ...]:
-        """Outputs of every trial."""
-        return tuple(read_only(self.simulate(i, log_p, x0)[0]) for i, x0 in enumerate(self.x0))
 
     def evaluate(self, log_p: Array, x0: list[Array]) -> tuple[Array, Array]:
         """Residuals over the noise of their outputs, and their derivatives."""
@@ -273,16 +273,16 @@ def _rolled(trial: Trial, steps: int) -> ca.Function:
     S_after = ca.jacobian(after, x) @ S + ca.horzcat(ca.jacobian(after, law.p), ca.SX(nx, nx))
     step = ca.Function("step", [z, law.u, law.p], [ca.vertcat(after, ca.vec(S_after))])
     y_x, y_p = ca.jacobian(law.outputs, law.x), ca.jacobian(law.outputs, law.p)
-    told = y_x @ S + ca.horzcat(y_p, ca.SX(y_p.shape[0], nx))
-    y = ca.substitute(ca.horzcat(law.outputs, told), law.x, x)
-    look = ca.Function("look", [z, law.u, law.p], [ca.vec(ca.densify(y))])
+    sensitivity = y_x @ S + ca.horzcat(y_p, ca.SX(y_p.shape[0], nx))
+    y = ca.substitute(ca.horzcat(law.outputs, sensitivity), law.x, x)
+    output = ca.Function("output", [z, law.u, law.p], [ca.vec(ca.densify(y))])
     Z, u, p = (ca.MX.sym(name, size) for name, size in
                (("Z", z.shape[0]), ("u", law.u.shape[0]), ("p", m)))  # fmt: skip
     end = step.fold(steps) if steps > 1 else step
-    tick = ca.Function("tick", [Z, u, p], [end(Z, u, p), look(Z, u, p)])
+    tick = ca.Function("tick", [Z, u, p], [end(Z, u, p), output(Z, u, p)])
     U = ca.MX.sym("U", law.u.shape[0], k)
-    _, seen = tick.mapaccum(k)(Z, U, p)
-    return ca.Function("roll", [Z, U, p], [seen])
+    _, outputs = tick.mapaccum(k)(Z, U, p)
+    return ca.Function("roll", [Z, U, p], [outputs])
 
 
 def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]:
@@ -293,7 +293,7 @@ def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]
         raise InvalidInput(
             "the trajectory of the first guess is not finite; another guess is expected"
         )
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         before = float(r @ r)
         scale = np.linalg.norm(J, axis=0)
         scale = np.where(scale > 0.0, scale, 1.0)
@@ -313,12 +313,12 @@ def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]
             break
         log_p, x0, r, J = new_p, new_x, r_new, J_new
         damping = max(damping / 8.0, 1e-14)
-        if before - after <= _ENOUGH * before and np.abs(step[: len(log_p)]).max() < 1e-9:
+        if before - after <= _CONVERGED * before and np.abs(step[: len(log_p)]).max() < 1e-9:
             break
     return log_p, x0
 
 
-def _judged(problem: _Problem, log_p: Array) -> Match:
+def _estimated(problem: _Problem, log_p: Array) -> Match:
     """Intervals by the curvature of the sum of squares (Ljung, section 9.4), and what is missing.
 
     A residual is at least the error of the method, so that without noise the remaining rounding
@@ -331,29 +331,31 @@ def _judged(problem: _Problem, log_p: Array) -> Match:
     scale = np.where(lengths > 0.0, lengths, 1.0)
     _, sigma, V = np.linalg.svd(J / scale, full_matrices=False)
     spread = noise / np.maximum(sigma, 1e-100)
-    spread[sigma < _BLIND * sigma[0]] = 1e100
-    part = np.where(abs(V) > _APART, V, 0.0)  # less is rounding
+    spread[sigma < _SINGULAR * sigma[0]] = 1e100
+    part = np.where(abs(V) > _ROUNDING, V, 0.0)
     variance = np.sum((part * spread[:, None]) ** 2, axis=0)
     relative = 1.96 * np.sqrt(variance[:count]) / scale[:count]
-    residual, follows, simulated = _left_over(problem, log_p)
+    residual, follows, simulated = _residual(problem, log_p)
     triples = zip(problem.names, np.exp(log_p).tolist(), relative.tolist(), strict=True)
     estimates = {
         name: Estimate(
-            name, value, value * width, bool(follows and lengths[i] > 0.0 and width < _FOUND)
+            name, value, value * width, bool(follows and lengths[i] > 0.0 and width < _VAGUE)
         )
         for i, (name, value, width) in enumerate(triples)
     }
     return Match(estimates, residual, follows, simulated)
 
 
-def _left_over(problem: _Problem, log_p: Array) -> tuple[float, bool, tuple[Array, ...]]:
+def _residual(problem: _Problem, log_p: Array) -> tuple[float, bool, tuple[Array, ...]]:
     """Residual over signal, whether it is noise or hardly any, and the simulated outputs."""
     left = signal = like = 0.0
-    simulated = problem.simulated(log_p)
+    simulated = tuple(
+        read_only(problem.simulate(i, log_p, x0)[0]) for i, x0 in enumerate(problem.x0)
+    )
     for trial, y in zip(problem.trials, simulated, strict=True):
         size = np.where(trial.size > 0.0, trial.size, np.inf)
         r = np.nan_to_num((y - trial.y) / size)
         left, like = left + np.sum(r**2), like + np.sum(r[1:] * r[:-1])
         signal += np.sum(np.isfinite(trial.y) & np.isfinite(size))
     residual, alike = float(np.sqrt(left / signal)), float(like / left) if left else 0.0
-    return residual, residual < _SMALL or alike < _LIKE, simulated
+    return residual, residual < _SMALL or alike < _CORRELATED, simulated

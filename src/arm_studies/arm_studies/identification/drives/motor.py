@@ -78,31 +78,24 @@ class MotorRecord:
             raise InvalidInput(f"kind = {kind!r}; allowed: {', '.join(get_args(Kind))}")
         given = {"voltage": voltage, "current": current, "speed": speed, "torque": torque}
         t, columns = even_table(name, time, given)
-        made = cls(kind, t, **columns, name=name)
-        made._check()
-        return made
+        needed = {"blocked": ("voltage", "current"), "free": ("voltage", "current", "speed"),
+                  "coast": ("speed",)}[kind]  # fmt: skip
+        for key in needed:
+            if missing := int(np.sum(~np.isfinite(columns[key]))):
+                raise InvalidInput(
+                    f"{name}: a {kind} test needs {' and '.join(needed)}; {key} is missing in "
+                    f"{missing} of {len(t)} samples"
+                )
+        if np.ptp(columns[needed[-1]]) == 0.0:
+            raise InvalidInput(
+                f"{name}: {needed[-1]} does not vary; a {kind} test in which it varies is expected"
+            )
+        return cls(kind, t, **columns, name=name)
 
     @property
     def dt(self) -> float:
         """Sampling interval in [s]."""
         return step_of(self.time)
-
-    def _check(self) -> None:
-        needed = {"blocked": ("voltage", "current"), "free": ("voltage", "current", "speed"),
-                  "coast": ("speed",)}[self.kind]  # fmt: skip
-        for key in needed:
-            column = getattr(self, key)
-            if not np.all(np.isfinite(column)):
-                missing = int(np.sum(~np.isfinite(column)))
-                raise InvalidInput(
-                    f"{self.name}: a {self.kind} test needs {' and '.join(needed)}; {key} is "
-                    f"missing in {missing} of {len(column)} samples"
-                )
-        if np.ptp(getattr(self, needed[-1])) == 0.0:
-            raise InvalidInput(
-                f"{self.name}: {needed[-1]} does not vary; a {self.kind} test in which it varies "
-                "is expected"
-            )
 
 
 def identify_motor(records: Sequence[MotorRecord]) -> Match:
@@ -189,21 +182,18 @@ def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
         for parts in (electric, mechanical)
     )
     R, Ke = R if R > 0.0 else 1.0, Ke if Ke > 0.0 else 0.1
-    Kt = _torque_over_current(records) if apart else Ke
+    Kt = Ke
+    if apart:
+        i, tau = (np.concatenate([getattr(r, x) for r in records]) for x in ("current", "torque"))
+        both = np.isfinite(i) & np.isfinite(tau)
+        slope = float(solved(i[both, None], tau[both])[0]) if both.any() else 0.0
+        Kt = slope if slope > 0.0 else 0.1
     J, B, C = Kt * np.array([J if J > 0.0 else 1e-4 / Kt, B, C])
     small = 1e-3 * J / max((r.time[-1] - r.time[0]) for r in records)
     dt = min(record.dt for record in records)
-    found = {
+    guess = {
         "resistance": R, "inductance": max(L, R * dt / 20.0), "torque_constant": Kt,
         "back_emf_constant": Ke, "rotor_inertia": J, "rotor_damping": max(B, small),
         "coulomb": max(C, small),
     }  # fmt: skip
-    return {name: float(value) for name, value in found.items()}
-
-
-def _torque_over_current(records: Sequence[MotorRecord]) -> float:
-    i, tau = (np.concatenate([getattr(r, key) for r in records]) for key in ("current", "torque"))
-    both = np.isfinite(i) & np.isfinite(tau)
-    power = float(i[both] @ i[both])
-    slope = float(i[both] @ tau[both]) / power if power else 0.0
-    return slope if slope > 0.0 else 0.1
+    return {name: float(value) for name, value in guess.items()}

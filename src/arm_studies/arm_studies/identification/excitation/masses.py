@@ -67,9 +67,8 @@ def spread(
     W = densities(model, turning)
     size = W.size2_out(0)
     bodies = size - 3 * n
-    own = [model.armature, model.viscous, model.friction.coulomb.mean, np.ones(bodies)]
-    nominal = ca.DM(np.concatenate([np.broadcast_to(x, bodies if i == 3 else n)
-                                    for i, x in enumerate(own)]))  # fmt: skip
+    own = model.armature, model.viscous, model.friction.coulomb.mean, np.ones(bodies)
+    nominal = ca.DM(np.concatenate(own))
     table = W.map(count)(*motion)
     H = ca.MX(_before(model, size - bodies))
     for j in range(n):
@@ -85,9 +84,9 @@ def _before(model: ArmModel, others: int) -> Array:
     part = masses / masses.sum()
     sure = np.eye(len(masses)) / _BEFORE**2 + np.outer(part, part) / _TOTAL**2
     size = others + len(masses)
-    found = _FREE * np.eye(size)
-    found[others:, others:] = sure
-    return found
+    information = _FREE * np.eye(size)
+    information[others:, others:] = sure
+    return information
 
 
 @one_at_a_time

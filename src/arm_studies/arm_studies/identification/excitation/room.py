@@ -133,27 +133,27 @@ class Room:
         model = self.model
         q, tree = ca.SX.sym("q", model.n), tree_of(model)
         pose = placements(tree, q)
-        found: list[ca.SX] = []
+        distances: list[ca.SX] = []
         names: list[str] = []
         for name, contact in model.scene.contacts:
             plane = contact.plane
             pair = frame_of(model, contact.frame), frame_of(model, plane.frame)
             _, u = relative(tree, pose, pair, (contact.point, plane.point))
             height = ca.dot(ca.DM(plane.normal), u) - contact.radius
-            found.append(height - self.clearance)
+            distances.append(height - self.clearance)
             names.append(f"the distance of '{name}' from its plane")
         box = self.box
-        for frame in () if box is None else box.frames:
+        for frame in box.frames if box else ():
             if not model.has_frame(frame):
                 raise InvalidInput(
                     f"box: unknown frame '{frame}'; allowed: {known_names(model.frame_names)}"
                 )
             place, _ = placement(tree, frame_of(model, frame), q)
-            assert box is not None
-            found += [place - ca.DM(box.lower), ca.DM(box.upper) - place]
+            assert box  # it has the frame
+            distances += [place - ca.DM(box.lower), ca.DM(box.upper) - place]
             names += [f"the distance of '{frame}' from the {end} side of the box in {axis}"
                       for end in ("lower", "upper") for axis in "xyz"]  # fmt: skip
-        rows = ca.densify(ca.vertcat(ca.SX(0, 1), *found))
+        rows = ca.densify(ca.vertcat(ca.SX(0, 1), *distances))
         return ca.Function("gaps", [q], [rows], {"cse": True}), tuple(names)
 
     def torques(self, q: Array, v: Array, a: Array) -> Array:

@@ -119,12 +119,12 @@ def excite(
     if aim not in (ALL, MASSES):
         raise InvalidInput(f"aim is '{aim}'; allowed: {ALL}, {MASSES}")
     search = _Search(room, period, harmonics, aim)
-    rng, found = np.random.default_rng(seed), list[tuple[float, Array]]()
+    rng, candidates = np.random.default_rng(seed), list[tuple[float, Array]]()
     for attempt in range(attempts):
         y = search.within(search.improved(search.random(rng), iterations))
-        found.append((search.gain(y), y))
+        candidates.append((search.gain(y), y))
         told(attempt + 1)
-    _, y = max(found, key=lambda pair: pair[0])
+    _, y = max(candidates, key=lambda pair: pair[0])
     sigma = np.linalg.svd(search.rows(y), compute_uv=False)
     shown = int(np.sum(sigma > 1e-9 * sigma[0]))
     if shown < len(sigma):
@@ -132,7 +132,7 @@ def excite(
             f"the best motion identifies only {shown} of {len(sigma)} parameters; more harmonics, "
             "a larger workspace or more attempts are expected"
         )
-    reached = np.array([value for value, _ in found])
+    reached = np.array([value for value, _ in candidates])
     masses = search.masses(y) if aim == MASSES else None
     return Excitation(
         search.motion(y), room.model.joint_names, float(sigma[0] / sigma[-1]),
@@ -201,8 +201,8 @@ class _Search:
         options = {"ipopt": {**_SILENT, "max_iter": iterations}, "print_time": False}
         solver = ca.nlpsol("search", "ipopt", self._problem, options)
         result = solver(x0=ca.vec(ca.DM(y)), lbg=self._lower, ubg=self._upper)
-        found = ca.reshape(result["x"], *self.shape).full()
-        return found if np.all(np.isfinite(found)) else y
+        solution = ca.reshape(result["x"], *self.shape).full()
+        return solution if np.all(np.isfinite(solution)) else y
 
     def within(self, y: Array) -> Array:
         """The motion scaled down about the start until it satisfies the limits.

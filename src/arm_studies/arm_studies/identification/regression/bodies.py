@@ -19,13 +19,13 @@ THIN = 1e-3
 
 
 def _basis() -> Array:
-    found = np.zeros((10, 4, 4))
+    basis = np.zeros((10, 4, 4))
     for k, numbers in enumerate(np.eye(10)):
         inertia = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
-        found[k, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-        found[k, :3, 3] = found[k, 3, :3] = numbers[1:4]
-        found[k, 3, 3] = numbers[0]
-    return found
+        basis[k, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+        basis[k, :3, 3] = basis[k, 3, :3] = numbers[1:4]
+        basis[k, 3, 3] = numbers[0]
+    return basis
 
 
 BASIS = _basis()  # J = Σ θ_k BASIS_k.
@@ -42,7 +42,7 @@ def numbers_of(J: Array) -> Array:
     return np.concatenate([[J[3, 3]], J[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
 
 
-def possible(theta: Array, least: float = 0.0) -> bool:
+def consistent(theta: Array, least: float = 0.0) -> bool:
     """Whether the parameters are physically consistent: all eigenvalues of J above ``least``."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(theta)).min() > least)
 

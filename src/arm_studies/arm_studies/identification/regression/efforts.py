@@ -11,8 +11,8 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import JointFit
-from arm_studies.identification.regression.intervals import CERTAIN, besides
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.uncertainty import NORMAL_95, added_coefficients
 
 # Largest number of corrections of the age; standard errors below which one is left out; largest
 # age in periods of the band.
@@ -41,16 +41,16 @@ def with_age[T](
         band: Of the low-pass filter in [Hz].
     """
     age, farthest = 0.0, OLDEST / band
-    found, step, doubt = fit_at(age)
+    fit, step, doubt = fit_at(age)
     for _ in range(CORRECTIONS):
         if not abs(step) > SETTLED * doubt:
             break
         age = float(np.clip(age + step, -farthest, farthest))
-        found, step, doubt = fit_at(age)
-    if not abs(age) > CERTAIN * doubt:
-        return found, []
-    return found, [
-        f"efforts are {1e3 * age:.2g} ± {1e3 * CERTAIN * doubt:.1g} ms older than the positions "
+        fit, step, doubt = fit_at(age)
+    if not abs(age) > NORMAL_95 * doubt:
+        return fit, []
+    return fit, [
+        f"efforts are {1e3 * age:.2g} ± {1e3 * NORMAL_95 * doubt:.1g} ms older than the positions "
         "beside them; they are compared with the motion at that time"
     ]
 
@@ -84,7 +84,7 @@ def scales_of(
             break
     _, doubt = _rescaled(at(scales, prior(*DOUBT)))
     lines = [
-        f"{name} {k:.3g} ({k * np.exp(-CERTAIN * sd):.3g} to {k * np.exp(CERTAIN * sd):.3g})"
+        f"{name} {k:.3g} ({k * np.exp(-NORMAL_95 * sd):.3g} to {k * np.exp(NORMAL_95 * sd):.3g})"
         for name, k, sd, there in zip(rows.names, scales, doubt, shown, strict=True)
         if there
     ]
@@ -128,4 +128,4 @@ def _rescaled(fit: Fit) -> tuple[Array, Array]:
     The residual is that of the measured efforts, so that small scales do not reduce it:
     e - A x / k is linear in x and in the change of k.
     """
-    return besides(fit, -fit.drives[:, :, None] * np.eye(fit.rows.n))
+    return added_coefficients(fit, -fit.drives[:, :, None] * np.eye(fit.rows.n))

@@ -8,7 +8,7 @@ friction that are not linear are in ``fit``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -89,11 +89,11 @@ class Columns:
 
     def predicted(self, x: Array) -> Array:
         """A x of shape (k, n)."""
-        found = []
+        torques = []
         for common, own, place in zip(self.common, self.own, self.places, strict=True):
             m = common.columns.shape[1]
-            found.append(common.columns @ x[place[:m]] + own @ x[place[m:]])
-        return np.column_stack(found)
+            torques.append(common.columns @ x[place[:m]] + own @ x[place[m:]])
+        return np.column_stack(torques)
 
     def own_predicted(self, x: Array) -> Array:
         """The part of it that is the joints' own friction, shape (k, n)."""
@@ -133,14 +133,14 @@ class Columns:
 
 def deviations(y: Array, predicted: Array, use: Mask) -> Array:
     """Standard deviation of each joint's residual, above rounding, shape (n,)."""
-    found = np.ones(y.shape[1])
+    noise = np.ones(y.shape[1])
     for j in range(y.shape[1]):
         rows = use[:, j]
         if rows.any():
             size = float(np.sqrt(np.mean(y[rows, j] ** 2)))
             left = float(np.sqrt(np.mean((y - predicted)[rows, j] ** 2)))
-            found[j] = max(left, NOISELESS * size, 1e-300)
-    return found
+            noise[j] = max(left, NOISELESS * size, 1e-300)
+    return noise
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ def solved(R: Array, z: Array, rcond: float = 1e-14) -> Array:
     return np.asarray(np.linalg.lstsq(R / scale, z, rcond=rcond)[0] / scale)
 
 
-def made_possible(
+def consistent_solution(
     R: Array, z: Array, start: Array, nominal: Array, positive: Sequence[int]
 ) -> Array:
     """The x that minimizes ‖R x - z‖² with consistent bodies and nonnegative coefficients.
@@ -274,35 +274,26 @@ def made_possible(
 def _centred(
     R: Array, z: Array, x: Array, movable: list[slice], positive: Sequence[int], sharpness: float
 ) -> Array:  # fmt: skip
+    """Minimize the sum with barriers by Newton's method with backtracking (Armijo's rule)."""
+    places = np.array(positive, int)
+
     def value(x: Array) -> float:
-        if any(x[i] <= 0.0 for i in positive):
+        if (x[places] <= 0.0).any():
             return np.inf
         total = sharpness * float(np.sum((R @ x - z) ** 2))
         total += sum(bodies.log_det(x[body])[0] for body in movable)
-        return total - float(np.log(x[list(positive)]).sum())
+        return total - float(np.log(x[places]).sum())
 
-    def derivatives(x: Array) -> tuple[Array, Array]:
+    now = value(x)
+    for _ in range(60):
         gradient = 2.0 * sharpness * (R.T @ (R @ x - z))
         hessian = 2.0 * sharpness * (R.T @ R)
         for body in movable:
             _, slope, bend = bodies.log_det(x[body])
             gradient[body] += slope
             hessian[body, body] += bend
-        for i in positive:
-            gradient[i] -= 1.0 / x[i]
-            hessian[i, i] += 1.0 / x[i] ** 2
-        return gradient, hessian
-
-    return _newton(value, derivatives, x)
-
-
-def _newton(
-    value: Callable[[Array], float], derivatives: Callable[[Array], tuple[Array, Array]], x: Array
-) -> Array:
-    """Minimize a convex function by Newton's method with backtracking (Armijo's rule)."""
-    now = value(x)
-    for _ in range(60):
-        gradient, hessian = derivatives(x)
+        gradient[places] -= 1.0 / x[places]
+        hessian[places, places] += 1.0 / x[places] ** 2
         size = np.sqrt(np.diag(hessian))
         size[size == 0.0] = 1.0  # nothing determines it, and its gradient is zero
         small = hessian / np.outer(size, size) + 1e-14 * np.eye(len(x))

@@ -15,8 +15,8 @@ from arm_studies.identification.regression import bodies, friction
 from arm_studies.identification.regression.estimation import (
     Columns,
     Problem,
+    consistent_solution,
     deviations,
-    made_possible,
     solved,
     with_mass,
 )
@@ -95,9 +95,9 @@ class Fit:
         """The same numbers beside other ``rows``, ``use`` or ``prior``, not fitted to them yet."""
         return replace(self, problem=replace(self.problem, **changes))
 
-    def again(self, *, possible: bool = False, **changes: Any) -> Fit:
+    def again(self, *, consistent: bool = False, **changes: Any) -> Fit:
         """A fit of the same laws to other ``rows``, ``use`` or ``prior``."""
-        return fitted(replace(self.problem, **changes), self.friction, possible=possible)
+        return fitted(replace(self.problem, **changes), self.friction, consistent=consistent)
 
     @cached_property
     def with_shapes(self) -> tuple[Columns, list[tuple[int, str]]]:
@@ -106,14 +106,15 @@ class Fit:
 
 
 def fitted(
-    problem: Problem, laws: Sequence[JointFit], *, possible: bool = False, settled: float = SETTLED
-) -> Fit:
+    problem: Problem, laws: Sequence[JointFit], *, consistent: bool = False,
+    settled: float = SETTLED,
+) -> Fit:  # fmt: skip
     """Fit all unknowns: linear ones in one step, shapes of friction by Gauss-Newton.
 
     Args:
         problem: Rows and prior.
         laws: Friction of each joint, with first guesses of its shapes.
-        possible: Whether bodies must be physically consistent.
+        consistent: Whether bodies must be physically consistent.
         settled: Change of the sum of the logarithms of the joints' residuals at which shapes have
             converged.
     """
@@ -122,15 +123,15 @@ def fitted(
     load, weights = np.zeros_like(target), 1.0 / deviations(target, np.zeros_like(target), use)
     fastest = abs(problem.rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
-        found = _settled(problem, laws, load, weights, settled)
-        laws = [_without_impossible(law, fastest[j]) for j, law in enumerate(found.friction)]
+        fit = _settled(problem, laws, load, weights, settled)
+        laws = [_without_inadmissible(law, fastest[j]) for j, law in enumerate(fit.friction)]
         if all(
             (a.kinds, a.bends) == (b.kinds, b.bends)
-            for a, b in zip(laws, found.friction, strict=True)
+            for a, b in zip(laws, fit.friction, strict=True)
         ):
             break
-        load, weights = found.load, found.weights
-    return _possible(found) if possible else found
+        load, weights = fit.load, fit.weights
+    return _consistent(fit) if consistent else fit
 
 
 def _kept(v: Array, law: JointFit) -> JointFit:
@@ -177,12 +178,12 @@ def _settled(
 
 def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
     """The laws with the coefficients at the end of x."""
-    place, found = size - sum(len(law.kinds) for law in laws), []
+    place, updated = size - sum(len(law.kinds) for law in laws), []
     for law in laws:
         values = x[place : place + len(law.kinds)].tolist()
-        found.append(replace(law, coefficients=dict(zip(law.kinds, values, strict=True))))
+        updated.append(replace(law, coefficients=dict(zip(law.kinds, values, strict=True))))
         place += len(law.kinds)
-    return tuple(found)
+    return tuple(updated)
 
 
 def _stepped(fit: Fit, damping: float) -> list[JointFit]:
@@ -220,18 +221,18 @@ def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
     def torque(shape: Shape) -> Array:
         return np.asarray(rows.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
-    h, now, found = 1e-6, torque(law.shape), []
+    h, now, slopes = 1e-6, torque(law.shape), []
     for name in law.bends:
         shape, span = law.shape.moved(name, h), h
         if shape == law.shape:  # at its upper bound
             shape, span = law.shape.moved(name, -h), -h
         if name == friction.LOAD:
             span = (shape.load or 0.0) - (law.shape.load or 0.0)
-        found.append((torque(shape) - now) / span)
-    return rows.filtered(np.column_stack(found), j)
+        slopes.append((torque(shape) - now) / span)
+    return rows.filtered(np.column_stack(slopes), j)
 
 
-def _without_impossible(law: JointFit, fastest: float) -> JointFit:
+def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
     """The law without terms of impossible coefficients, such as negative friction.
 
     Args:
@@ -261,14 +262,14 @@ def _without_impossible(law: JointFit, fastest: float) -> JointFit:
     return replace(law, kinds=tuple(kinds), shape=shape, refused=refused)
 
 
-def _possible(fit: Fit) -> Fit:
+def _consistent(fit: Fit) -> Fit:
     """The fit if it is physically consistent, else the best consistent one."""
     problem, x = fit.problem, fit.x
     R, z = problem.data(fit.columns, fit.weights)
     nominal, n = problem.prior.x0, fit.rows.n
     shown = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
     movable = with_mass(nominal)
-    if all(bodies.possible(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():
+    if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():
         return fit
     kinds = [kind for law in fit.friction for kind in law.kinds]
     of_friction = [i for i, kind in enumerate(kinds, len(nominal) + n) if kind not in SIGNED]
@@ -278,12 +279,12 @@ def _possible(fit: Fit) -> Fit:
     start[positive] = np.maximum(x[positive], 1e-3 * abs(x[positive]).max() + 1e-9)
 
     def inside(x: Array) -> bool:
-        return bool((x[positive] > 0.0).all()) and all(bodies.possible(x[b]) for b in movable)
+        return bool((x[positive] > 0.0).all()) and all(bodies.consistent(x[b]) for b in movable)
 
     share = 1.0
     while not inside(start + share * (x - start)):
         share *= 0.7
     start += 0.9 * share * (x - start)
-    x = made_possible(*problem.prior.combined(R, z), start, nominal, positive)
+    x = consistent_solution(*problem.prior.combined(R, z), start, nominal, positive)
     laws = _with_coefficients(fit.friction, x, fit.columns.size)
     return replace(fit, x=x, friction=laws, changed=True)

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB
-from arm_studies.identification.regression.intervals import besides
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.uncertainty import added_coefficients
 
 # Angle in [rad], and standard deviations, above which a tilt of the base is reported.
 TILT, SURELY = 0.01, 5.0
@@ -72,34 +71,28 @@ def sticking(rows: Rows) -> list[str]:
 
 
 def drifts(fit: Fit) -> list[str]:
-    """Notes of joints whose friction changes over the recording, as with temperature."""
+    """Notes of joints whose friction changes over the recording, as with temperature.
+
+    The residual along the motion, averaged over each of ``BLOCKS`` blocks, then has a slope over
+    time that is significant against its scatter.
+    """
     rows, own, notes = fit.rows, fit.columns.own_predicted(fit.x), []
     for j, name in enumerate(rows.names):
         mine = np.flatnonzero(fit.problem.use[:, j] & (rows.v[:, j] != 0.0))
-        if change := _drift(rows.v[mine, j], own[mine, j], fit.residual[mine, j]):
+        size = float(np.mean(abs(own[mine, j]))) if mine.size else 0.0
+        if mine.size < 10 * BLOCKS or size == 0.0:
+            continue
+        along = fit.residual[mine, j] * np.sign(rows.v[mine, j])
+        means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
+        at = np.linspace(-0.5, 0.5, BLOCKS)
+        slope = float(at @ means / (at @ at))
+        scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
+        if abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size):
             notes.append(
-                f"'{name}': friction changes by {change:+.0%} over the recording, as with "
+                f"'{name}': friction changes by {slope / size:+.0%} over the recording, as with "
                 "temperature; the scene has the mean"
             )
     return notes
-
-
-def _drift(v: Array, friction: Array, residual: Array) -> float:
-    """Relative change of a joint's friction over its rows; 0 if it is not significant.
-
-    It is if the residual along the motion, averaged over each of ``BLOCKS`` blocks, has a slope
-    over time that is significant against its scatter.
-    """
-    size = float(np.mean(abs(friction))) if v.size else 0.0
-    if v.size < 10 * BLOCKS or size == 0.0:
-        return 0.0
-    along = residual * np.sign(v)
-    means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
-    at = np.linspace(-0.5, 0.5, BLOCKS)
-    slope = float(at @ means / (at @ at))
-    scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
-    certain = abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size)
-    return slope / size if certain else 0.0
 
 
 def ripples(fit: Fit) -> list[str]:
@@ -112,8 +105,8 @@ def ripples(fit: Fit) -> list[str]:
     for j in np.flatnonzero(rows.regressor.turning):
         q, way = rows.q[:, j], np.sign(rows.v[:, j])
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = way * np.sin(q), way * np.cos(q)
-    found, doubt = besides(fit, rows.of_joints(waves))
-    sizes, doubts = np.hypot(*found.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
+    coefficients, doubt = added_coefficients(fit, rows.of_joints(waves))
+    sizes, doubts = np.hypot(*coefficients.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
     dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
     return [
         f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
@@ -139,7 +132,7 @@ def tilts(fit: Fit) -> list[str]:
     theta, still = fit.theta + regressor.payload, np.zeros_like(rows.q)
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
     torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
-    turn, doubt = besides(fit, rows.of_joints(torques))
+    turn, doubt = added_coefficients(fit, rows.of_joints(torques))
     if (abs(turn) < np.maximum(SURELY * doubt, TILT)).all():
         return []
     better = gravity + turn @ across

@@ -16,8 +16,8 @@ from arm_studies.identification.regression.friction import (
     VISCOUS,
     JointFit,
 )
-from arm_studies.identification.regression.intervals import CERTAIN
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.uncertainty import NORMAL_95
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
 EXACT = 0.1  # Relative residual that is as unlikely as one standard deviation of the bodies.
@@ -104,14 +104,14 @@ def mismatched(problem: Problem) -> list[Match]:
     """
     rows = problem.rows
     left = np.stack([_residuals(problem, j) for j in range(rows.n)], axis=-1)
-    found = []
+    matches = []
     for i in np.flatnonzero(rows.use.any(axis=0)):  # of others, nothing is known
         of_column = left[:, i]
         turned, j = np.unravel_index(np.argmin(of_column), of_column.shape)
         own, best = of_column[0, i], of_column[turned, j]
         if own > POOR and best < min(FAIR, BETTER * own):
-            found.append(Match(int(i), int(j), -1 if turned else 1))
-    return found
+            matches.append(Match(int(i), int(j), -1 if turned else 1))
+    return matches
 
 
 def delayed(problem: Problem) -> list[Delay]:
@@ -125,7 +125,7 @@ def delayed(problem: Problem) -> list[Delay]:
     step = max(1, round(LATEST / (SHIFTS * dt)))
     shifts = step * np.arange(-SHIFTS, SHIFTS + 1)
     shifts = shifts[abs(shifts) * dt < LATEST + 0.5 * step * dt]
-    found = []
+    delays = []
     for j in range(rows.n):
         shifted = [rows.ahead(j, int(by)) for by in shifts]
         there = (
@@ -147,8 +147,8 @@ def delayed(problem: Problem) -> list[Delay]:
                 a, b, c = left[at - 1 : at + 2]
                 vertex = 0.5 * (a - c) / (a - 2.0 * b + c)
             late = float(step * dt * (at - len(shifts) // 2 + vertex))
-            found.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
-    return found
+            delays.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
+    return delays
 
 
 def _left(columns: Array, y: Array) -> Array:
@@ -165,16 +165,16 @@ def scaled(problem: Problem) -> list[Scale]:
 
     Where friction makes most of an effort, its scale is uncertain, and nothing is said.
     """
-    rows, use, found = problem.rows, problem.use, []
+    rows, use, scales = problem.rows, problem.use, []
     for j in np.flatnonzero(use.any(axis=0)):
         R = _triangle(rows, use[:, j] & rows.valid[:, j], int(j), np.array([j]))
         gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], problem.prior)
         if gain <= 0.0 or deviation > VAGUE:
             continue
         if abs(np.log(gain)) > max(LIKELY * deviation, np.log(FACTOR)):
-            wide = np.exp(CERTAIN * deviation)
-            found.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
-    return found
+            wide = np.exp(NORMAL_95 * deviation)
+            scales.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
+    return scales
 
 
 def _residuals(problem: Problem, j: int) -> Array:
@@ -184,7 +184,7 @@ def _residuals(problem: Problem, j: int) -> Array:
         Shape (2, n).
     """
     rows = problem.rows
-    found = np.full((2, rows.n), np.inf)
+    residuals = np.full((2, rows.n), np.inf)
     masks = problem.use[:, j : j + 1] & rows.valid
     for mask in np.unique(masks, axis=1).T:
         columns = np.flatnonzero((masks == mask[:, None]).all(axis=0))
@@ -192,8 +192,8 @@ def _residuals(problem: Problem, j: int) -> Array:
         A, known, efforts = np.split(R, [-len(columns) - 1, -len(columns)], axis=1)
         for i, y in zip(columns, efforts.T, strict=True):
             for turned, sign in enumerate((1.0, -1.0)):
-                found[turned, i] = _fitted(A, known[:, 0], sign * y, problem.prior)[2]
-    return found
+                residuals[turned, i] = _fitted(A, known[:, 0], sign * y, problem.prior)[2]
+    return residuals
 
 
 def _triangle(rows: Rows, mask: NDArray[np.bool_], j: int, columns: NDArray[np.int_]) -> Array:

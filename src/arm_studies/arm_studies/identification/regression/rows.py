@@ -165,11 +165,11 @@ class Rows:
 
     @cached_property
     def rigid(self) -> Array:  # noqa: D102 - see the attributes
-        found = self._unfiltered.copy()
+        columns = self._unfiltered.copy()
         for j in range(self.n):  # a joint does not carry the bodies before it
-            there = found[:, j].any(axis=0)
-            found[:, j, there] = self.filtered(found[:, j, there], j)
-        return found
+            there = columns[:, j].any(axis=0)
+            columns[:, j, there] = self.filtered(columns[:, j, there], j)
+        return columns
 
     @cached_property
     def _unfiltered(self) -> Array:
@@ -189,10 +189,10 @@ class Rows:
         """Filter columns as the efforts, shape (k, …), and clear them as those of a joint."""
         ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
         parts = zip(np.split(columns, ends), self.motions, strict=True)
-        found = np.concatenate([motion.filtered(part) for part, motion in parts])
+        smooth = np.concatenate([motion.filtered(part) for part, motion in parts])
         if self.effort_band is not None and self.effort_band < self.band:
-            found = self.narrowed(found, self.effort_band)
-        return found if joint is None else self._cleared(found, joint)
+            smooth = self.narrowed(smooth, self.effort_band)
+        return smooth if joint is None else self._cleared(smooth, joint)
 
     def of_joints(self, columns: Array) -> Array:
         """Filter columns as the efforts of each joint, shape (k, n, …)."""
@@ -246,12 +246,12 @@ class Rows:
         pulses[at, range(len(at))] = level / size * np.sqrt(self.independent)
         spread_out = self.filtered(pulses) * self.use[:, joint : joint + 1]
         power, axes = np.linalg.eigh(spread_out.T @ spread_out)
-        seen = power > LEAST
-        directions = spread_out @ (axes[:, seen] / np.sqrt(power[seen]))
+        strong = power > LEAST
+        directions = spread_out @ (axes[:, strong] / np.sqrt(power[strong]))
         # Of noise within the band a direction has as much as the filter lets pass of it.
         passed = (self.plain.low_passed(None).filtered(directions) ** 2).sum(axis=0)
-        spent = float(passed @ (power[seen] / (1.0 + power[seen])))
-        return directions, 1.0 - 1.0 / np.sqrt(1.0 + power[seen]), spent
+        spent = float(passed @ (power[strong] / (1.0 + power[strong])))
+        return directions, 1.0 - 1.0 / np.sqrt(1.0 + power[strong]), spent
 
     def _cleared(self, columns: Array, joint: int) -> Array:
         directions, less, _ = self._clearings[joint]
@@ -266,11 +266,11 @@ class Rows:
 
         Zero in recordings that state the age of their efforts.
         """
-        found = np.zeros_like(values)
+        slopes = np.zeros_like(values)
         for motion, span in self._stretches():
             if not motion.aged:
-                found[span] = -np.gradient(values[span], motion.dt, axis=0)
-        return self.clear(found)
+                slopes[span] = -np.gradient(values[span], motion.dt, axis=0)
+        return self.clear(slopes)
 
     def noise(self, theta: Array, armature: Array) -> Array:
         """Standard deviation that white noise of the sensors has in each joint's rows, (n,).
@@ -288,16 +288,16 @@ class Rows:
             for unit in np.eye(self.n)
         ]
         squares = ((np.stack(columns, axis=2) + np.diag(armature)) ** 2).mean(axis=0)
-        found = []
+        variances = []
         for motion in self.whole:
             if not np.isfinite(motion.band):
-                found.append(motion.noise[1] ** 2)
+                variances.append(motion.noise[1] ** 2)
                 continue
             position, effort = 2.0 * motion.dt * motion.noise**2  # per [Hz]
             band = min(motion.band, self.effort_band or np.inf)
             accelerations = BENT_NOISE * band * (2.0 * np.pi * band) ** 4 * position
-            found.append(FLAT_NOISE * motion.band * effort + squares @ accelerations)
-        return np.sqrt(np.mean(found, axis=0))
+            variances.append(FLAT_NOISE * motion.band * effort + squares @ accelerations)
+        return np.sqrt(np.mean(variances, axis=0))
 
     @property
     def spent(self) -> Array:
@@ -345,19 +345,19 @@ class Rows:
 
     def narrowed(self, columns: Array, band: float) -> Array:
         """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
-        found = np.empty_like(columns)
+        smooth = np.empty_like(columns)
         for motion, span in self._stretches():
-            found[span] = ZeroPhase(band, motion.dt)(columns[span])
-        return found
+            smooth[span] = ZeroPhase(band, motion.dt)(columns[span])
+        return smooth
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
         """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sliding``."""
         if fit.shape.load is not None:
             return self.filtered(self.sliding(fit, joint, load), joint)
-        found = np.empty((len(load), len(fit.kinds)))
+        columns = np.empty((len(load), len(fit.kinds)))
         for i, kind in enumerate(fit.kinds):
-            found[:, i] = self._unloaded(joint, kind, fit.shape.stribeck_velocity)[1]
-        return found
+            columns[:, i] = self._unloaded(joint, kind, fit.shape.stribeck_velocity)[1]
+        return columns
 
     def sliding(self, fit: JointFit, joint: int, load: Array) -> Array:
         """Columns of a joint's friction, decimated but not yet filtered, shape (k, kinds).
@@ -370,26 +370,28 @@ class Rows:
             joint: Index of the joint.
             load: Torque of its drive in each row, shape (k,).
         """
-        found, growth = np.empty((len(load), len(fit.kinds))), fit.shape.growth(load)[self._near]
+        columns, growth = np.empty((len(load), len(fit.kinds))), fit.shape.growth(load)[self._near]
         for i, kind in enumerate(fit.kinds):
             weights, _ = self._unloaded(joint, kind, fit.shape.stribeck_velocity)
             grows = kind in DRY
-            found[:, i] = np.einsum("kd,kd->k", weights, growth) if grows else weights.sum(axis=1)
-        return found
+            columns[:, i] = (
+                np.einsum("kd,kd->k", weights, growth) if grows else weights.sum(axis=1)
+            )
+        return columns
 
     def _unloaded(self, joint: int, kind: str, fall: float | None) -> tuple[Array, Array]:
         """Weights of a column for factors in the rows nearby, and the filtered column alone."""
         fall = fall if kind == EXCESS else None
-        made = self._made.get((joint, kind))
-        if made is None or made[0] != fall:
+        entry = self._made.get((joint, kind))
+        if entry is None or entry[0] != fall:
             weights = np.concatenate([
                 spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
                 for motion, stride in zip(self.whole, self.strides, strict=True)
                 for stretch in motion.stretches
             ])  # fmt: skip
-            made = fall, weights, self.filtered(weights.sum(axis=1), joint)
-            self._made[joint, kind] = made
-        return made[1:]
+            entry = fall, weights, self.filtered(weights.sum(axis=1), joint)
+            self._made[joint, kind] = entry
+        return entry[1:]
 
 
 def _slow(motion: MeasuredMotion) -> NDArray[np.bool_]:
@@ -406,25 +408,25 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
         return _resting(motion)
     slow = _slow(motion)
     reach = round(min(NEARBY / motion.band, STILL) / motion.dt)
-    found = np.zeros_like(slow)
+    still = np.zeros_like(slow)
     for s in motion.stretches:
         turns = motion.v[s][1:] * motion.v[s][:-1] < 0.0
         slow[s][1:] |= turns
         slow[s][:-1] |= turns
         for j, column in enumerate(slow[s].T):
             for start, end in runs(column):
-                found[s][max(0, start - reach) : end + reach, j] = True
-    return found
+                still[s][max(0, start - reach) : end + reach, j] = True
+    return still
 
 
 def _resting(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """Rows in which a joint is slow for longer than ``STILL``, shape (k, n)."""
     slow = _slow(motion)
-    found = np.zeros_like(slow)
+    resting = np.zeros_like(slow)
     for j, column in enumerate(slow.T):
         for start, end in runs(column):
-            found[start:end, j] = (end - start) * motion.dt > STILL
-    return found
+            resting[start:end, j] = (end - start) * motion.dt > STILL
+    return resting
 
 
 def steady_friction(rows: Rows, load: Array) -> Array:
@@ -432,11 +434,11 @@ def steady_friction(rows: Rows, load: Array) -> Array:
 
     It jumps with the velocity, and is computed at all measured times.
     """
-    friction, found, start = SteadyFriction.of(rows.regressor.model), [], 0
+    friction, torques, start = SteadyFriction.of(rows.regressor.model), [], 0
     for motion, thin, stride in zip(rows.whole, rows.motions, rows.strides, strict=True):
         own = load[start : start + len(thin.time)].T
         start += len(thin.time)
         dense = np.column_stack([np.interp(motion.time, thin.time, column) for column in own])
         torque = friction(motion.v, np.sign(motion.v), np.zeros_like(motion.v), dense)
-        found += [decimated(torque[stretch], stride) for stretch in motion.stretches]
-    return rows.of_joints(np.concatenate(found))
+        torques += [decimated(torque[stretch], stride) for stretch in motion.stretches]
+    return rows.of_joints(np.concatenate(torques))

@@ -42,12 +42,12 @@ def selected(fit: Fit) -> list[JointFit]:
 
 def _candidates(j: int, speed: float, load: Array) -> list[Candidate]:
     """Of a joint with a root mean square velocity under torques of shape (k,)."""
-    made = [Candidate(j, kind, Shape()) for kind in friction.LINEAR if kind != EXCESS]
-    made += [Candidate(j, EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
+    candidates = [Candidate(j, kind, Shape()) for kind in friction.LINEAR if kind != EXCESS]
+    candidates += [Candidate(j, EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
     heaviest = float(abs(load).max())
     if heaviest > 0.0:
-        made.append(Candidate(j, LOADED, Shape(heaviest=float(f"{1.1 * heaviest:.2g}"))))
-    return made
+        candidates.append(Candidate(j, LOADED, Shape(heaviest=float(f"{1.1 * heaviest:.2g}"))))
+    return candidates
 
 
 def _law(chosen: Sequence[Candidate], coefficients: Sequence[float], refused: float) -> JointFit:
@@ -98,13 +98,13 @@ class _Selection:
     def _products(self, fit: Fit, fold: Mask) -> Array:
         """Products of columns and effort of each joint over one fold, (n, size + 1, size + 1)."""
         size = self.columns.size
-        found = np.zeros((fit.rows.n, size + 1, size + 1))
+        products = np.zeros((fit.rows.n, size + 1, size + 1))
         for j, place in enumerate(self.columns.places):
             use = fit.problem.use[:, j] & fold
             both = np.column_stack([self.columns.all_of(j)[use], fit.problem.target[use, j]])
             where = np.append(place, size)
-            found[j][np.ix_(where, where)] = both.T @ both
-        return found * fit.rows.independent
+            products[j][np.ix_(where, where)] = both.T @ both
+        return products * fit.rows.independent
 
     def run(self) -> list[JointFit]:
         """Select the laws of each joint."""
@@ -116,12 +116,12 @@ class _Selection:
             weights = self._weights()
             if before == self.chosen:
                 break
-        x, found = self._solve(self.total, weights), []
+        x, laws = self._solve(self.total, weights), []
         for j, refused in enumerate(self.refused):
             places = self._of(j)
             own = [self.candidates[place] for place in places]
-            found.append(_law(own, x[places].tolist(), refused))
-        return found
+            laws.append(_law(own, x[places].tolist(), refused))
+        return laws
 
     def _of(self, j: int) -> list[int]:
         """Places of what is chosen for a joint."""
@@ -162,19 +162,19 @@ class _Selection:
         Friction must not fall under load, nor below zero towards rest, nor grow too steeply; also
         its steepest growth is returned.
         """
-        places, found, possible, growth = [*self._of(j), *more], [], True, 0.0
+        places, totals, possible, growth = [*self._of(j), *more], [], True, 0.0
         shapes = {self.candidates[p].kind: self.candidates[p].shape for p in places}
         for sums in self.sums:
             x = self._solve(self.total - sums, weights, more)
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
-            found.append(sum(errors))
+            totals.append(sum(errors))
             own = {self.candidates[p].kind: float(x[p]) for p in places}
             grows = own.get(LOADED, 0.0)
             level = own[COULOMB] + grows
             possible &= grows >= 0.0
             possible &= own.get(EXCESS, 0.0) >= -friction.STEEP * max(level, 0.0)
             growth = max(growth, grows / shapes[LOADED].heaviest if grows else 0.0)
-        return np.array(found), possible and growth <= friction.STEEPEST, growth
+        return np.array(totals), possible and growth <= friction.STEEPEST, growth
 
     def _extend(self, j: int, weights: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
@@ -183,7 +183,7 @@ class _Selection:
         least = max(WORTH * self.counts[j], CHANCE)
         while True:
             taken = {self.candidates[place].kind for place in self._of(j)}
-            found: tuple[float, int, Array] | None = None
+            choice: tuple[float, int, Array] | None = None
             self.refused[j] = 0.0
             for place, (joint, kind, _) in self.candidates.items():
                 if joint != j or kind in taken:
@@ -193,12 +193,12 @@ class _Selection:
                 better = np.count_nonzero(scores < best) >= FOLDS - 1
                 if kind == LOADED and growth > friction.STEEPEST and better and worth:
                     self.refused[j] = growth
-                if possible and better and (found is None or scores.sum() < found[0]):
-                    found = float(scores.sum()), place, scores
-            if found is None or not best.sum() - found[0] > least:
+                if possible and better and (choice is None or scores.sum() < choice[0]):
+                    choice = float(scores.sum()), place, scores
+            if choice is None or not best.sum() - choice[0] > least:
                 return
-            best = found[2]
-            self.chosen.add(found[1])
+            best = choice[2]
+            self.chosen.add(choice[1])
 
 
 def _error(sums: Array, x: Array) -> float:

@@ -39,8 +39,8 @@ def tabled(fit: Fit) -> Fit:
 
     def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
         mine = (fit.rows.fold == fold)[:, None]
-        found = fitted(replace(problem, use=use & ~mine), laws, settled=ROUGH)
-        return mean_residual(found.residual, use & mine), found.friction
+        refit = fitted(replace(problem, use=use & ~mine), laws, settled=ROUGH)
+        return mean_residual(refit.residual, use & mine), refit.friction
 
     least = [trial(fit.friction, fold)[0] for fold in JUDGES]
     chosen: Sequence[JointFit] = ()
@@ -58,14 +58,14 @@ def tabled(fit: Fit) -> Fit:
             least, chosen = [now for now, _ in trials], trials[0][1]
     if not chosen:
         return fit
-    found = fitted(problem, chosen)
+    refit = fitted(problem, chosen)
     determined = all(
         own.shape.load is not None
         and own.shape.points[-2][0] < abs(fit.drives[use[:, j], j]).max()
-        for j, own in enumerate(found.friction)
+        for j, own in enumerate(refit.friction)
         if own.shape.points
     )
-    return found if determined else fit
+    return refit if determined else fit
 
 
 def _begun(fit: Fit, j: int, count: int) -> JointFit:
@@ -78,12 +78,12 @@ def _begun(fit: Fit, j: int, count: int) -> JointFit:
     laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
     table = np.hstack([fit.rows.friction(law, j, load) for law in laws])[mine]
     y = (fit.residual + fit.columns.own_predicted(fit.x))[mine, j]
-    found: tuple[float, JointFit] = np.inf, own
+    start: tuple[float, JointFit] = np.inf, own
     for k, shape in enumerate(shapes):
         A = table[:, [0, 1, 2 + k]]
         x = np.linalg.lstsq(A, y, rcond=1e-10)[0]
         left = float(np.sum((y - A @ x) ** 2))
-        if x[2] > 0.0 and left < found[0]:
+        if x[2] > 0.0 and left < start[0]:
             share = float(np.clip(x[2] / max(x[1] + x[2], 1e-300), 0.02, STEEP))
-            found = left, replace(own, shape=replace(shape, load=share))
-    return found[1]
+            start = left, replace(own, shape=replace(shape, load=share))
+    return start[1]

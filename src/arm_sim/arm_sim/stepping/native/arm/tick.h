@@ -9,12 +9,6 @@
 
 #if EVENTS
 #include "events/events.h"
-#else
-/* Whether a contact point is inside its plane. */
-static int is_penetrated(const scene_t* scene, const real* x) {
-  (void)x;
-  return 0;
-}
 #endif
 
 /* The motion of a tick: with events, or one smooth motion. */

@@ -97,7 +97,6 @@ static void eliminate(int rows, int columns, double* T, int begin, int end, int*
 }
 
 static int part_of(const scene_t* scene, int reaction) { return reaction < MC ? NU + reaction / 3 : reaction - MC; }
-static int first_of(const scene_t* scene, int part) { return part < NU ? MC + part : 3 * (part - NU); }
 
 /* The balance with columns of size 1, or zero where a force is not transmitted or moves nothing. */
 static void scale_columns(const scene_t* scene, const statics_t* statics, const part_t* parts, double* T, double* size) {
@@ -211,7 +210,7 @@ static void end_cone(problem_t* to, int part, int side, int rows) {
 /* The limits of a part in its units, enlarged by `more`, and by the last unknown times `last`. */
 static void add_limits(const scene_t* scene, problem_t* to, const part_t* part, int i, double more, double last) {
   const double *r = part->force, unit = 1.0 / to->unit[i];
-  const int first = first_of(scene, i);
+  const int first = i < NU ? MC + i : 3 * (i - NU);
   if (part->sticks) {
     add_row(to, part->fraction * r[0] * unit + more, part->fraction * unit, first, last);
     for (int k = 1; k < 3; ++k) add_row(to, r[k] * unit, unit, first + k, 0.0);

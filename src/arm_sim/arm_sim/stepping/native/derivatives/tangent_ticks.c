@@ -41,13 +41,6 @@ static void make_step(const scene_t* scene, group_t* group, const real* x, const
        (group->next, group->limits + NA, dense, dense ? dense + NX : 0, dense ? dense + 2 * NX : 0));
 }
 
-/* Coefficients of the projections at the beginning and at the end of a tick. */
-static void find_projections(const scene_t* scene, group_t* group) {
-  const event_free_lanes_t* tick = &group->tick;
-  if (tick->held) CALL(scene->rest_begin, (tick->begin, group->u, tick->p), (group->at_begin));
-  if (tick->closed) CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (group->at_end));
-}
-
 /* Ticks without events: the number of arms that make one. The engine of one arm finds their modes, and takes the steps that are
  * made in predicted ones. `starts`: whether the beginning itself is varied. */
 static int make_event_free_ticks(const scene_t* scene, group_t* group, const engine_t* engine, int starts) {
@@ -64,9 +57,11 @@ static int make_event_free_ticks(const scene_t* scene, group_t* group, const eng
   make_event_free(scene, begun, group->x, group->u, engine, starts, group->event_free, &group->tick);
   for (int j = 0; j < LANES; ++j) count += group->event_free[j];
   if (!count) return 0;
-  find_projections(scene, group);
-  if (!group->tick.predicted) make_step(scene, group, group->tick.begin, group->tick.p, 0);
-  copy(group->next, group->tick.after, NX);
+  const event_free_lanes_t* tick = &group->tick;
+  if (tick->held) CALL(scene->rest_begin, (tick->begin, group->u, tick->p), (group->at_begin));
+  if (tick->closed) CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (group->at_end));
+  if (!tick->predicted) make_step(scene, group, tick->begin, tick->p, 0);
+  copy(group->next, tick->after, NX);
   return count;
 }
 

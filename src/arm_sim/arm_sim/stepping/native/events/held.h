@@ -31,20 +31,17 @@ static int rank_of(const scene_t* scene, real* W) {
   return count;
 }
 
-/* Number of degrees of freedom of sliding joints that the bilateral constraints remove. */
-static int find_bilateral_rank(const scene_t* scene, const real* x, const segment_t* segment) {
-  real rank = 0.0;
-  CALL(scene->bilateral, (x, segment->u, segment->p.tunable), (&rank, 0));
-  return (int)(rank + 0.5);
-}
-
 /* Whether friction, constraints and contacts leave no degree of freedom. */
 static int is_held(const scene_t* scene, const real* x, const segment_t* segment) {
   if (largest_of(x + NU, NU) > REST_SPEED) return 0;
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   int free = NU;
   for (int i = 0; i < ND; ++i) free -= segment->p.direction[i] == 0.0;
-  if (scene->constrained) free -= find_bilateral_rank(scene, x, segment);
+  if (scene->constrained) {
+    real rank = 0.0;
+    CALL(scene->bilateral, (x, segment->u, segment->p.tunable), (&rank, 0));
+    free -= (int)(rank + 0.5);
+  }
   if (free > MC) return 0;
   find_inertia(scene, x, segment, &inertia);
   for (int i = 0; i < MC; ++i)

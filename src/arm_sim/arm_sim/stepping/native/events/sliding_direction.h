@@ -9,9 +9,6 @@
 #define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
 #define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
 
-/* Speed of a contact across its direction, when it comes to rest, that is rest. */
-static double resting_drift(const scene_t* scene) { return 0.5 * scene->slowest; }
-
 /* Speed of a contact across its direction, while it slides, that need not be followed. */
 static double drift_tolerance(const scene_t* scene, const segment_t* segment) {
   return scene->adaptive ? 10.0 * segment->control->tolerance : TURN_ERROR;
@@ -89,7 +86,7 @@ static void fix_straight_contacts(const scene_t* scene, const real* x, segment_t
     const turning_t* turning = segment->turning + k;
     if (!(turning->rate > 0.0 && 1.0 / turning->rate < part)) continue;
     const int stops = turning->slows * part > 1.0;
-    const double least = stops ? resting_drift(scene) * turning->slows : drift_tolerance(scene, segment) / part;
+    const double least = stops ? 0.5 * scene->slowest * turning->slows : drift_tolerance(scene, segment) / part;
     if (turning->turn <= least) segment->p.contact[k].fixed = 1.0;
   }
 }

@@ -57,16 +57,14 @@ static double evaluate_guards(const scene_t* scene, const real* x, const segment
   return largest_among(guards->contact, GUARD_VALUES);
 }
 
-/* Whether loads on what is held vary inside a piece; under error control, where pieces are long, and with internal states, whether
- * anything is held. */
-static int loads_may_vary(const scene_t* scene, const piece_t* piece, const segment_t* segment) {
-  if (!anything_held(scene, segment)) return 0;
-  return scene->adaptive || NX > 2 * NU || !varies_evenly(scene, piece->begin, piece->end, piece->inside, piece->length);
-}
-
-/* Whether a mode may end inside a piece that satisfies all of them at both ends. */
+/* Whether a mode may end inside a piece that satisfies all of them at both ends: also where loads on what is held vary inside it,
+ * as they may with internal states and under error control, where pieces are long. */
 static int may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
-  if (loads_may_vary(scene, &search->piece, search->segment)) return 1;
+  const piece_t* piece = &search->piece;
+  const int long_or_lagging = scene->adaptive || NX > 2 * NU;
+  if (anything_held(scene, search->segment)
+      && (long_or_lagging || !varies_evenly(scene, piece->begin, piece->end, piece->inside, piece->length)))
+    return 1;
   for (int i = 0; i < GUARD_LAWS; ++i)
     if (guard_laws[i].may_cross(scene, search, end)) return 1;
   return 0;

@@ -54,7 +54,10 @@ static double set_excess(const segment_t* segment, const indeterminate_t* sets, 
   return sets->excess[number] - (segment->yields ? -EDGE : HOLDS);
 }
 
-/* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none. */
+/* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none.
+ *
+ * In that motion contacts that slide rise by their friction coefficient, which they do not do in fact: joints are lifted off
+ * their stops only where nothing else can be released. */
 static int release_parts(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* sets, int number,
                          int at_stops) {
   int any = 0;
@@ -75,10 +78,4 @@ static int release_parts(const scene_t* scene, const real* x, segment_t* segment
     for (int j = 0; j < 2; ++j) mode->along[j] = way[j] / size;
   }
   return any;
-}
-
-/* Release a set. In its motion contacts that slide rise by their friction coefficient, which they do not do in fact: that
- * must not lift joints off their stops. */
-static void release_set(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* sets, int number) {
-  if (!release_parts(scene, x, segment, sets, number, 0)) release_parts(scene, x, segment, sets, number, 1);
 }

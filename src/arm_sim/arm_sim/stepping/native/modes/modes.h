@@ -241,9 +241,9 @@ static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, 
       find_loads(scene, x, segment, &found);
       int set = 0;
       const int entry = find_infeasible(scene, x, segment, &found, k >= WORST_FIRST, &sets, &set);
-      if (entry < 0) { return !any_jams(scene, x, segment, &found); }
+      if (entry < 0) return !any_jams(scene, x, segment, &found);
       if (scene->indeterminate && set) {
-        release_set(scene, x, segment, &sets, set);
+        if (!release_parts(scene, x, segment, &sets, set, 0)) release_parts(scene, x, segment, &sets, set, 1);
         continue;
       }
       if (!pivot(scene, x, segment, &found, entry)) break;

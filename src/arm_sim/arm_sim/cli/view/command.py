@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm view``: show arms in the browser, and write pictures of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import click
+
+from arm_sim.cli.arguments import BagTopic, File, Positive, RobotScene, Scene
+from arm_sim.cli.command import command
+from arm_sim.cli.output import checked, console, waiting
+from arm_sim.exceptions import ViewError
+
+if TYPE_CHECKING:
+    from arm_sim import Recording, Simulator
+    from arm_sim.view import View
+
+
+class Size(click.ParamType):
+    """Width and height in pixels: 960x600."""
+
+    name = "WIDTHxHEIGHT"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Parse the size, or fail with what is allowed."""
+        width, _, height = str(value).partition("x")
+        if not (width.isdecimal() and height.isdecimal()) or not (
+            16 <= int(width) <= 4096 and 16 <= int(height) <= 4096
+        ):
+            self.fail(f"{value!r}; allowed: 16x16 to 4096x4096, e.g. 960x600", param, ctx)
+        return int(width), int(height)
+
+
+@command(
+    "./arm view panda",
+    "./arm view panda ur10 --port 9000",
+    "./arm view --live",
+    "./arm view --live=left --live=right",
+    "./arm view run.mcap",
+    "./arm view bags/my_robot --scene ur10",
+    "./arm view four_bar --gif four_bar.gif --duration 4",
+    "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
+)
+def view(
+    what: tuple[Scene, ...] = (),
+    *,
+    live: Annotated[
+        tuple[str, ...], "--live [NAMESPACE]", {"is_flag": False, "flag_value": ""}
+    ] = (),
+    host: str = "127.0.0.1",
+    port: Annotated[int | None, click.IntRange(0, 65535)] = None,
+    html: File | None = None,
+    png: File | None = None,
+    gif: File | None = None,
+    mp4: File | None = None,
+    size: Annotated[tuple[int, int] | None, Size()] = None,
+    time: float | None = None,
+    duration: Positive = 5.0,
+    control: Literal["nothing", "weight"] = "nothing",
+    scene: RobotScene | None = None,
+    topic: BagTopic | None = None,
+    speed: Annotated[float, click.FloatRange(0.01, 100.0)] = 1.0,
+    rate: Annotated[float, click.FloatRange(1.0, 60.0)] = 25.0,
+) -> None:
+    """Show WHAT in the browser until Ctrl-C, or write its pictures.
+
+    WHAT is a scene (a scene file, a URDF, or the name of a ready scene) that can be run, stepped,
+    placed, pushed and pulled with the mouse; or a recording to play: a file written by the sim
+    node's parameter record or by Recording.save, a bag of a robot, or a .csv table. Several are
+    shown side by side.
+
+    Args:
+        live: Follow a running robot over its topics, in a namespace by --live=NAMESPACE. WHAT is
+            then its scene, and may be omitted where robot_description is published.
+        host: Address to listen on; 0.0.0.0 for the whole network.
+        port: Port; 8080 or the next free one when omitted.
+        html: Write a standalone page that plays without a server.
+        png: Write a picture, drawn by a headless browser.
+        gif: Write an animated GIF.
+        mp4: Write a video; needs ffmpeg.
+        size: Size of pictures; 960x600 by default.
+        time: Time of the picture of --png, in s.
+        duration: Length of films and pages of a scene, in s.
+        control: For scenes: what holds the arm in pictures and pages; weight: its weight is
+            carried.
+        speed: Speed of films and pages.
+        rate: Frames per second of films and pages.
+    """
+    from arm_sim.cli.interrupts import interruptible
+    from arm_sim.view.page import SIZE
+    from arm_sim.view.pictures import browser
+    from arm_sim.view.server import library
+
+    if not (live or what):
+        raise click.UsageError("a scene, a recording, or --live for a running robot is expected")
+    written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
+    pictures = {kind: path for kind, path in written.items() if path is not None}
+    if pictures.keys() - {"html"}:
+        browser()
+    library()  # before anything is computed
+    port, size = 0 if pictures else port, size or SIZE
+    doing = [f"opening {' '.join(what) or 'the page'}"]
+    with ExitStack() as stack:
+        if pictures:
+            stack.enter_context(waiting(lambda: doing[-1], in_lines=True))
+        if live:
+            from arm_sim.cli.robot.listener import Listener
+            from arm_sim.cli.view.live import followed
+
+            page = followed(stack.enter_context(Listener()), live, what, host, port)
+        else:
+            motion = (duration, control) if pictures else None
+            page = shown(what, host, port, motion, scene, topic)
+        stack.enter_context(page)
+        for kind, path in pictures.items():
+            doing.append(f"drawing {path}")
+            if kind == "png":
+                page.picture(path, size, time)
+            elif kind == "html":
+                page.page(path, rate, speed)
+            else:
+                page.film(path, size, rate, speed, doing.append)
+        if not pictures:
+            click.echo(f"{page.url}  (Ctrl-C ends)")
+            with suppress(KeyboardInterrupt), interruptible():
+                page.wait()
+    for path in pictures.values():
+        click.echo(path)
+
+
+def shown(
+    what: Sequence[str], host: str, port: int | None, motion: tuple[float, str] | None = None,
+    scene: str | None = None, topic: str | None = None,
+) -> View:  # fmt: skip
+    """A page of scenes, or of recordings; ``motion`` moves scenes for so many [s], held so."""
+    from arm_dynamics.control import GravityCompensation
+    from arm_sim import Recording
+    from arm_sim.view import show
+    from arm_sim.view.view import is_recording, simulator_of
+
+    known = scene or what[0]  # meshes with relative names are in the folder of its file
+    folder = Path(known).parent if Path(known).is_file() else Path.cwd()
+    recorded = [thing for thing in what if is_recording(thing) or Path(thing).is_dir()]
+    things: list[Recording | Simulator] = []
+    if recorded and len(recorded) < len(what):
+        other = next(thing for thing in what if thing not in recorded)
+        raise ViewError(
+            f"'{recorded[0]}' is a recording and '{other}' is not; allowed: several arguments of "
+            "one kind"
+        )
+    for thing in what:
+        if recorded:
+            recording = Recording.load(thing, topic=topic)
+            if recording.scene is None and scene is None:
+                raise ViewError(
+                    f"'{thing}' contains no scene, so its arm is unknown; name it by --scene"
+                )
+            things.append(recording.of(scene) if recording.scene is None else recording)
+            continue
+        simulator = simulator_of(thing)
+        if motion is None:
+            things.append(simulator)
+            continue
+        duration, control = motion
+        weight = GravityCompensation(simulator.dynamics)
+        run = simulator.run(duration, weight.torque if control == "weight" else None)
+        console().print(checked(run), markup=False)
+        things.append(run)
+    names = [Path(thing).stem for thing in what]
+    return show(*things, name=names, host=host, port=port, folder=folder)

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Saves and loads recordings, by the kinds of their files."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.writing import replacing, writing
+from arm_sim.exceptions import NoRecording
+from arm_sim.recording.contents import Contents
+from arm_sim.recording.files import measured, npz, ticks
+from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
+from arm_sim.recording.files.reader import BAGS, read_bag
+from arm_sim.recording.files.ticks import TickFile
+from arm_sim.recording.files.writer import check_folder, complete, new_file, where
+
+_log = logging.getLogger(__name__)
+SUFFIXES = (".csv", ".npz", *BAGS)
+"""Suffixes of files that ``load`` reads."""
+
+
+def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[], Array]) -> Path:
+    """Write a recording; see ``Recording.save``.
+
+    Args:
+        contents: The recording.
+        path: Path of the file or folder.
+        efforts: Returns the torques on the joints from each time, shape (k+1, n).
+    """
+    path = _path(path)
+    if contents.left:
+        _log.warning(
+            "'%s' does not contain what else was in the recording's file: %s (./arm record "
+            "--repair copies a file whole)", path, known_names(contents.left),
+        )  # fmt: skip
+    if contents.of_robot:
+        if path.suffix != ".csv":
+            raise InvalidInput(
+                f"'{path}' is to be of a robot, of which only joint states are known; allowed: "
+                ".csv"
+            )
+        check_folder(path)
+        with replacing(path) as part:
+            measured.to_table(contents, efforts(), part)
+        return path
+    file, folder = where(path)
+    with replacing(file) as part:
+        ticks.write((part, None), contents, efforts()).close()
+    complete(file, folder)
+    return path
+
+
+class Stream:
+    """A new file of a recording that is written part by part, by a thread of its own.
+
+    Args:
+        path: Path of the file or folder.
+
+    Attributes:
+        path: Likewise.
+
+    Raises:
+        InvalidInput: If it exists, or is neither.
+        NotWritten: If the system does not let it be written, as in ``append``.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = _path(path)
+        self._place, self._until = new_file(self.path), 0.0
+        self._file: TickFile | None = None
+        self._writer = ThreadPoolExecutor(1, "recording")
+        self._last = self._writer.submit(lambda: None)
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def append(self, part: Contents, efforts: Array) -> None:
+        """Write a part, which begins where the last one ends; efforts as for ``save``."""
+        with writing(self.path):
+            self._last.result()
+        self._last = self._writer.submit(self._write, part, efforts)
+
+    def _write(self, part: Contents, efforts: Array) -> None:
+        if self._file is None:
+            self._file = ticks.write(self._place, part, efforts)
+        else:
+            self._file.write(part, efforts)
+        self._until = float(part.time[-1])
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Complete the file, until which an error is reported; or remove what is empty."""
+        self._writer.shutdown()
+        if error is not None and self._file is not None:
+            error.add_note(f"'{self.path}' has the motion until t = {self._until:.6g} s")
+        with writing(self.path) if error is None else suppress(OSError):
+            if self._file is not None:
+                self._file.close()
+            else:
+                file, folder = self._place
+                file.unlink()
+                if folder is not None:
+                    folder.rmdir()
+            self._last.result()
+
+
+def _path(given: Any) -> Path:
+    if not isinstance(given, str | os.PathLike):
+        raise InvalidInput(f"path = {given!r}; the path of a file or folder is expected")
+    return Path(given)
+
+
+def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
+    """Read a recording; see ``Recording.load``."""
+    path = _path(path)
+    if not path.exists():
+        raise NoRecording(f"no recording '{path}'")
+    if path.suffix == ".npz":
+        return npz.read(path)
+    if path.suffix == ".csv":
+        return measured.from_table(path)
+    if path.suffix not in BAGS and not path.is_dir():
+        raise InvalidInput(
+            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, .db3, .csv, and a bag's folder"
+        )
+    ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
+    found = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
+    if topic is None and found.of(CHANGE) and ticks.FACTS in found.facts:
+        return replace(ticks.read(found, path), left=ticks.left(found))
+    found = found if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
+    return measured.from_bag(found, topic, path)

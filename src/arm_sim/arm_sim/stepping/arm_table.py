@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms and their ticks, as compiled code takes them."""
+
+from __future__ import annotations
+
+import ctypes
+from itertools import compress
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.header import Header
+from arm_sim.stepping.addresses import address
+from arm_sim.stepping.engine import NATIVE
+from arm_sim.stepping.stepper import Stepper
+
+
+class Engine(ctypes.Structure):
+    """Functions of the compiled engine of one arm: ``engine_t`` of ``prediction.h``."""
+
+    _fields_ = Header(NATIVE / "modes/prediction.h", only="engine_t").fields("engine_t")
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> Engine:
+        """Those of a scene with events."""
+        assert stepper.compiled is not None
+        found = (getattr(stepper.compiled.engine, name) for name, _ in cls._fields_[1:])
+        places = (ctypes.cast(function, ctypes.c_void_p).value for function in found)
+        return cls(stepper.compiled.scene.value, *places)
+
+
+class Marks:
+    """A mark for each arm, to be set by compiled code; before them one by which it is halted.
+
+    Attributes:
+        place: Address of the first.
+    """
+
+    def __init__(self, arms: int) -> None:
+        self._all = (ctypes.c_char * (1 + arms))()
+        self.place = ctypes.addressof(self._all) + 1
+
+    def of(self, first: int, last: int) -> list[int]:
+        """Those of some arms whose marks are set."""
+        return list(compress(range(first, last), self._all.raw[1 + first :]))
+
+    @property
+    def halted(self) -> bool:
+        """Whether compiled code is to return at its next tick, its results being of no use."""
+        return self._all[0] != b"\0"
+
+    def halt(self) -> None:
+        """Halt it."""
+        self._all[0] = b"\1"
+
+
+class ArmTable(ctypes.Structure):
+    """Arms and their ticks for compiled code: ``arms_t`` of ``lanes.h``."""
+
+    _fields_ = Header(NATIVE / "lanes/lanes.h", only="arms_t").fields("arms_t")
+
+    @classmethod
+    def of(
+        cls, x0: Array, tau: Array, p: Array, dt: float, marks: Marks, engine: Engine | None
+    ) -> ArmTable:
+        """Those of some arrays, which must live as long.
+
+        Args:
+            x0: Initial states, shape (b, nx).
+            tau: Commands, shape (b, ticks, n).
+            p: Parameters, shape (b, np).
+            dt: Length of a tick in [s].
+            marks: Receives which arms are to be advanced alone.
+            engine: In a scene with events.
+        """
+        by = *strides(tau, 2), *strides(p, 1)
+        return cls(
+            *map(address, (x0, tau, p)), *by, dt, tau.shape[1], marks.place,
+            None if engine is None else ctypes.addressof(engine),
+        )  # fmt: skip
+
+
+def strides(array: Array, axes: int) -> list[int]:
+    """Numbers from one entry to the next along the first axes."""
+    return [stride // 8 for stride in array.strides[:axes]]
+
+
+def repeated(array: Array, shape: tuple[int, ...]) -> Array:
+    """The array in another shape, repeated by strides of zero."""
+    return array if array.shape == shape else np.broadcast_to(array, shape)

@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A tick as segments between touch-downs, lift-offs, slips, stops and break-aways.
+ *
+ * Between two events each joint slides in one direction or sticks, and each contact is open, slides or sticks; the equation
+ * is as smooth as without friction and contact, so the method keeps its order, and the instants are located to rounding
+ * (Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, 1996). The acceleration of a sticking joint is exactly
+ * zero, so its position does not change by a bit. Joints alone are the case of no contacts.
+ *
+ * Where events accumulate, as when a ball comes to rest, locating all of them would take too long: once a tick has taken
+ * most_work, the rest of it is time-stepped.
+ */
+
+#pragma once
+#include "events/held.h"
+#include "events/sliding_direction.h"
+#include "events/time_stepping.h"
+
+/* The next record of a traced tick, which begins at x; null if there is no room. */
+static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x) {
+  if (!trace || trace->count++ >= trace->most) return 0;
+  record_t* record = trace->records + trace->count - 1;
+  *record = record_of(scene, trace->numbers + (trace->count - 1) * RECORD);
+  record->event_free = 1;
+  copy(record->before, x, NX);
+  return record;
+}
+
+static void record_begin(const scene_t* scene, record_t* record, const segment_t* segment, const real* x) {
+  if (!record) return;
+  copy(record->p.tunable, segment->p.tunable, P_LENGTH);
+  for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(scene, segment, k);
+  for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
+}
+
+static void record_end(const scene_t* scene, record_t* record, const real* x, double length, int event_free) {
+  if (!record) return;
+  record->length = length;
+  record->event_free = event_free;
+  for (int i = 0; i < NX; ++i) record->end[i] = x[i];
+}
+
+static enum trouble tick_with_events(const scene_t* scene, const real* x, segment_t* segment, double h, report_t* report,
+                                     trace_t* trace, real* now) {
+  long long losses = 0;
+  double left = h;
+  for (int i = 0; i < NX; ++i) now[i] = x[i];
+  if (is_inside(scene, now, segment)) return INSIDE;
+  segment->trace = trace;
+  while (segment->memory->work < scene->most_work) {
+    real after[NX], anchor[2 * NC + 1];
+    int event_free;
+    record_t* record = segment->record = next_record(scene, trace, now);
+    const enum trouble trouble = begin_segment(scene, now, segment, h, &losses, report, anchor);
+    if (trouble != NONE) return trouble;
+    fix_straight_contacts(scene, now, segment, h);
+    const double reach = fmin(left, find_reach(scene, segment, h));
+    record_begin(scene, record, segment, now);
+    if (NX == 2 * NU && is_held(scene, now, segment)) { /* a drive with internal states may still break it loose */
+      for (int i = NU; i < NX; ++i) now[i] = 0.0;
+      record_end(scene, record, now, left, 1);
+      record_step(segment, left);
+      return NONE;
+    }
+    const double length = advance_segment(scene, now, segment, reach, after, &event_free);
+    if (length < 0.0) return NUMBERS;
+    record_end(scene, record, after, length, event_free);
+    find_ended_modes(scene, after, segment, event_free);
+    close_contacts(scene, after, segment, anchor);
+    for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(after[i] - record->end[i]));
+    if (!stop_joints(scene, after, segment)) return NUMBERS;
+    stop_at_limits(scene, after);
+    for (int i = 0; i < NX; ++i) now[i] = after[i];
+    if ((event_free && reach == left) || left - length <= 0.0) return NONE;
+    left -= length;
+  }
+  ++report->time_stepped;
+  return step_through(scene, now, segment, left, report);
+}
+
+/* One traced tick: 0 if it cannot be computed. */
+EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
+                        trace_t* trace, real* after) {
+  report_t report = {0.0, 0, 0, 0};
+  LOCAL_TICK(segment, u);
+  segment.control = control;
+  copy(segment.p.tunable, p, NP);
+  const enum trouble trouble = tick_with_events(scene, x, &segment, h, &report, trace, after);
+  trace->time_stepped = report.time_stepped;
+  return trouble == NONE;
+}

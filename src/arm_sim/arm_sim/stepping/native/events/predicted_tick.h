@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Predicted ticks, for lanes and derivatives (see engine_t of prediction.h).
+ */
+
+#pragma once
+#include "events/eventful_tick.h"
+
+/* Find the probable modes of a tick. */
+EXPORTED void predict(const void* of, prediction_t* tick) {
+  const scene_t* scene = (const scene_t*)of;
+  LOCAL_TICK(segment, tick->u);
+  geometry_t geometry = geometry_of(scene, tick->geometry);
+  copy(segment.p.tunable, tick->p, P_LENGTH);
+  guess_modes(scene, tick->x, &segment, &geometry);
+  find_anchors(scene, &geometry, tick->anchor);
+  copy(tick->p, segment.p.tunable, P_LENGTH);
+  tick->rests = anything_rests(scene, tick->x, &segment);
+  tick->closes = tick->slides = 0;
+  for (int k = 0; k < NC; ++k) {
+    tick->closes |= segment.p.contact[k].closed != 0.0;
+    tick->slides |= scene->friction[k] > 0.0 && is_sliding(segment.p.contact + k);
+  }
+}
+
+/* A predicted tick: NONE, or why it cannot be computed. */
+static enum trouble make_predicted(const scene_t* scene, const prediction_t* tick, report_t* report, trace_t* trace,
+                                   double* after) {
+  LOCAL_TICK(segment, tick->u);
+  segment.predicted = tick;
+  copy(segment.p.tunable, tick->p, NP);
+  return tick_with_events(scene, tick->x, &segment, tick->length, report, trace, after);
+}
+
+/* The predicted tick, whatever happens in it: 0 if it cannot be computed. */
+EXPORTED int predicted_tick(const void* of, const prediction_t* tick, double* after) {
+  const scene_t* scene = (const scene_t*)of;
+  report_t report = {0.0, 0, 0, 0};
+  return make_predicted(scene, tick, &report, 0, after) == NONE;
+}
+
+/* The predicted tick without events: 0 if there is one, or it cannot be computed. */
+EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* found) {
+  const scene_t* scene = (const scene_t*)of;
+  report_t report = {0.0, 0, 0, 0};
+  real numbers[RECORD];
+  record_t record;
+  trace_t trace = {&record, numbers, 0, 1, 0, 0, 0, 0};
+  if (make_predicted(scene, tick, &report, &trace, found->after) != NONE) return 0;
+  if (trace.count != 1 || !record.event_free || record.hit || report.time_stepped) return 0;
+  copy(found->p, record.p.tunable, P_LENGTH);
+  copy(found->grip, record.limit, NC);
+  copy(found->begin, record.begin, NX);
+  copy(found->end, record.end, NX);
+  return within_reach(scene, found->after);
+}

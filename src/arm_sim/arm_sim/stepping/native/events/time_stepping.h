@@ -1,0 +1,117 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The rest of a tick whose events accumulate, by time-stepping.
+ *
+ * Modes are chosen at the beginning of a step, and violations are corrected at its end, without rebound, as in Moreau's scheme
+ * (Jean, "The non-smooth contact dynamics method", Comput. Methods Appl. Mech. Eng. 177, 1999). That is of first order, and
+ * reported.
+ */
+
+#pragma once
+#include "events/segment_begin.h"
+#include "events/segments.h"
+
+#define LEAST_PART 1e-6 /* fraction of a correction of penetrations below which it is not applied */
+#define MORE_STEPS (scene->constrained ? 100 : 0) /* further ones of a linkage, which may hop between its stops ever faster */
+#define END_HALVINGS 50 /* bisections to find where its joints end */
+#define TIME_STEPS 4 /* steps into which the rest of a tick is divided */
+#define MOST_TRAVEL 1e6 /* longest motion of a joint in such a step [rad] or [m] */
+
+/* Correct penetrations of planes and stops, and stop joints that reversed although they should have come to rest. Velocities
+ * into planes and stops are kept, since the impact that removes them accounts for their energy.
+ */
+static void correct_penetrations(const scene_t* scene, real* x, const segment_t* segment) {
+  LOCAL_MODES(modes, segment->p);
+  segment_t caught = *segment;
+  caught.p = modes;
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  real anchor[2 * NC + 1], v[NU];
+  for (int i = 0; i < ND; ++i)
+    if (may_stick(scene, i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
+  copy(v, x + NU, NU);
+  find_geometry(scene, x, segment, &geometry);
+  find_anchors(scene, &geometry, anchor);
+  for (int k = 0; k < NC; ++k)
+    if (geometry.place[3 * k] < 0.0) caught.p.contact[k].closed = 1.0;
+  for (int turn = 0; turn < CORRECTIONS; ++turn) {
+    stop_at_limits(scene, x);
+    for (int i = 0; i < ND; ++i)
+      if (at_stop(scene, x, i)) caught.p.direction[i] = 0.0; /* a correction must not pass a stop */
+    close_contacts(scene, x, &caught, anchor);
+    if (turn > 0 && !is_inside(scene, x, segment)) break;
+  }
+  for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
+}
+
+/* Limit the motion from x such that no point is inside a plane, where penetrations cannot be corrected. */
+static void limit_penetration(const scene_t* scene, const real* x, const segment_t* segment, real* after) {
+  real end[NU];
+  double part = 1.0;
+  for (int i = 0; i < NU; ++i) end[i] = after[i];
+  while (is_inside(scene, after, segment)) {
+    part = part > LEAST_PART ? 0.5 * part : 0.0;
+    for (int i = 0; i < NU; ++i) after[i] = x[i] + part * (end[i] - x[i]);
+    if (part == 0.0) break;
+  }
+}
+
+/* Whether a step takes a joint farther than any joint goes: an unstable method made its speed grow. */
+static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
+  double farthest = 0.0;
+  for (int i = 0; i < NU; ++i) farthest = fmax(farthest, fabs(piece->end[i] - piece->begin[i]));
+  return farthest > MOST_TRAVEL;
+}
+
+/* Whether a joint is beyond its stop, or moves against its sliding direction. */
+static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
+  LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
+  fill(scene, &guards, -INFINITY);
+  guarded_t at;
+  at.x = x;
+  at.segment = segment;
+  at.t = 0.0;
+  evaluate_stop_guards(scene, &at, &guards);
+  return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
+}
+
+/* Shorten a step that takes a joint beyond the end of its motion: its length, -1 if it cannot be computed. In a linkage the
+ * joint cannot be stopped alone afterwards, since that would open the loops.
+ */
+static double shorten(const scene_t* scene, const segment_t* segment, double h, piece_t* piece) {
+  double low = 0.0, high = h;
+  real error[2];
+  if (!scene->constrained || !passes_end(scene, piece->end, segment)) return h;
+  for (int k = 0; k < END_HALVINGS; ++k) {
+    const double middle = 0.5 * (low + high);
+    if (make_step(scene, segment, middle, piece, error) && !passes_end(scene, piece->end, segment)) low = middle;
+    else high = middle;
+  }
+  copy(piece->end, piece->begin, NX);
+  return low == 0.0 || make_step(scene, segment, low, piece, error) ? low : -1.0;
+}
+
+/* The rest of a tick in a few steps of fixed length, in place; of a linkage also shorter ones, to where joints end. */
+static enum trouble step_through(const scene_t* scene, real* x, segment_t* segment, double left, report_t* report) {
+  long long losses = MOST_REBOUNDS;
+  double rest = left;
+  segment->step = left / TIME_STEPS;
+  for (int k = 0; k < TIME_STEPS + MORE_STEPS && (!scene->constrained || rest > 0.0); ++k) {
+    real after[NX], anchor[2 * NC + 1], error[2];
+    LOCAL(piece_t, piece, piece_of, PIECE);
+    const enum trouble trouble = begin_segment(scene, x, segment, left, &losses, report, anchor);
+    if (trouble != NONE) return trouble;
+    copy(piece.begin, x, NX);
+    begin_piece(scene, segment, &piece);
+    const double h = scene->constrained ? fmin(segment->step, rest) : segment->step;
+    if (!make_step(scene, segment, h, &piece, error) || exceeds_travel(scene, &piece)) return NUMBERS;
+    const double length = shorten(scene, segment, h, &piece);
+    if (length < 0.0) return NUMBERS;
+    rest -= length;
+    copy(after, piece.end, NX);
+    close_contacts(scene, after, segment, anchor);
+    correct_penetrations(scene, after, segment);
+    limit_penetration(scene, x, segment, after);
+    for (int i = 0; i < NX; ++i) x[i] = after[i];
+  }
+  return scene->constrained && rest > LEAST_PART * left ? UNDETERMINED : NONE;
+}

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms distributed over threads; compiled code releases the interpreter lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
+from itertools import pairwise
+from time import perf_counter
+
+from arm_sim.inputs import whole
+
+# Work in [s] that is worth a thread; with 16 of them, less takes longer than alone.
+WORTH_A_THREAD = 7e-4
+# Ticks of groups of arms that surely take little time.
+FEW_TICKS = 2000
+
+
+def share(
+    arms: int, width: int, threads: int | None, work: Callable[[int, int], None], ticks: int = 0,
+    halt: Callable[[], None] = lambda: None,
+) -> None:  # fmt: skip
+    """Distribute arms over threads in whole groups; compiled code releases the interpreter lock.
+
+    If they have many ticks, this thread only waits, so that signals are handled.
+
+    Args:
+        arms: Number of arms.
+        width: Arms in a group.
+        threads: Number of threads; None for one per core, or fewer if the time that the first
+            group takes tells that they would not be worth it.
+        work: Called with the first arm and the one after the last.
+        ticks: Ticks of each arm.
+        halt: Lets all that works return soon, after an exception.
+
+    Raises:
+        InvalidInput: If the number of threads is not positive.
+    """
+    if threads is not None:
+        whole("threads", threads, 1)
+    count, groups, done = threads or len(os.sched_getaffinity(0)), -(-arms // width), 0
+    if threads is None and count > 1 and groups > 1 and ticks <= FEW_TICKS:
+        start = perf_counter()
+        work(0, width)
+        count = min(count, 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD))
+        done = 1
+    count = max(1, min(count, groups - done))
+    edges = [done + (groups - done) * i // count for i in range(count + 1)]
+    parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
+    here = parts[: (groups - done) * ticks <= FEW_TICKS]
+    if len(here) == len(parts) == 1:
+        work(*here[0])
+        return
+    others = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
+    try:
+        for part in here:
+            work(*part)
+        wait(others)
+    except BaseException:
+        halt()
+        raise
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@cache
+def _kept_threads() -> ThreadPoolExecutor:
+    """Threads besides the calling one: those that ended their work wait for more."""
+    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "arms")
+
+
+os.register_at_fork(after_in_child=_kept_threads.cache_clear)  # a fork has none of them

@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draws arms with viser: links, ground, paths, and the marks of an instant."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.arm import ArmModel, postures
+from arm_sim.view.framing import keep_framed
+from arm_sim.view.marks import Instant, Marker, Marks
+from arm_sim.view.shapes import (
+    BEARING,
+    LOAD,
+    METAL,
+    PIVOT,
+    RAIL,
+    SURFACE,
+    TOUCH,
+    Colour,
+    Visual,
+    capsules_of,
+    turn_to,
+    visuals_of,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import viser
+
+_log = logging.getLogger(__name__)
+
+CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE, MOUSE = (
+    (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20),
+    (150, 150, 150), (255, 140, 66),
+)  # fmt: skip
+"""Colours of contact forces, friction cones, constraint forces, springs, stops, the path, the
+whole path of a recording, and the library's arrow of a drag.
+"""
+
+type Row = tuple[str, tuple[int, ...], str]
+"""Of a legend: mark, colour and meaning."""
+
+LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
+LEAST = 3e-3  # force, relative to the arm's weight, whose arrow is long enough to be seen
+KEPT = 300  # points of the path behind a moving hand
+_POSTURES = 300  # among which the lowest point of an arm is found
+_TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+_CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN), 0.0 * _TURN])
+
+
+class DrawnArm:
+    """One arm in the scene of a page.
+
+    Attributes:
+        base: Position of its world in [m], shape (3,).
+        links: Names and handles of links, and of joints that are drawn in their place.
+        extent: Points around the arm at its start, and of its path, in [m], shape (k, 3).
+        lowest: Height in [m] below which it has no point: at its start if it has a base to stand
+            on, else wherever it turns.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, model: ArmModel, name: str,
+        base: Sequence[float] = (0.0, 0.0, 0.0), folder: Path | None = None,
+    ) -> None:  # fmt: skip
+        self.marker, self.size = Marker(model), model.reach
+        self.name, self.base = name, np.array(base, dtype=float)
+        self._scene, self._name = server.scene, f"/{name}"
+        self._weight = 9.81 * model.total_mass or 1.0
+        self._way, self._hidden, self._drawn = list[Array](), set[str](), set[str]()
+        self._scene.add_frame(self._name, show_axes=False, position=tuple(base))
+        axes = {"axes_length": 0.12 * self.size, "axes_radius": 0.004 * self.size}
+        self._joints = {
+            joint: self._scene.add_frame(f"{self._name}/{joint}", show_axes=False, **axes)
+            for joint in ("base", *list(model.pin.names)[1:])
+        }
+        visuals = visuals_of(model, folder)
+        self.links = self._draw_all(visuals)
+        self._marks = self._hidden_marks()
+        self._stops = [
+            self._scene.add_icosphere(
+                f"{self._name}/{joint}/stop", 0.055 * self.size, color=STOP, opacity=0.6,
+                visible=False,
+            )
+            for joint in model.joint_names
+        ]  # fmt: skip
+        carried = [(x.joint, x.corners) for x in visuals if x.joint or x.name == PIVOT]
+        self.extent = self.base + self.marker.extent(model.q0, carried)
+        self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
+        self._hangs = any(visual.name in (PIVOT, RAIL) for visual in visuals)
+        if self._hangs:
+            moving = (self.marker.extent(q, carried) for q in postures(model, _POSTURES))
+            lowest = min(float(points[:, 2].min()) for points in moving)
+            self.lowest = min(self.lowest, max(lowest, -2 * self.size))  # rails may go on for ever
+
+    def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
+        """Draw an instant; the caller groups changes that appear together."""
+        marks = self.marker.at(instant)
+        for frame, position, wxyz in zip(
+            self._joints.values(), marks.position, marks.rotation, strict=True
+        ):
+            frame.position, frame.wxyz = position, wxyz
+        contacts = self._felt(instant.contacts)
+        arrows = self._arrows(contacts)
+        self._set("contact forces", arrows)
+        self._set("friction cones", _cones(arrows, contacts[:, 2]))
+        self._set("constraint forces", self._arrows(self._felt(marks.constraints)))
+        self._set("springs", _coils(marks.springs, self.size))
+        for ball, stopped in zip(self._stops, marks.stopped, strict=True):
+            ball.visible = bool(stopped)
+        far = np.linalg.norm(marks.hand - self._way[-1]) if self._way else np.inf
+        if leave_path and far > 2e-3 * self.size:
+            self._way = [*self._way[-KEPT:], marks.hand]
+            self._set("path", _pairs(np.array(self._way)))
+        return marks
+
+    def forget_way(self) -> None:
+        """Restart the hand's path."""
+        self._way = []
+        self._set("path", _pairs(np.zeros((0, 3))))
+
+    def show_path(self, path: Array) -> None:
+        """Draw a complete, permanent path of the hand, shape (k, 3), which extends the arm."""
+        self.extent = np.vstack([self.extent, self.base + path])
+        self._set("whole path", _pairs(path))
+
+    def legend(self) -> Iterator[Row]:
+        """What its marks are, as far as it can have them."""
+        model = self.marker.model
+        scene, springs, stops = model.scene, model.springs.points, model.stops.limit
+        whole = self._marks["whole path"].visible
+        for drawn, mark, colour, text in (
+            (self._hangs, "●", _bytes(BEARING), "pivot or rail, fixed to the world"),
+            (scene.payloads, "●", _bytes(LOAD), "payload"),
+            (scene.contacts, "●", _bytes(TOUCH), "point of contact"),
+            (scene.contacts, "■", _bytes(SURFACE), "plane of contact"),
+            (scene.contacts, "➔", CONTACT, "force of the contact on the arm"),
+            (scene.contacts, "▽", CONE, "friction cone: inside, the contact sticks"),
+            (scene.bilateral, "➔", TIE, "force of a constraint"),
+            (springs, "≈", SPRING, "spring"),
+            (np.isfinite(stops).any(), "●", STOP, "joint at its end stop"),
+            (True, "━", PATH, "path of the hand"),
+            (whole, "━", WHOLE, "whole path of the hand"),
+        ):
+            if drawn:
+                yield mark, colour, text
+
+    def show(self, kind: str, on: bool) -> None:
+        """Show or hide ``links``, ``axes``, or marks of a kind."""
+        if kind == "links":
+            for _, link in self.links:
+                link.visible = on
+        elif kind == "axes":
+            for joint in self._joints.values():
+                joint.show_axes = on
+        else:
+            for name, handle in self._marks.items():
+                if name.endswith(kind):  # both paths are of one kind
+                    (self._hidden.discard if on else self._hidden.add)(name)
+                    handle.visible = on and name in self._drawn
+
+    def _set(self, kind: str, points: Array) -> None:
+        handle = self._marks[kind]
+        (self._drawn.add if len(points) else self._drawn.discard)(kind)
+        if len(points):
+            handle.points = points
+        handle.visible = kind in self._drawn and kind not in self._hidden
+
+    def _felt(self, forces: Array) -> Array:
+        size = np.linalg.norm(forces[:, 1], axis=1)
+        return np.asarray(forces[size > LEAST * self._weight])
+
+    def _arrows(self, forces: Array) -> Array:
+        """Arrows of points and forces: start and end points, with long forces shortened."""
+        size = np.linalg.norm(forces[:, 1], axis=1)
+        way = forces[:, 1] * (LONGEST * self.size / (size + self._weight))[:, None]
+        return np.stack([forces[:, 0], forces[:, 0] + way], axis=1)
+
+    def _hidden_marks(self) -> dict[str, Any]:
+        """Arrows and lines of marks, by kind."""
+        nothing, size = np.zeros((1, 2, 3)), self.size
+        arrow = {
+            "shaft_radius": 0.006 * size, "head_radius": 0.016 * size, "head_length": 0.04 * size
+        }  # fmt: skip
+        marks: dict[str, Any] = {
+            kind: self._scene.add_arrows(
+                f"{self._name}/{kind}", nothing, colour, visible=False, **arrow
+            )
+            for kind, colour in (("contact forces", CONTACT), ("constraint forces", TIE))
+        }
+        for kind, colour, width in (
+            ("springs", SPRING, 4.0), ("friction cones", CONE, 1.5), ("path", PATH, 2.5),
+            ("whole path", WHOLE, 1.5),
+        ):  # fmt: skip
+            marks[kind] = self._scene.add_line_segments(
+                f"{self._name}/{kind}", nothing, colour, thickness=width, visible=False,
+                thickness_units="screen",
+            )  # fmt: skip
+        return marks
+
+    def _draw_all(self, visuals: Iterable[Visual]) -> list[tuple[str, Any]]:
+        handles, broken = list[tuple[str, Any]](), set[int]()
+        for visual in visuals:
+            try:
+                handles.append((visual.name, self._draw_one(visual, len(handles))))
+            except Exception as error:  # any error of a mesh parser
+                _log.warning(
+                    "link '%s' is drawn without its mesh %s: %s: %s", visual.name, visual.path,
+                    type(error).__name__, error,
+                )  # fmt: skip
+                broken.add(visual.joint)
+        for visual in capsules_of(self.marker.model, broken - {0}):
+            handles.append((visual.name, self._draw_one(visual, len(handles))))
+        return handles
+
+    def _draw_one(self, visual: Visual, number: int) -> Any:
+        joint = [*self._joints][visual.joint]
+        name, kind = f"{self._name}/{joint}/{number} {visual.name}", visual.kind
+        wxyz = np.roll(pin.Quaternion(visual.placement.rotation).coeffs(), 1)
+        place = {"wxyz": wxyz, "position": visual.placement.translation}
+        if visual.path is not None:
+            data, scale = _glb(visual)
+            return self._scene.add_glb(name, data, scale=scale, **place)
+        wide, size, opacity = visual.size[0], visual.size, (visual.colour or METAL)[3]
+        look = {
+            "color": _bytes(visual.colour or METAL), "opacity": opacity if opacity < 1.0 else None
+        }  # fmt: skip
+        if kind == "box":
+            return self._scene.add_box(name, dimensions=size, **look, **place)
+        if kind == "cylinder":
+            return self._scene.add_cylinder(name, wide / 2, size[2], **look, **place)
+        if kind == "sphere":
+            return self._scene.add_icosphere(name, wide / 2, **look, **place)
+        mesh = _capsule(wide / 2, size[2])
+        return self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)
+
+
+def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: float) -> None:
+    """A grid, light and a camera for the arms, which occupy a ``width`` in [m]."""
+    size = max(actor.size for actor in actors)
+    lowest = min(actor.lowest for actor in actors)
+    level = min(lowest, 0.0) - (0.15 * size if lowest < -1e-3 else 0.0)
+    extent, section = 2.0 * (width + 2.0 * size), float(10.0 ** np.round(np.log10(size)))
+    server.scene.add_grid(
+        "/ground", extent, extent, cell_size=0.1 * section, section_size=section,
+        position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
+    )  # fmt: skip
+    # A pale blue sky, against which white arms are visible.
+    column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64)
+    sky = np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
+    server.scene.set_background_image(sky, format="png")
+    keep_framed(server, *around(actors))
+
+
+def around(actors: Iterable[DrawnArm]) -> tuple[Array, float]:
+    """Points around arms, shape (k, 3), and how near a camera comes to their middle, in [m]."""
+    return np.concatenate([x.extent for x in actors]), 1.5 * max(x.size for x in actors)
+
+
+def legend(rows: Iterable[Row]) -> str:
+    """A legend as HTML."""
+    cells = "".join(
+        f'<span style="color:rgb{colour}">{mark}</span><span>{text}</span>'
+        for mark, colour, text in rows
+    )
+    grid = "display:grid;grid-template-columns:1.2em 1fr;gap:0 0.4em"
+    return f'<div style="{grid};font-size:0.8em;padding:0.3em 1em">{cells}</div>'
+
+
+def _bytes(colour: Colour) -> tuple[int, ...]:
+    return tuple(round(255 * x) for x in colour[:3])
+
+
+def _pairs(points: Array) -> Array:
+    """Segments between points of shape (k, 3), shape (k - 1, 2, 3)."""
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _cones(arrows: Array, normals: Array) -> Array:
+    """Outlines of friction cones, as high as the normal parts of arrows, shape (k, 2, 3).
+
+    Each of the normals, shape (k, 3), is as long as its coefficient of friction.
+    """
+    lines = [np.zeros((0, 2, 3))]
+    for (tip, end), slope in zip(arrows, normals, strict=True):
+        if friction := float(np.linalg.norm(slope)):
+            height = (end - tip) @ slope / friction
+            rim = tip + height * (friction * _CIRCLE + [0.0, 0.0, 1.0]) @ turn_to(slope).T
+            edges = rim[:-1:6]
+            lines += [_pairs(rim), np.stack([np.broadcast_to(tip, edges.shape), edges], axis=1)]
+    return np.concatenate(lines)
+
+
+def _coils(springs: Array, size: float, turns: int = 9) -> Array:
+    """Zigzag lines between the ends of springs, shape (s, 2, 3), as segments."""
+    lines = [np.zeros((0, 2, 3))]
+    for first, second in springs:
+        way = second - first
+        side = np.cross(way, [0.3, -0.8, 0.5] if abs(way[0]) > abs(way[1]) else [1.0, 0.0, 0.2])
+        side *= 0.02 * size / max(float(np.linalg.norm(side)), 1e-12)
+        inner = np.linspace(0.1, 0.9, 2 * turns)[:, None]
+        bent = first + inner * way + side * np.resize([1.0, -1.0], (2 * turns, 1))
+        lines.append(_pairs(np.vstack([first, bent, second])))
+    return np.concatenate(lines)
+
+
+def _glb(visual: Visual) -> tuple[bytes, tuple[float, ...]]:
+    """A mesh file as binary glTF, and its scale to [m]; a colour is for files without one."""
+    import trimesh
+
+    assert visual.path is not None
+    loaded = trimesh.load_scene(visual.path)
+    if not loaded.geometry:
+        raise ValueError("it holds no triangles")
+    unit, _, of = str(loaded.units or "").partition(" * ")
+    scale = np.array(visual.size) * (float(unit) if of == "meters" else 1.0)
+    if visual.path.suffix.lower() in (".stl", ".ply"):
+        material = trimesh.visual.material.PBRMaterial(
+            baseColorFactor=[round(255 * x) for x in visual.colour or METAL],
+            metallicFactor=0.1, roughnessFactor=0.6,
+        )  # fmt: skip
+        for geometry in loaded.geometry.values():
+            geometry.visual = trimesh.visual.TextureVisuals(material=material)
+    return bytes(loaded.export(file_type="glb")), tuple(scale.tolist())
+
+
+def _capsule(radius: float, length: float) -> Any:
+    from trimesh.creation import capsule
+
+    made = capsule(max(length - 2 * radius, 1e-6), radius)
+    made.apply_translation([0.0, 0.0, -made.bounds.mean(axis=0)[2]])
+    return made

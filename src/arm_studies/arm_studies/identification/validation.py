@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well a fit predicts what was held out, beside the nominal scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import known_names
+from arm_studies.identification import checks
+from arm_studies.identification.regression.estimation import Mask, deviations
+from arm_studies.identification.regression.fit import Fit
+from arm_studies.identification.regression.rows import Rows, steady_friction
+
+# Fraction of the part held out in which a joint has to move for its prediction to be judged.
+MOVING = 0.2
+# Largest and smallest number of blocks of the part held out, and length of a block in periods of
+# the band, where the part is long enough: filtered noise is correlated over half a period.
+BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Errors on the part held out.
+
+    Attributes:
+        errors: What an ``Identification`` says of them, by its attributes.
+        nominal: Torques of the nominal scene, shape (k, n).
+        ratios: Efforts over these, by joint, 1 where unknown, shape (n,).
+        excess: By how many standard errors the nominal scene is better.
+        notes: What cannot be judged, and whether the nominal scene is better.
+    """
+
+    errors: Mapping[str, Any]
+    nominal: Array
+    ratios: Array
+    excess: float
+    notes: list[str]
+
+
+def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
+    """Compare a fit and the nominal scene by the rows that it was not fitted to.
+
+    Args:
+        trial: Of the rows that are not held out.
+        ranges: How far each joint moved without sticking in [rad] or [m], shape (n,).
+        held_out: Fraction of each recording that is held out.
+
+    Raises:
+        InvalidInput: If it hardly predicts them.
+    """
+    rows = trial.rows.plain
+    train = rows.use & rows.train[:, None]
+    model, predicted = rows.regressor.model, trial.predicted(rows)
+    load = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
+    nominal = np.asarray(load + steady_friction(rows, load))
+    test, notes = _test_rows(rows, ranges, held_out)
+    sums = [
+        (rows.effort[u, j] @ nominal[u, j], nominal[u, j] @ nominal[u, j])
+        for j, u in enumerate(train.T)
+    ]
+    ratios = np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+    shown = test if test.any() else train
+    checks.check_explained(
+        _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
+        rows.names, ratios,
+    )  # fmt: skip
+    worse = excess(trial, test, trial.rows.clear(nominal))
+    error, each = _relative(rows.effort, predicted, test)
+    before, each_before = _relative(rows.effort, nominal, test)
+    left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan).tolist()
+    by_joint = {"torque_error": each, "nominal_error": each_before, "torque_residual": left}
+    errors: dict[str, Any] = {"error": (error, before)}
+    errors |= {key: dict(zip(rows.names, x, strict=True)) for key, x in by_joint.items()}
+    if error > max(before, checks.ROUNDING):
+        notes.append(
+            f"the nominal scene leaves less of the part held out, {before:.3%} against "
+            f"{error:.3%}; beyond what noise in the estimates explains, that is {worse:.1f} "
+            "standard errors"
+        )
+    return Validation(errors, nominal, ratios, worse, notes)
+
+
+def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]:
+    """Rows by which the prediction of each joint is judged: none if it rests in most of them.
+
+    Those that are held out, or all of them if none is.
+
+    The torque of a joint at rest may be anything that static friction holds, so that its
+    prediction tells nothing.
+    """
+    train = rows.train[:, None]
+    test = train if train.all() else ~train
+    known = np.count_nonzero(rows.valid & test, axis=0)
+    moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
+    resting = (moving < MOVING * known) & (known > 0)
+    part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
+    for which, why in (
+        (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
+                  "what follows it"),
+        (known == 0, f"without an effort in {part}"),
+    ):  # fmt: skip
+        names = [f"'{name}'" for name, there in zip(rows.names, which, strict=True) if there]
+        if names:
+            notes.append(f"no error is known of {known_names(names)}: {why}")
+    return np.asarray(rows.valid & test & ~resting), notes
+
+
+def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
+    """Relative residual of all joints together, and of each; NaN without a row."""
+    left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
+    size = np.where(use, measured**2, 0.0).sum(axis=0)
+    each = np.where(use.any(axis=0), np.sqrt(left / np.maximum(size, 1e-300)), np.nan)
+    whole = np.sqrt(left.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
+    return float(whole), each.tolist()
+
+
+def excess(fit: Fit, use: Mask, nominal: Array) -> float:
+    """How much worse a fit predicts than the nominal scene, in standard errors.
+
+    Squared residuals of both are compared in pairs, which is sharp, since they share their noise
+    (Diebold, Mariano, "Comparing predictive accuracy", J. Business & Economic Statistics 13(3),
+    1995). Estimates from noisy data predict a little worse than a scene that is exact; what they
+    lose is expected from their covariance and does not count (the correction of Clark, West,
+    "Approximately normal tests for equal predictive accuracy in nested models", J. Econometrics
+    138(1), 2007, with its expected value). Residuals are correlated in time, so that the standard
+    error is that of means of consecutive blocks, together with the spread of that loss.
+
+    Args:
+        fit: Of other rows.
+        use: Rows that are compared, shape (k, n).
+        nominal: Torques of the nominal scene, shape (k, n).
+
+    Returns:
+        Positive if the fit is worse; zero if there is nothing to compare.
+    """
+    rows = fit.rows
+    worse = (rows.effort - fit.drives) ** 2 - (rows.effort - nominal) ** 2
+    each = np.where(use, worse, 0.0).sum(axis=1)[use.any(axis=1)]
+    period = 1.0 if not np.isfinite(rows.band) else 1.0 / (rows.band * rows.motions[0].dt)
+    count = max(FEWEST, min(BLOCKS, int(len(each) / (PERIODS * period))))
+    if len(each) < count:
+        return 0.0
+    means = np.array([block.mean() for block in np.array_split(each, count)])
+    expected, spread = _loss(fit, use)
+    error = float(np.hypot(means.std(ddof=1) / np.sqrt(count), spread / len(each)))
+    return float((each.mean() - expected / len(each)) / max(error, 1e-300))
+
+
+def _loss(fit: Fit, use: Mask) -> tuple[float, float]:
+    """Sum of squares of errors of predictions that noise in the estimates causes.
+
+    Returns:
+        Its mean and its standard deviation, by the covariance of normal estimates.
+    """
+    columns, _ = fit.with_shapes
+    R, _ = fit.problem.combined(columns, fit.weights)
+    size = np.linalg.norm(R, axis=0)
+    size[size == 0.0] = 1.0
+    inverse = np.linalg.pinv(R / size, rcond=1e-14) / size[:, None]
+    parts = [
+        columns.all_of(j)[use[:, j]] @ inverse[place] for j, place in enumerate(columns.places)
+    ]
+    squares = np.sum([part.T @ part for part in parts], axis=0)
+    return float(np.trace(squares)), float(np.sqrt(2.0) * np.linalg.norm(squares))
