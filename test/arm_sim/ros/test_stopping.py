@@ -20,11 +20,8 @@ from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
 from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
 from arm_sim.ros.sim_node import SimNode
-<<<<<<< HEAD
-from models import features
-=======
 from arm_sim.ros.sim_params import SimParams
->>>>>>> main
+from models import features
 
 pytestmark = pytest.mark.ros
 
