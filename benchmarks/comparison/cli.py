@@ -10,7 +10,7 @@ import click
 from rich.console import Console
 
 from benchmarks.comparison import figures, suite
-from benchmarks.comparison.report import save, summary, write
+from benchmarks.comparison.report import save, summary, write, write_scoreboard
 from benchmarks.studies.bench import Record
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +21,7 @@ Examples:
   ./arm bench --quick                  under two minutes, Panda only
   ./arm bench --only cost --only rollouts
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
+  ./arm bench --scoreboard             also this suite beside its peers, task by task, in a page
   ./arm bench --docs                   also renew the figures in docs/laboratory
   ./arm bench --again benchmarks/results/report.json --docs    the same without measuring
 """
@@ -41,6 +42,7 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for report.md, report.json and the figures.",
 )
+@click.option("--scoreboard", is_flag=True, help="Also write scoreboard.md, task by task.")
 @click.option("--docs", is_flag=True, help="Also renew the figures in docs/laboratory.")
 @click.option(
     "--again",
@@ -51,6 +53,7 @@ def main(
     quick: bool,
     only: tuple[str, ...],
     out: Path,
+    scoreboard: bool,
     docs: bool,
     again: Path | None,
 ) -> None:
@@ -70,6 +73,8 @@ def main(
     path = write(results, out)
     console.print(summary(results))
     console.print(f"report: {path}")
+    if scoreboard:
+        console.print(f"scoreboard: {write_scoreboard(results, out)}")
     if docs:
         figures.draw(results, ROOT / "docs/laboratory/figures")
 

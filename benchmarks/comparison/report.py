@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from benchmarks.comparison import figures
+from benchmarks.comparison import figures, scoreboard
 from benchmarks.comparison.claims import MET, MISSED, OPEN
 from benchmarks.peers.base import OURS
 from benchmarks.reporting.markdown import duration, number, quantity, table
@@ -55,6 +55,13 @@ def save(results: Record, out: Path) -> None:
     """Write ``report.json`` only."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
+
+
+def write_scoreboard(results: Record, out: Path) -> Path:
+    """Write ``scoreboard.md``."""
+    path = out / "scoreboard.md"
+    path.write_text(scoreboard.page(results, about(results)))
+    return path
 
 
 def summary(results: Record) -> Table:

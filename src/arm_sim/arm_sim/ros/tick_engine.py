@@ -226,7 +226,7 @@ class TickEngine:
         if self._pushed:
             tau = self._wrenches.torque(self._q, step)
             self._note()  # with the quantities that acted
-            self.simulator.set_parameter("external", tau)
+            self.simulator.set_parameter(EXTERNAL, tau)
             self._pushing = bool(self._wrenches.active)
 
     @property

@@ -54,9 +54,9 @@ class CompiledScene:
         Scenes without them compute nothing for them; the equations are rebuilt here.
         """
         scene = self.plant.model.scene
-        if "external" in scene.tunable:
+        if EXTERNAL in scene.tunable:
             return self
-        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, "external")}))
+        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
         return CompiledScene(Plant(model), self.choice, self.backend)
 
     def restart(self) -> None:

@@ -13,7 +13,6 @@
 
 #pragma once
 #include "events/held.h"
-#include "events/sliding_direction.h"
 #include "events/time_stepping.h"
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */

@@ -6,6 +6,7 @@
 #pragma once
 #include "events/closing.h"
 #include "events/impact.h"
+#include "events/sliding_direction.h"
 #include "guards/guard.h"
 
 #define CORRECTIONS 10     /* corrections of penetrations, or of contacts that set joints in motion */

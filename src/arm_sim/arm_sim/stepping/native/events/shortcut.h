@@ -5,7 +5,7 @@
 
 #pragma once
 #include "events/event_free.h"
-#include "modes/segment_state.h"
+#include "guards/switch_guards.h"
 #include "motion/stops.h"
 
 /* Whether no joint may meet a stop in a motion to `next`, and no drive or cord switch: whether each moves by less than half of its
