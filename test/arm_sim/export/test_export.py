@@ -176,6 +176,15 @@ def test_names_of_robot_and_joints_cannot_break_the_code(tmp_path: Path) -> None
     assert tuple(name.decode() for name in names) == ODD
 
 
+def test_no_name_is_too_long_for_a_line(tmp_path: Path) -> None:
+    frame, wanted = 90 * "f", ("gravity", "inverse_dynamics_derivatives")
+    urdf = TWO_LINK["robot"]["urdf"].replace('"tip"', f'"{frame}"')
+    scene = {"robot": {"urdf": urdf}}
+    export(scene, tmp_path, 63 * "a", wanted, False, frames=("forearm", frame))
+    for file in (f"{63 * 'a'}.c", f"test_{63 * 'a'}.c"):
+        said_by("cc", *C11, *STRICT, "-Werror", "-fsyntax-only", tmp_path / file)
+
+
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     out = str(tmp_path / "out")
     result = CliRunner().invoke(main, ["export", SCENE, "--out", out, "--name", "arm"])

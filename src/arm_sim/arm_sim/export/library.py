@@ -124,13 +124,21 @@ def comment(text: str) -> str:
     return "/* " + "\n".join(lines).replace("\n", "\n * ").replace(" * \n", " *\n") + "\n */\n"
 
 
+def wrapped(code: str, indent: int) -> str:
+    """Code in lines that are not too long, unless a name is; names stay whole."""
+    lines = textwrap.wrap(
+        code, _COLUMNS - 2, subsequent_indent=" " * indent, break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
+    return "\n".join(lines)
+
+
 def _signature(library: Library, term: Term) -> str:
     given = [f"const double* {x}" for x in term.arguments]
     arguments = ", ".join([*given, *(f"double* {x}" for x in term.results)])
     head = f"void {library.name}_{term.name}("
-    return "\n".join(
-        textwrap.wrap(f"{head}{arguments})", _COLUMNS - 2, subsequent_indent=" " * len(head))
-    )
+    indent = len(head) if len(head) <= _COLUMNS - 40 else 4
+    return wrapped(f"{head}{arguments})", indent)
 
 
 def _definition(library: Library, term: Term, sticks: bool) -> str:
