@@ -111,42 +111,33 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_is(tmp_path: Path) -> None
     (folder / "arm.h").unlink()
     (folder / "arm.h").mkdir()
     before = (folder / "arm.c").read_bytes()
-    with pytest.raises(InvalidInput, match="arm.h' is a folder"):
-        export(SCENE, folder, "arm", terms=(), tick=False)
+    (folder / "other.c").write_text("mine")
+    for name, said in (("arm", "arm.h' is a folder"), ("other", "other.c' was not exported")):
+        with pytest.raises(InvalidInput, match=said):
+            export(SCENE, folder, name, terms=(), tick=False)
     assert (folder / "arm.c").read_bytes() == before
+    assert (folder / "other.c").read_text() == "mine" and not (folder / "other.h").exists()
     for damaged in ("[", '"ab"', '{"arm.c": 1}', '["arm.c", 1]'):
         (folder / "export.json").write_text(damaged)
         with pytest.raises(InvalidInput, match="export.json' is damaged"):
             exported(folder)
 
 
-def test_files_beside_an_export_are_not_replaced(tmp_path: Path) -> None:
-    folder = exported(tmp_path / "out")
-    (folder / "other.c").write_text("mine")
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    with pytest.raises(InvalidInput, match=r"other.c' was not exported"):
-        export(SCENE, folder, "other", terms=(), tick=False)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
 def test_an_export_that_failed_midway_may_be_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = exported(tmp_path / "out")
+    folder, move = exported(tmp_path / "out"), Path.replace
 
     def failing(old: Path, new: Path) -> Path:
         if new.name == "test_other.c":
             raise OSError
-        return replace(old, new)
+        return move(old, new)
 
-    replace = Path.replace
     with monkeypatch.context() as patch, pytest.raises(OSError):
         patch.setattr(Path, "replace", failing)
         export(SCENE, folder, "other", terms=(), tick=False)
     export(SCENE, folder, "third", terms=(), tick=False)
-    assert {path.name for path in folder.iterdir()} == {
-        name.replace("arm.", "third.") for name in FILES
-    }
+    assert {path.name.replace("third.", "arm.") for path in folder.iterdir()} == FILES
 
 
 def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:

@@ -345,55 +345,37 @@ def test_a_study_that_changed_is_refused_by_name(
         sweep(VARIED | change, tmp_path, workers=1)
 
 
-def test_a_scene_file_that_changed_is_noticed(tmp_path: Path) -> None:
-    study, scene = tmp_path / "study.yaml", tmp_path / "mine.yaml"
-    urdf = load_scene("two_link").robot.urdf
-    study.write_text("scene: mine.yaml\nduration: 0.01\n")
-    for weight in (-9.81, -1.6):
-        scene.write_text(json.dumps({"robot": {"urdf": urdf}, "gravity": [0, 0, weight]}))
-        if weight == -9.81:
-            sweep(study, tmp_path / "out", workers=1)
-    with pytest.raises(InvalidInput, match="'content of scene.* was "):
-        sweep(study, tmp_path / "out", workers=1)
-
-
-def test_scenes_that_begin_alike_are_told_apart(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("file", "key"),
+    [
+        ("first", "scene"),
+        ("second", "scene"),
+        ("known", "controller.scene"),
+        ("to", "motion.file"),
+    ],
+)
+def test_a_file_that_changed_is_noticed(file: str, key: str, tmp_path: Path) -> None:
+    """Also of two scenes whose paths begin alike."""
     folder, urdf = tmp_path / (80 * "f"), load_scene("two_link").robot.urdf
+
+    def write(name: str, x: float) -> None:
+        points = [{"positions": [k * x, 0.0], "time_from_start": {"sec": k}} for k in (0, 1)]
+        course = {"joint_names": ["shoulder", "elbow"], "points": points}
+        scene = {"robot": {"urdf": urdf}, "gravity": [0, 0, -x]}
+        (folder / f"{name}.yaml").write_text(json.dumps(course if name == "to" else scene))
+
     folder.mkdir()
-    scenes = [folder / name for name in ("first.yaml", "second.yaml")]
-    for scene in scenes:
-        scene.write_text(json.dumps({"robot": {"urdf": urdf}}))
-    study = {"scene": str(scenes[0]), "duration": 0.01}
-    study["vary"] = {"scene": [*map(str, scenes)]}
-    sweep(study, tmp_path / "out", workers=1)
-    assert sweep(study, tmp_path / "out", workers=1).made == 0
-    scenes[0].write_text(json.dumps({"robot": {"urdf": urdf}, "gravity": [0, 0, -1.6]}))
-    with pytest.raises(InvalidInput, match="'content of scene.* was "):
-        sweep(study, tmp_path / "out", workers=1)
-
-
-@pytest.mark.parametrize("key", ["controller.scene", "motion.file"])
-def test_other_files_of_a_study_that_changed_are_noticed(key: str, tmp_path: Path) -> None:
-    known = SCENE | {"payloads": [{"frame": "tip", "mass": 0.5}]}
-    points = ", ".join(
-        f"{{positions: [{q}, 0], time_from_start: {{sec: {k}}}}}"
-        for k, q in enumerate(("0", "%g"))
+    for name in ("first", "second", "known", "to"):
+        write(name, 1.6)
+    (folder / "study.yaml").write_text(
+        "scene: first.yaml\nvary: {scene: [first.yaml, second.yaml]}\nduration: 0.01\n"
+        "controller: {scene: known.yaml}\nmotion: {file: to.yaml}\n"
     )
-    course = f"joint_names: [shoulder, elbow]\npoints: [{points}]\n"
-    (tmp_path / "known.yaml").write_text(json.dumps(known))
-    (tmp_path / "course.yaml").write_text(course % 0.1)
-    study = STUDY | {
-        "duration": 0.01, "controller": {"scene": str(tmp_path / "known.yaml")},
-        "motion": {"file": str(tmp_path / "course.yaml")},
-    }  # fmt: skip
-    sweep(study, tmp_path / "out", workers=1)
-    assert sweep(study, tmp_path / "out", workers=1).made == 0
-    if key == "motion.file":
-        (tmp_path / "course.yaml").write_text(course % 0.2)
-    else:
-        (tmp_path / "known.yaml").write_text(json.dumps(known | {"payloads": []}))
-    with pytest.raises(InvalidInput, match=f"'content of {key}' was "):
-        sweep(study, tmp_path / "out", workers=1)
+    sweep(folder / "study.yaml", tmp_path, workers=1)
+    assert sweep(folder / "study.yaml", tmp_path, workers=1).made == 0
+    write(file, 1.7)
+    with pytest.raises(InvalidInput, match=f"'content of {key}.* was "):
+        sweep(folder / "study.yaml", tmp_path, workers=1)
 
 
 def test_a_file_that_is_not_a_journal_is_refused(tmp_path: Path) -> None:

@@ -119,4 +119,5 @@ class _Checks:
 def _table(name: str, values: Array) -> str:
     """Numbers as a table in C, to the last bit."""
     numbers = ", ".join(f"{float(value)!r}" for value in values)
-    return wrapped(f"static const double {name}[{values.size}] = {{{numbers}}};", 4)
+    text = f"static const double {name}[{values.size}] = {{{numbers}}};"
+    return wrapped(text, subsequent_indent="    ")

@@ -47,8 +47,7 @@ def write_folder(out: Path, files: Mapping[str, str | bytes]) -> None:
     for name in (*files, MANIFEST, *old):
         if (out / name).is_dir():
             raise InvalidInput(f"'{out / name}' is a folder; allowed: a file, which is replaced")
-    for name in files:
-        if name not in old and (out / name).exists():
+        if name not in (MANIFEST, *old) and (out / name).exists():
             raise InvalidInput(f"'{out / name}' was not exported; allowed: another folder or name")
     scratch = out.parent / f".{out.name}-{uuid4().hex}"
     try:

@@ -79,8 +79,8 @@ class QuadraticCost:
                 f"x has {shapes[0][0]} rows, u {shapes[1][0]}; one more is expected"
             )
         if not np.all(self.x_weight >= 0.0):
-            raise InvalidInput(f"x_weight contains {np.min(self.x_weight):g}; allowed: numbers "
-                               "of zero and above")  # fmt: skip
+            least = np.min(self.x_weight)
+            raise InvalidInput(f"x_weight contains {least:g}; allowed: zero and above")
         if not np.all(self.u_weight > 0.0):
             raise InvalidInput(f"u_weight contains {np.min(self.u_weight):g}; allowed: "
                                "numbers above zero")  # fmt: skip

@@ -212,24 +212,23 @@ def _compiled(planner: Planner, groups: Sequence[Group]) -> dict[int, bool]:
 
 def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:
     """Inputs of the rows: the study, the content of its files, and the suite's version."""
-
-    def digest(content: str) -> str:
-        return hashlib.sha256(content.encode()).hexdigest()[:16]
-
-    contents, others = dict[str, str](), dict[str, str]()
+    contents = dict[str, str]()
     for scene in {repr(group.scene): group.scene for group in groups}.values():
-        place = str(scene)[:80]  # scenes may share it
-        content = json.dumps(planner.content(scene), sort_keys=True)
-        contents[place] = f"{contents.get(place, '')} {digest(content)}".lstrip()
-    if study.controller.scene is not None or "controller.scene" in study.vary:
-        known = [planner.recipe(group).controller_scene for group in groups]
-        others["content of controller.scene"] = digest("\n".join(known))
-    if study.motion.file is not None and "motion.file" not in study.vary:
-        others["content of motion.file"] = digest(Path(study.motion.file).read_text("utf-8"))
-    return {
+        place, content = str(scene)[:80], json.dumps(planner.content(scene), sort_keys=True)
+        contents[place] = f"{contents.get(place, '')} {_digest(content)}".lstrip()  # may be shared
+    about: dict[str, Any] = {
         "suite": arm_sim.__version__,
         "study": study.model_dump(mode="json", exclude_unset=True),
         "order of vary": list(study.vary),  # determines numbering and random numbers
         "content of scene": contents,
-        **others,
     }
+    if study.controller.scene is not None or "controller.scene" in study.vary:
+        known = [planner.recipe(group).controller_scene for group in groups]
+        about["content of controller.scene"] = _digest("\n".join(known))
+    if study.motion.file is not None and "motion.file" not in study.vary:
+        about["content of motion.file"] = _digest(Path(study.motion.file).read_text("utf-8"))
+    return about
+
+
+def _digest(content: str) -> str:
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
