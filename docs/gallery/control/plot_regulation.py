@@ -235,6 +235,7 @@ motion = animation(
     trail=(hand(runs["computed torque"].q[shown]), {"label": "path of the hand"}),
     speed=0.5,
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -162,6 +162,7 @@ motion = animation(
         (rod(runs["euler"].q), {"color": "C1", "label": "Euler"}),
     ],
 )
+plt.show()
 
 # %%
 # Questions
