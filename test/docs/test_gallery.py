@@ -34,6 +34,7 @@ PAGES = sorted(GALLERY.glob("*/plot_*.py"))
 def paper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Figures without a window, and an empty working folder."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(plt, "show", lambda: None)  # with a display, Agg warns
     with unseen():
         yield
 
