@@ -23,7 +23,7 @@ def promises(r: Record) -> list[tuple[str, str, str, bool]]:
     rate = loop["loop"]["ticks"] / loop["loop"]["elapsed"]
     missed, bare = loop["loop"]["missed"], loop["thread"]["missed"]
     trip, ping = loop["round_trip"]["p50"], r["ping"]["p50"]
-    across = min(run["rate"] for run in lock["across"])
+    apart = min(run["rate"] for run in lock["across"])
     alone = min(run["rate"] for run in lock["compiled"])
     same = len({run["digest"] for run in [*lock["across"], *lock["alone"]]}) == 1
     again = len({run["digest"] for run in lock["compiled"]}) == 1
@@ -48,7 +48,7 @@ def promises(r: Record) -> list[tuple[str, str, str, bool]]:
          f"{core:,.0f} points/s", core >= 5e5),
         ("Batches through the service, inverse and forward dynamics", "≥ 200 000 points/s",
          f"{big:,.0f} points/s", big >= 2e5),
-        ("Lockstep across processes", "≥ 2000 cycles/s", f"{across:,.0f} cycles/s", across >= 2000),
+        ("Lockstep across processes", "≥ 2000 cycles/s", f"{apart:,.0f} cycles/s", apart >= 2000),
         ("Lockstep in one process, compiled controller", "≥ 50 000 cycles/s",
          f"{alone:,.0f} cycles/s", alone >= 5e4),
         (f"States of two runs of {lock['ticks']:,} cycles across processes and two in one process",
