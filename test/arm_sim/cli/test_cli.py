@@ -342,7 +342,7 @@ def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
     for words, status in (((), 0), (("--check",), int(not trusted))):
         said = run("replay", str(path), *words)
         assert said.exit_code == status, said.output
-        assert ("right to " in said.output) is trusted
+        assert ("accurate to " in said.output) is trusted
         assert ("not trustworthy: " in said.output) is not trusted
         facts = json.loads(run("replay", str(path), *words, "--json").stdout)
         assert facts["trusted"] is trusted
