@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import fill
 from typing import Any
 
 import casadi as ca
@@ -71,7 +72,7 @@ class Plan:
     """Parts that are computed and skipped.
 
     Attributes:
-        parts: The physics, computed and skipped.
+        parts: The physics, computed and skipped, and why.
         operations: Arithmetic operations of one tick (of one sub-step with error control).
         apart: The same while all joints move and nothing touches.
         evaluation: Operations of one evaluation of the acceleration.
@@ -132,7 +133,9 @@ class Plan:
         ]
         lines += [f"            {law}" for law in self.laws]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
-        lines += [f"skipped     {part.name}: {part.why}" for part in self.parts if not part.on]
+        skipped = ", ".join(part.name for part in self.parts if not part.on) or "none"
+        folded = f"skipped     {skipped}; plan.parts says why"
+        lines.append(fill(folded, 98, subsequent_indent=" " * 12))
         return "\n".join(lines)
 
 
