@@ -173,6 +173,7 @@ REFUSED = {
     ("set", "controller", "switch_time", "1"): "refused: ",
     ("set", "controller", "bandwidth", "{a: 1}"): "not a parameter value",
     ("get", "controller", "q"): "has no parameter 'q'",
+    ("get", "controller", "kp"): "'kp'; did you mean 'bandwidth'[?] allowed: ",
 }
 
 
