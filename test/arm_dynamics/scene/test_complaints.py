@@ -43,6 +43,10 @@ SAID = {
         {"payloads": [{"frame": "forarm", "mass": 1}]},
         r"'forarm' does not exist; allowed: .*; did you mean 'forearm'\?",
     ),
+    "foreign": (
+        {"joints": {"*": {"damping": 1}}},
+        r"unknown key 'joints.\*.damping' = 1; .*; did you mean 'friction.viscous'\?",
+    ),
     "word": ({"tunable": ["gravty"]}, r"'tunable.0' = 'gravty': .*; did you mean 'gravity'\?"),
     "word twice": (
         {"tunable": ["gravity", "external", "gravity"]},
