@@ -205,8 +205,14 @@ class Goals:
             return result()
         except Exception as error:
             why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
-            self.refuse(kind, f", the previous one continues: {why}")
+            self.refuse(kind, f"{self.unchanged}: {why}")
             return None
+
+    @property
+    def unchanged(self) -> str:
+        """Of a goal that is refused: that the motion, if there is one, goes on."""
+        moving = self.follower is not None and self.follower.remaining(self.stamp) > 0.0
+        return ", the previous one continues" if moving else ""
 
     def refuse(self, kind: str, why: str) -> None:
         """Log that a goal of a kind is refused, and why, and count it."""
