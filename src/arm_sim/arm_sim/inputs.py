@@ -83,7 +83,7 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
         n = count(joints)
         raise InvalidInput(
             f"control = {control!r}: a function of the state, a controller, or numbers of shape "
-            f"({n},) or (ticks, {n}) are expected"
+            f"({n},) or (steps, {n}) are expected"
         )
     table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:
