@@ -354,6 +354,7 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     first.save(path)
     said = run("replay", str(path), "--out", str(out))
     assert said.exit_code == 0 and "100 time steps replayed, every state bit-id" in said.output
+    assert said.output.count("<Recording: ") == 1 and "not checked yet" not in said.output
     assert said.output.splitlines()[-1].strip() == str(out)
     assert Recording.load(out).q.tobytes() == first.q.tobytes()
     told = json.loads(run("replay", str(path), "--json").stdout)

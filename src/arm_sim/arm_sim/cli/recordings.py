@@ -215,7 +215,8 @@ def _compared(loaded: Recording, found: Replay) -> tuple[list[str], dict[str, An
     import numpy as np
 
     largest = float(np.nanmax(found.apart)) if len(found.apart) else 0.0
-    lines = [repr(loaded)]
+    notes = [event.text for event in loaded.events if event.text.startswith("file: ")]
+    lines = notes if found.equal else [repr(loaded)]  # the replayed one is shown in any case
     for name in found.other_versions:
         lines.append(f"{name} has another version here; last bits may differ")
     if found.equal:
