@@ -113,6 +113,8 @@ def record(
     status, node = run_node(make, done=done)
     if node is not None:
         _show_topics(node.count)
+        for topic, lost in node.gaps.items():
+            click.echo(f"{lost:9d}  missing on {topic}, by gaps between its stamps")
         for topic in node.missing:
             click.echo(f"        -  {topic}: no publisher")
         if node.thread.lost:

@@ -4,18 +4,22 @@
 from __future__ import annotations
 
 import time
+from array import array
 from functools import partial
 from pathlib import Path
+from struct import unpack_from
 from typing import Any
 
+import numpy as np
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
+from arm_dynamics.cdr import HEADER
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files import McapWriter, new_file
-from arm_sim.recording.files.messages import LATCHED
+from arm_sim.recording.files.messages import JOINT_STATE, LATCHED
 from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.definitions import definition_of, type_of
 
@@ -48,6 +52,7 @@ class TopicRecorder(Node):
         self.path = path
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
+        self._stamps = dict[str, array[int]]()
         self._complete = True
         self.discover()
         self.create_timer(_PERIOD, self.discover)
@@ -67,7 +72,8 @@ class TopicRecorder(Node):
         for topic, kinds in self.get_topic_names_and_types():
             if topic in self.count or topic in self.passed_over:
                 continue
-            if self._wanted and topic not in self._wanted:
+            hidden = "/_" in topic  # as those of actions, which are recorded by name only
+            if topic not in self._wanted if self._wanted else hidden:
                 continue
             if not (publishers := self.get_publishers_info_by_topic(topic)):
                 continue
@@ -81,6 +87,17 @@ class TopicRecorder(Node):
     def missing(self) -> tuple[str, ...]:
         """Requested topics that have not been found."""
         return tuple(sorted(self._wanted - set(self.count) - set(self.passed_over)))
+
+    @property
+    def gaps(self) -> dict[str, int]:
+        """About how many joint states are missing between others, by their stamps."""
+        found = dict[str, int]()
+        for topic, stamps in self._stamps.items():
+            steps = np.diff(stamps)[np.diff(stamps) > 0]
+            typical = np.median(steps) if steps.size else 1.0
+            if lost := int((np.rint(steps / typical) - 1.0).clip(0).sum()):
+                found[topic] = lost
+        return found
 
     def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
         type_ = type_of(kind)
@@ -99,12 +116,17 @@ class TopicRecorder(Node):
         about = LATCHED if latched else ""
         channel = self.thread.channel(topic, kind, definition_of(kind), about)
         self.count[topic] = 0
+        if kind == JOINT_STATE:
+            self._stamps[topic] = array("q")
         take = partial(self._take, topic, channel)
         self.create_subscription(type_, topic, take, profile, raw=True)
 
     def _take(self, topic: str, channel: int, raw: bytes) -> None:
         now = time.time_ns()
         self.count[topic] += self.thread.add(channel, now, now, raw)
+        if topic in self._stamps:
+            seconds, nanoseconds = unpack_from("<iI", raw, HEADER)
+            self._stamps[topic].append(10**9 * seconds + nanoseconds)
 
     def destroy_node(self) -> None:
         """Write the remaining messages, and destroy the node."""
