@@ -173,8 +173,8 @@ def _warn(scene: Scene, urdf: Urdf) -> None:
         many = f"{count} links have" if count > 1 else "a link has"
         more = f" (and {known_names(list(urdf.doubtful)[1:], 5)})" if count > 1 else ""
         _log.warning(
-            "robot description: %s an inertia that no rigid body has; it is computed with as it "
-            "is: link '%s'%s: %s", many, name, more, trouble,
+            "robot description: %s an inertia that no rigid body has; it is used unchanged: link "
+            "'%s'%s: %s", many, name, more, trouble,
         )  # fmt: skip
     for remark in _unit_remarks(scene, urdf):
         _log.warning("scene: %s", remark)

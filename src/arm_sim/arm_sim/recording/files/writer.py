@@ -90,7 +90,7 @@ def new_file(path: Path) -> Place:
         NotWritten: If the system does not let it be created.
     """
     exists = InvalidInput(
-        f"'{path}' exists, and may be being written by another recorder; recordings are not "
+        f"'{path}' exists, and another recorder may be writing it; recordings are not "
         "overwritten; allowed: a new name"
     )
     if path.exists():
