@@ -36,9 +36,10 @@ print("\nlargest holding torques in 1000 postures [N m]:", np.round(worst, 2))
 
 with figure("torques", size=(7.2, 3.6)) as axis:
     places, joints = np.arange(dynamics.n), [f"joint {i + 1}" for i in range(dynamics.n)]
-    for k, (name, tau) in enumerate(terms.items()):
-        axis.bar(places + 0.15 * (k - 2), tau, 0.14, label=name.lower())
-    axis.plot(places, total, "k_", markersize=26, label="all")
+    acting = {name: tau for name, tau in terms.items() if abs(tau).max() > 0.01}
+    for k, (name, tau) in enumerate(acting.items()):
+        axis.bar(places + 0.15 * (k - 1), tau, 0.14, label=name.capitalize())
+    axis.plot(places, total, "k_", markersize=26, label="Sum")
     axis.set(ylabel="torque [N m]", title="Torques of a Panda by term")
     axis.set_xticks(places, joints)
-    axis.legend(ncols=3)
+    axis.legend(ncols=2, markerscale=0.5)

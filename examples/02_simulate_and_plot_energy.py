@@ -11,15 +11,18 @@ from arm_sim.figures import figure
 scene = files("arm_sim") / "scenes/double_pendulum.yaml"
 with figure("energy", size=(7.2, 4.0)) as axis:
     drift = {}
-    for method in ("euler", "semi_implicit_euler", "midpoint", "rk4", "dopri5", "dop853"):
+    names = {"euler": "Euler", "semi_implicit_euler": "semi-implicit Euler"}
+    for method in (*names, "midpoint", "rk4", "dopri5", "dop853"):
         motion = Simulator(scene, integrator=method, dt=1e-3).run(10.0)  # [s], no torque
         error = np.abs(motion.energy - motion.energy[0])
         drift[method] = error.max()
-        axis.semilogy(motion.time, np.fmax(error, 1e-16), label=f"{method}: {drift[method]:.0e} J")
+        name = names.get(method, method if method == "midpoint" else method.upper())
+        label = f"{name}: {drift[method]:.0e} J"
+        axis.semilogy(motion.time, np.fmax(error, 1e-16), label=label)
         print(f"{method:<20} energy error {drift[method]:.1e} J")
 
     axis.set(
-        xlabel="time [s]", ylabel="energy error [J]", title="Free double pendulum, 1 ms ticks"
+        xlabel="time [s]", ylabel="energy error [J]", title="Free double pendulum, steps of 1 ms"
     )
     axis.legend(ncols=2)
 

@@ -6,7 +6,7 @@ from importlib.resources import files
 import numpy as np
 
 from arm_sim import Simulator, State
-from arm_sim.figures import figure
+from arm_sim.figures import figure, legend_outside
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml")
 push = np.array([0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # [N m], for a tenth of a second
@@ -41,6 +41,6 @@ with figure("gravity_compensation", columns=2) as (left, right):
     left.legend()
     right.plot(pushed.time, pushed.v, label=[f"joint {i + 1}" for i in range(sim.n)])
     right.set(xlabel="time [s]", ylabel="speed [rad/s]", title="After a push")
-    right.legend(ncols=2)
+    legend_outside(right.figure)
 
 assert moved < 1e-9

@@ -62,7 +62,8 @@ with figure("bristles", columns=2, size=(7.2, 2.6)) as (loop, breaking):
             expected = -1e-3 * np.log(1.0 - peak)
             reached = run.q[2000, 0]
     loop.set(xlabel="angle [mrad]", ylabel="torque [N m]", title="Hysteresis before slipping")
-    loop.legend()
+    loop.set_xlim(-0.9, 4.1)
+    loop.legend(loc="lower right")
     print(f"hysteresis: {1e3 * reached:.3f} mrad at 0.7 N m, closed form {1e3 * expected:.3f}")
 
     # --- the faster the torque grows, the lower the break-away torque ---
@@ -72,15 +73,16 @@ with figure("bristles", columns=2, size=(7.2, 2.6)) as (loop, breaking):
         ticks = int(2.0 / rate / DT) + 50
         run = sim.run(ticks * DT, (rate * DT * (np.arange(ticks) + 1))[:, None])
         forces.append(LUGRE["lugre"]["sigma0"] * run.z.max())
-    breaking.semilogx(rates, forces, "o-", label="run")
+    breaking.semilogx(rates, forces, "o-", label="break-away")
     breaking.axhline(DRY["static"], color="0.5", linestyle="--", label="static friction")
     breaking.axhline(DRY["coulomb"], color="0.5", linestyle=":", label="Coulomb friction")
     breaking.set(
         xlabel="rate of the torque [N m/s]",
         ylabel="largest bristle torque [N m]",
         title="Break-away",
+        ylim=(0.95, 1.75),
     )
-    breaking.legend()
+    breaking.legend(loc="upper right", ncols=2)
 print(f"break-away: {forces[0]:.2f} N m at {rates[0]:.0f} N m/s, {forces[-1]:.2f} at 50")
 
 assert 0.3 < still < 1.0

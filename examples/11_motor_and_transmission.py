@@ -41,7 +41,7 @@ with figure("motor", columns=2, size=(7.2, 2.6)) as (left, right):
     limits = {"current_limit": 8.0, "voltage_limit": 12.0}
     geared = winding | limits | {"gear_ratio": 20.0, "rotor_inertia": J}
     motor = wheel(0.1, geared)
-    speeds, limit = np.linspace(0.0, 14.0, 57), motor.model.command_limit[0]
+    speeds, limit = np.linspace(0.0, 14.0, 141), motor.model.command_limit[0]
     torques = []
     for speed in speeds:
         motor.reset([0.0], [speed])
@@ -92,11 +92,13 @@ with figure("transmission", columns=3, size=(7.2, 2.6)) as axes:
     wave = {"kinematic_error": {"amplitude": 2e-4, "order": 2}, "stiffness": 4e3, "damping": 1.0}
     resonance = np.sqrt(4e3 * (1.0 / 1.0 + 1.0 / 0.3))  # rotor and link against each other
     sim = wheel(0.3, {"rotor_inertia": 1e-4, "gear_ratio": 100.0}, wave)
-    speeds, shaking = np.linspace(0.2, 1.6, 29), []
-    for speed in speeds:
-        sim.reset([0.0], [speed])
-        shaking.append(np.std(sim.run(1.0).v[500:, 0]))
-    axes[2].plot(speeds, 1e3 * np.array(shaking))
+    speeds, shaking = [], []
+    for start in np.linspace(0.2, 1.6, 71):
+        sim.reset([0.0], [start])
+        turning = sim.run(1.0).v[500:, 0]
+        speeds.append(turning.mean())
+        shaking.append(turning.std())
+    axes[2].plot(speeds, 1e3 * np.array(shaking), ".")
     axes[2].axvline(resonance / 200.0, color="0.7", ls=":", label="resonance")
     axes[2].set(
         xlabel="mean speed [rad/s]", ylabel="speed ripple [mrad/s]", title="Kinematic error"

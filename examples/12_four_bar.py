@@ -30,9 +30,9 @@ with figure("four_bar", columns=2, size=(7.2, 3.2)) as (left, right):
     for k in range(0, 700, 100):
         chain = np.array([0, knee[k], 0.35 + 0.25 * np.exp(1j * rocker[k]), 0.35])
         left.plot(chain.real, chain.imag, "o-", color="0.8", zorder=0, markersize=3)
-    left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="path of the coupler's middle")
+    left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the coupler's middle")
     right.plot(motion.time[:2000], force[:2000])
-    right.set(xlabel="time [s]", ylabel="force in the hinge [N]")
+    right.set(xlabel="time [s]", ylabel="force [N]", title="Force in the hinge")
 
 assert gap.max() < 1e-12
 assert np.ptp(motion.energy) < 1e-6

@@ -65,9 +65,9 @@ print(f"lifted: {1e3 * (tip(lifted.q[-1])[2] - 0.3):.0f} mm above the sheet")
 
 with figure("pen", columns=2, size=(7.2, 3.2)) as (left, right):
     left.plot(path[:, 0], path[:, 1])
-    left.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="on the sheet")
+    left.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="On the sheet")
     right.plot(motion.time, pressure)
-    right.set(xlabel="time [s]", ylabel="pressure [N]")
+    right.set(xlabel="time [s]", ylabel="force [N]", title="Pressure on the sheet")
 
 assert np.abs(path[:, 2] - 0.3).max() < 1e-12
 assert off.max() < 1e-3

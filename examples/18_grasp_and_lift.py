@@ -54,9 +54,12 @@ with figure("grasp_and_lift", size=(7, 4)) as axis:
         axis.plot(time, up_by, label=f"{min(current, LIMIT):.2f} A")
     for moment, what in ((CLOSED, "lifts"), (UP, "opens")):
         axis.axvline(moment, color="0.6", linestyle=":")
-        axis.text(moment, 104, f" {what}", color="0.4")
+        axis.text(moment, 106, f" {what}", color="0.4")
     axis.set(
-        xlabel="time [s]", ylabel="height of the box [mm]", title="Enough current, too little"
+        xlabel="time [s]",
+        ylabel="height of the box [mm]",
+        title="Enough current, too little",
+        ylim=(-5.0, 115.0),
     )
     axis.legend()
 

@@ -33,18 +33,16 @@ for shape, way in (("line", straight), ("circle", whole)):
         sim.reset()
         done = sim.run(kept.duration, lambda s, c=control, r=sample: c.torque(s, r(s.time)))
         reference = np.array([motion.sample(float(t)).position for t in done.time])
-        off = 1e3 * np.linalg.norm(hand.pose(done.q).position - reference, axis=1).max()
-        worst = max(worst, off)
-        curves[shape, name] = hand.pose(done.q).position[:, 1:], reference[:, 1:]
-        print(f"  {name:18s} largest distance from the reference {off:.4f} mm")
+        off = 1e3 * np.linalg.norm(hand.pose(done.q).position - reference, axis=1)
+        worst = max(worst, off.max())
+        curves[shape, name] = done.time, 1e3 * off
+        print(f"  {name:18s} largest distance from the reference {off.max():.4f} mm")
 
-with figure("straight_line", columns=2) as both:
+with figure("straight_line", columns=2, sharey=True) as both:
     for axis, shape in zip(both, ("line", "circle"), strict=True):
         for name in controllers:
-            drawn, reference = curves[shape, name]
-            axis.plot(*drawn.T, label=name)
-        axis.plot(*reference.T, "k:", label="reference")
-        axis.set(xlabel="y [m]", ylabel="z [m]", aspect="equal", title=f"A {shape}")
-    both[1].legend(loc="center")
+            axis.plot(*curves[shape, name], label=name)
+        axis.set(xlabel="time [s]", title=f"A {shape}")
+    both[0].set_ylabel("distance from the reference [µm]")
 
 assert worst < 0.1

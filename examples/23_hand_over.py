@@ -36,8 +36,14 @@ with figure("hand_over", size=(7.2, 3.6)) as axis:
         axis.plot(sim.dt * np.arange(len(torques)), torques[:, 1], label=f"fade {fade:.1f} s")
     for k, name in enumerate(order):
         axis.axvline(0.5 * k, color="0.7", linestyle=":")
-        axis.text(0.5 * k, axis.get_ylim()[1], f" {name}", color="0.4", size=8)
-    axis.set(xlabel="time [s]", ylabel="torque of joint 2 [N m]")
+        axis.text(
+            0.5 * k,
+            axis.get_ylim()[1],
+            f" {name.replace('pd_', 'PD + ').replace('_', ' ')}",
+            color="0.4",
+            size=8,
+        )
+    axis.set(xlabel="time [s]", ylabel="torque of joint 2 [N m]", xlim=(-0.05, 2.05))
     axis.legend()
 
 assert jumps[0.2] < 0.2 * jumps[0.0]

@@ -53,10 +53,9 @@ print(f"along a trajectory: {abs(led.q[-1] - goal).max():.1e} rad from the goal"
 assert abs(led.q[-1] - goal).max() < 1e-3
 
 with figure("own_controller", columns=2) as (left, right):
-    left.plot(motion.time, motion.q - goal)
+    left.plot(motion.time, motion.q - goal, label=[f"joint {i + 1}" for i in range(sim.n)])
     left.set(xlabel="time [s]", ylabel="distance from the goal [rad]", title="Step of the goal")
     right.plot(motion.time, motion.tau / sim.model.effort_limit)
     right.set(
         xlabel="time [s]", ylabel="fraction of the effort limit", title="The torque is bounded"
     )
-    right.legend([f"joint {i + 1}" for i in range(sim.n)], ncols=2)

@@ -27,10 +27,11 @@ for name in ("computed_torque", "feed_forward", "pd_gravity"):
         assert np.corrcoef(off[these], error)[0, 1] > 0.7
 
 with figure("payload_sweep", size=(7, 4)) as axis:
-    for name in ("computed_torque", "feed_forward", "pd_gravity"):
+    shown = {"computed_torque": "computed torque", "feed_forward": "feed-forward"}
+    for name, words in (shown | {"pd_gravity": "PD + gravity"}).items():
         these = table["controller"] == name
         axis.scatter(
-            table["payloads.0.mass"][these], 1e3 * table["tracking_max"][these], s=9, label=name
+            table["payloads.0.mass"][these], 1e3 * table["tracking_max"][these], s=9, label=words
         )
     axis.axvline(1.0, color="0.5", linewidth=0.8)
     axis.set(xlabel="payload [kg]; 1 kg in the model", ylabel="largest tracking error [mrad]",

@@ -56,10 +56,10 @@ print(f"at the end {missed[0]:.1e} m and {missed[1]:.1e} rad off, {missed[2:].ma
 print(f"rail used {abs(motion.q[:, 0]).max():.2f} m, voltage up to {abs(best.u).max():.1f} V")
 
 with figure("swing_up", columns=3, size=(7.2, 2.6)) as (left, middle, right):
-    left.plot(motion.time, motion.q[:, 1], label="pendulum [rad]")
-    left.plot(motion.time, motion.q[:, 0], label="cart [m]")
-    left.set(xlabel="time [s]", title="Swing-up; upright is 0")
-    left.legend()
+    left.plot(motion.time, motion.q[:, 1], label="pendulum")
+    left.plot(motion.time, motion.q[:, 0], label="cart")
+    left.set(xlabel="time [s]", ylabel="angle [rad], way [m]", title="Swing-up; upright is 0")
+    left.legend(loc="center left")
     middle.step(np.arange(NODES) * DT, best.u[:, 0], where="post", color="C3")
     middle.set(xlabel="time [s]", ylabel="voltage [V]", title="Motor voltage")
     right.semilogy(best.costs, ".-")

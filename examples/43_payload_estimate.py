@@ -125,8 +125,8 @@ with figure("payload_estimate", columns=2, size=(7.2, 2.6)) as (left, right):
     left.plot(run.time, LOAD * ((run.time >= TAKEN) & (run.time < PUT_DOWN)), "k:", label="truth")
     left.errorbar(when, mass, 2.0 * sigma, fmt=".-", color="C1", label="estimate, ± 2σ")
     left.set(xlabel="time [s]", ylabel="payload [kg]", title="Payload")
-    left.legend()
-    right.plot(run.time, 1e3 * (run.q - np.array([way.sample(t).q for t in run.time])))
+    error = 1e3 * (run.q - np.array([way.sample(t).q for t in run.time]))
+    right.plot(run.time, error, label=[f"joint {i + 1}" for i in range(error.shape[1])])
     right.set(xlabel="time [s]", ylabel="tracking error [mrad]", title="Effect of the load")
 
 assert abs(mass[carrying] - LOAD).max() < 0.02 and mass[empty].max() < 0.02

@@ -119,10 +119,9 @@ def drawing() -> str:
     parts += stack("arm_sim", "simulates the arm", LEFT, 140, COLUMN)
     parts += stack("arm_dynamics", "computes the equations", right, 140, COLUMN)
     bottom = max(float(part.split('"')[3]) for part in parts if part[1] == "r") + ROW
-    middle = (150 + bottom) / 2
     parts.append(
-        f'<path d="M {LEFT + COLUMN + 5} {middle:g} h {BETWEEN - 10} m -8 -8 l 8 8 l -8 8" '
-        'stroke="#333" stroke-width="2" fill="none"/>'
+        f'<path d="M {LEFT + COLUMN + 5} {(150 + bottom) / 2:g} h {BETWEEN - 10} m -8 -8 l 8 8 '
+        'l -8 8" stroke="#333" stroke-width="2" fill="none"/>'
     )
     ground = {
         "arm_msgs": ("messages, services", ROS),
@@ -133,7 +132,8 @@ def drawing() -> str:
     }
     parts += row(ground, LEFT, bottom + 2 * GAP, wide)
     height = bottom + 2 * GAP + ROW + 26
-    legend = "A box may import what stands below it, but not what touches it. Orange: knows ROS."
+    legend = "A box may import what is below it or where the arrow points, not what touches it. "
+    legend += "Orange: knows ROS."
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" '
         'font-family="DejaVu Sans, sans-serif" text-anchor="middle">'

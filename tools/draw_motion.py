@@ -11,7 +11,7 @@ from arm_sim import Simulator, contact_history
 from arm_sim.figures import joint_words, legend_outside, use_style
 from arm_sim.view import pictures, show
 
-FILM, RATE = Path(__file__).parents[1] / "docs/figures/arm.gif", 8.0  # frames per second
+FILM, RATE = Path(__file__).parents[1] / "docs/figures/arm.gif", 1 / 0.03  # frames per second
 FORCES = [[0, 0, 0], [15, 35, -60], [-10, -45, -60], [0, 0, 0]]  # [N] on the hand
 UNTIL, END = [0.8, 2.2, 3.6], 4.6  # [s]
 FRICTION = {"*": {"friction": {"coulomb": 3.0, "static": 4.0, "viscous": 4.0}}}
@@ -24,10 +24,10 @@ axes[0].plot(run.time, [drag(t, q) for t, q in zip(run.time, run.q, strict=True)
 axes[1].plot(run.time, np.linalg.norm(contact_history(sim, run).force[:, 0], axis=1))
 axes[2].plot(run.time, run.v, label=joint_words(sim.joint_names))
 legend_outside(figure, below=True)
-axes[0].set_title("torque of the drag on the joints [N m]")
-axes[1].set_title("force of the table [N]")
-lines = [axis.axvline(0.0, color="k", lw=1.0, zorder=9) for axis in axes]
-axes[2].set(title="speed of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
+axes[0].set_title("Torque of the drag on the joints [N m]")
+axes[1].set_title("Force of the table [N]")
+lines = [axis.axvline(0.0, color="0.4", lw=1.0, zorder=9) for axis in axes]
+axes[2].set(title="Speed of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
 with show(run, port=0) as page, page._camera((400, 400)) as shoot:
     films = []
     for time in np.arange(0.0, END, 1.0 / RATE):

@@ -172,7 +172,7 @@ def draw(results: Results, path: Path) -> None:
         for axis, name in zip(axes.flat, panels, strict=False):
             _draw_steps(axis, results, name)
         _draw_controlled(axes.flat[len(panels)], results)
-        for axis in axes[:, 0]:
+        for axis in (*axes[:, 0], axes.flat[len(panels)]):
             axis.set_ylabel("largest error [rad] or [m]")
 
 

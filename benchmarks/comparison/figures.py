@@ -148,8 +148,8 @@ def _energy(results: Record, out: Path) -> Iterator[str]:
             key = one["who"], one["knob"], one["setting"]
             line = [(r["horizon_s"], r["drift_J"]) for r in rows
                     if (r["who"], r["knob"], r["setting"]) == key]  # fmt: skip
-            unit = " s" if one["knob"] == "step" else ""
-            _curve(axis, line, f"{one['who']}, {one['knob']} {one['setting']:g}{unit}")
+            setting = f"{one['setting']:g}{' s' * (one['knob'] == 'step')}".replace("e-0", "e-")
+            _curve(axis, line, f"{one['who']}, {one['knob']} {setting}")
             axis.lines[-1].set_linestyle("--" if one in usual else "-")
         axis.set(
             xscale="log", yscale="log", xlabel="simulated time [s]",

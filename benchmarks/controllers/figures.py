@@ -65,8 +65,9 @@ def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> Non
                     if r.plant == plant and (x < _LEAST) is mine]  # fmt: skip
             y = [row + 0.18 * (i - 1.5) for row, _ in rows]
             axis.plot([max(x, _LEAST) for _, x in rows], y, _MARKS[i], color=color, ms=4.0,
-                      mfc="white" if mine else color,
+                      mfc="white" if mine else color, clip_on=not rows, zorder=3,
                       label=None if mine else PLANTS[plant])  # fmt: skip
+    axis.plot([], [], "o", color="0.4", mfc="white", ms=4.0, label=f"below {_LEAST:g} mm")
     axis.set(xscale="log", xlim=(_LEAST, 2e3), ylim=(len(names) - 0.5, -0.5))
     axis.set_yticks(range(len(names)), names)
     axis.grid(visible=False, axis="y")
@@ -84,8 +85,7 @@ def _courses(results: Sequence[Result], path: Path) -> None:
                 key = (plant, "line", "fast", controller)
                 mine = next(r for r in results if (r.plant, r.task, r.pace, r.controller) == key)
                 width = max(1, round(_WINDOW / np.diff(mine.time[:2])[0]))
-                course = maximum_filter1d(mine.course, width)
-                axis.plot(mine.time, np.maximum(course, _LEAST), label=controller)
+                axis.plot(mine.time, maximum_filter1d(mine.course, width), label=controller)
             axis.set(yscale="log", ylim=(_LEAST, 2e2), title=PLANTS[plant])
         for axis in axes[1]:
             axis.set_xlabel("time [s]")

@@ -7,6 +7,8 @@ sphinx-gallery's own way draws an animation twice, the second time for a thumbna
 from __future__ import annotations
 
 import re
+from base64 import b64decode, b64encode
+from io import BytesIO
 from textwrap import indent
 from typing import Any
 
@@ -14,11 +16,14 @@ import matplotlib
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.animation import Animation
+from PIL import Image
 from sphinx_gallery.scrapers import matplotlib_scraper
 
 from arm_sim.figures import fill_with
 
 THUMBNAIL = 4.0, 2.8  # inches; the shape of the gallery's frames
+SHADES = 64  # of a film: without more, a page stays near a megabyte
+PICTURE = re.compile(r'(?<=data:image/png;base64,)[^"]+')
 
 matplotlib.use("agg")
 
@@ -36,7 +41,8 @@ def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any
 
 def _player(animation: Animation, path: str) -> str:
     """An animation as a player of HTML; what moves is saved for the thumbnail, as it ends."""
-    player = re.sub(r"<link\b[^>]*>", "", animation.to_jshtml())  # icons are those of the site
+    with matplotlib.rc_context({"savefig.dpi": "figure"}):
+        player = re.sub(r"<link\b[^>]*>", "", animation.to_jshtml())  # icons are those of the site
     figure = animation._fig
     for legend in figure.legends:
         legend.remove()
@@ -48,5 +54,21 @@ def _player(animation: Animation, path: str) -> str:
     fill_with(axes, np.vstack([line.get_xydata() for line in axes.lines]))
     figure.savefig(path, dpi=200)
     plt.close(figure)
-    html = indent(player, " " * 8)
+    html = indent(_lighter(player), " " * 8)
     return f"\n.. container:: sphx-glr-animation\n\n    .. raw:: html\n\n{html}\n\n"
+
+
+def _lighter(player: str) -> str:
+    """A player with pictures of few colours, those of the last one."""
+    read = (BytesIO(b64decode(text)) for text in PICTURE.findall(player))
+    pictures = [Image.open(file).convert("RGB") for file in read]
+    palette = pictures[-1].quantize(SHADES, Image.Quantize.FASTOCTREE)
+    made = iter(
+        picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures
+    )
+
+    def text(_: re.Match[str]) -> str:
+        next(made).save(file := BytesIO(), "PNG", optimize=True)
+        return b64encode(file.getvalue()).decode()
+
+    return PICTURE.sub(text, player)

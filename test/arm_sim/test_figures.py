@@ -14,7 +14,7 @@ from pictures import unseen, written
 from arm_dynamics import InvalidInput
 from arm_sim.figures import (
     COLORS,
-    MOST_FRAMES,
+    RATE,
     STYLE,
     WIDTH,
     animation,
@@ -39,8 +39,8 @@ def test_every_frame_shows_the_motion_at_its_time() -> None:
     ground = np.array([[-1.0, 0.0], [1.0, 0.0]])
     film = animation(TIME, [ROD, (ground, {"color": "k"})], trail=TIP, speed=0.5)
     frames = list(film.new_frame_seq())
-    assert len(frames) == MOST_FRAMES and (frames[0], frames[-1]) == (0, 400)
-    assert film.event_source.interval == pytest.approx(2000.0 / (MOST_FRAMES - 1) / 0.5, abs=1.0)
+    assert len(frames) == 4 * RATE + 1 and (frames[0], frames[-1]) == (0, 400)
+    assert film.event_source.interval == pytest.approx(1000.0 / RATE, abs=1.0)
     for k in frames:
         trail, rod, still, clock = film._func(k)
         np.testing.assert_array_equal(rod.get_xydata(), ROD[k])

@@ -24,6 +24,7 @@ BY_PIP = re.compile(
     r"python tools/save_space\.py my_env"
 )
 INTO_VENV = re.compile(r"git clone .*|\.venv/bin/.*")
+INSTALLED = {'pip install src/arm_dynamics "src/arm_sim[robots]"', 'pip install ".[teaching]"'}
 GOES_ON = {"jupyter lab": "is running at"}  # until Ctrl-C, and what it says
 
 
@@ -64,12 +65,8 @@ def test_what_the_suite_is_installed_by(project: Path) -> None:
     """From its parts and as a whole; pip warns where a line names an extra that there is not."""
     here = [p for p in sys.path if p.endswith("-packages") and "/workspace/" not in p]
     (project / "here.pth").write_text("\n".join(here))
-    in_parts, whole = (
-        'pip install src/arm_dynamics "src/arm_sim[robots]"',
-        'pip install ".[teaching]"',
-    )
-    make, *then = (x for x in lines(BY_PIP) if "my_env" in x or x in (in_parts, whole))
-    assert {in_parts, whole} < set(then)
+    make, *then = (x for x in lines(BY_PIP) if "my_env" in x or x in INSTALLED)
+    assert INSTALLED < set(then)
     link = "cp here.pth my_env/lib/python3.12/site-packages"  # instead of the network
     said = typed([make, link, *then, "arm describe pendulum"], project, **OFFLINE)
     assert "WARNING" not in said and "continuous" in said

@@ -15,26 +15,20 @@ SECONDS = 0.2
 SMOOTH = [name for name in models.ROBOTS if not models.dynamics(name).model.has_dry_friction]
 
 
-def by_scipy(name: str, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    oracle, n = models.oracle(name), len(q)
-
-    def rate(_: float, x: np.ndarray) -> np.ndarray:
-        return np.r_[x[n:], oracle.forward(x[:n], x[n:], tau)]
-
-    return np.asarray(
-        solve_ivp(rate, (0.0, SECONDS), np.r_[q, v], "DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
-    )
-
-
 @pytest.mark.parametrize("name", SMOOTH)
 def test_rk4_at_1_ms(name: str, rng: np.random.Generator) -> None:
-    sim = models.simulator(name, stops=False, integrator="rk4")
+    sim, oracle = models.simulator(name, stops=False, integrator="rk4"), models.oracle(name)
     q, v = rng.uniform(-1.0, 1.0, sim.n), 0.3 * rng.normal(size=sim.n)
     tau = sim.dynamics.inverse(q, v, rng.normal(size=sim.n))
     tau = tau.clip(-sim.model.effort_limit, sim.model.effort_limit)
     sim.reset(q, v)
     run = sim.run(SECONDS, tau)
-    assert_close(np.r_[run.q[-1], run.v[-1]], by_scipy(name, q, v, tau), TRAJECTORY)
+
+    def rate(_: float, x: np.ndarray) -> np.ndarray:
+        return np.r_[x[sim.n :], oracle.forward(x[: sim.n], x[sim.n :], tau)]
+
+    solved = solve_ivp(rate, (0.0, SECONDS), np.r_[q, v], "DOP853", rtol=1e-10, atol=1e-10)
+    assert_close(np.r_[run.q[-1], run.v[-1]], solved.y[:, -1], TRAJECTORY)
 
 
 def test_panda_falls_freely_for_a_second() -> None:

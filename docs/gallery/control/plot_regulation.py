@@ -203,10 +203,11 @@ assert off > 0.004
 # -----------
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
-for name, run in runs.items():
+for (name, run), color in zip(runs.items(), ("0.6", "C1", "C2", "C0"), strict=True):
     path = hand(run.q)
-    axes[0].semilogy(run.time, 1e3 * np.linalg.norm(path - P_f, axis=1), label=name)
-    axes[1].plot(*path.T, label=name)
+    far = 1e3 * np.linalg.norm(path - P_f, axis=1)
+    axes[0].semilogy(run.time, far, color=color, label=name)
+    axes[1].plot(*path.T, color=color)
 axes[0].set(xlabel="time [s]", ylabel="distance from the point [mm]", title="How near, how soon")
 axes[0].legend()
 axes[1].plot(*P_f, "k+", ms=12, label="goal")
@@ -228,11 +229,11 @@ shown = runs["PD"].time <= 1.5
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     runs["PD"].time[shown],
-    [(chain(runs["PD"].q[shown]), {"color": "0.7", "label": "PD"}),
+    [(chain(runs["PD"].q[shown]), {"color": "0.6", "label": "PD"}),
      (chain(runs["computed torque"].q[shown]), {"label": "computed torque"}),
      (np.array([P_f, P_f]),
       {"marker": "+", "markersize": 12, "color": "k", "linestyle": "", "label": "goal"})],
-    trail=(hand(runs["computed torque"].q[shown]), {"label": "path of the hand"}),
+    trail=(hand(runs["computed torque"].q[shown]), {"color": "C0", "label": "path of its hand"}),
     speed=0.5,
 )  # fmt: skip
 

@@ -41,7 +41,7 @@ from arm_dynamics import load_scene
 from arm_dynamics.control import PID, ComputedTorque, FeedForwardPD
 from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
-from arm_sim.figures import animation, use_style
+from arm_sim.figures import animation, legend_outside, use_style
 
 use_style()
 
@@ -207,21 +207,24 @@ assert (np.diff(table["exact model", "computed torque"]) < 0).all()
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4), width_ratios=[1.0, 1.9])
+# The hand of the two controllers with a model is on the line, within the width of the drawing.
+
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.8), width_ratios=[1.0, 1.9])
 colours = {"PID": "C1", "feed-forward": "C2", "computed torque": "C0"}
-for name, run in runs.items():
-    axes[0].plot(*hand(run.q).T, color=colours[name], label=name)
 axes[0].plot(*np.array([P_s, P_f]).T, "k:", label="line")
-axes[0].set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="0.78 m in 0.8 s, exact model")
-axes[0].legend(loc="lower left", fontsize=8)
+axes[0].plot(*hand(runs["PID"].q).T, color=colours["PID"])
+axes[0].set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="0.78 m in 0.8 s")
 for (plant, name), values in table.items():
     style = "o-" if plant == "exact model" else "s--"
-    axes[1].loglog(times, values, style, ms=4, color=colours[name], label=f"{name}, {plant}")
+    label = name if plant == "exact model" else None
+    axes[1].loglog(times, values, style, ms=4, color=colours[name], label=label)
+axes[1].plot([], [], "o-", color="0.5", label="exact model")
+axes[1].plot([], [], "s--", color="0.5", label="0.3 kg not known")
 axes[1].set(xlabel="time for the line [s]", ylabel="farthest off the line [mm]",
-            title="What the pace costs", ylim=(4e-3, 90),
+            title="What the pace costs",
             xticks=times, xticklabels=[f"{T:g}" for T in times])  # fmt: skip
 axes[1].minorticks_off()
-axes[1].legend(fontsize=8, ncols=2, loc="lower center")
+legend_outside(figure)
 
 # %%
 # In motion

@@ -134,7 +134,7 @@ figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
 axes[0].plot(t, stiff.v[:, 0], "k--", lw=1.0, label="rigid belt")
 axes[0].plot(t, soft.v[:, 0], label="flexible belt: wheel")
 axes[0].plot(t, soft.z[:, 1], lw=1.0, label="flexible belt: motor / N")
-axes[0].set(xlabel="time [s]", ylabel="speed [rad/s]", title="0.2 N m, then -0.2 N m")
+axes[0].set(xlabel="time [s]", ylabel="speed [rad/s]", title="0.2 N m, then −0.2 N m")
 axes[0].legend()
 x = r1 * two[:, 0] - r2 * two[:, 1]
 pulling = 2 * k * x + 2 * c * (r1 * two[:, 2] - r2 * two[:, 3])

@@ -135,7 +135,7 @@ axes = list(figure.subplot_mosaic([["LR", "RC"], ["RLC", "RLC"]]).values())
 ms = 1e3 * t
 axes[0].plot(ms, run.z[:, 0])
 axes[0].set(ylabel="current [A]", title="LR: the blocked motor")
-axes[1].plot(ms, E[:, 1])
+axes[1].plot(ms, E[:, 1], "C1")
 axes[1].set(ylabel="voltage [V]", title="RC: the motor without inductance")
 axes[2].plot(ms, run.z[:, 1])
 axes[2].set(title="RLC: the whole motor", ylim=(-1.75, 1.75))

@@ -117,12 +117,10 @@ figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
 for amplitude, loop in reversed(runs.items()):
     torque = k * loop.z[:, 0] + k3 * loop.z[:, 0] ** 3 + H * loop.z[:, 2]
     axes[0].plot(1e3 * loop.z[:, 0], torque, label=f"±{amplitude:g} N m")
-    axes[1].plot(1e3 * loop.z[:, 0], H * loop.z[:, 2], label=f"±{amplitude:g} N m")
+    axes[1].plot(1e3 * loop.z[:, 0], H * loop.z[:, 2])
 axes[0].set(xlabel="twist [mrad]", ylabel="torque [N m]", title="Output clamped")
-axes[1].set(xlabel="twist [mrad]", ylabel="H w [N m]", title="The part with a memory")
-for each in axes:
-    each.legend(loc="upper left")
-axes[1].set_ylim(-4.4, 7.0)
+axes[1].set(xlabel="twist [mrad]", ylabel="hysteresis H w [N m]", title="The part with a memory")
+axes[0].legend(loc="upper left")
 
 # %%
 # In motion

@@ -132,7 +132,7 @@ axes[0].set(xlabel="angle [mrad]", ylabel="torque [mN m]", title="Before it slip
 axes[1].plot(run.time, K * run.command[:, 0] * 1e3, label="torque [mN m]")
 axes[1].plot(run.time, run.v[:, 0], label="speed [rad/s]")
 axes[1].plot(run.time, 1e3 * run.z[:, 0], label="bristles [mrad]")
-axes[1].set(xlabel="time [s]", title="The run")
+axes[1].set(xlabel="time [s]", ylabel="[mN m], [rad/s], [mrad]", title="The run")
 axes[1].legend(loc="upper left")
 bristles_rate = np.gradient(exact[:, 2], run.time)
 friction = s0 * run.z[:, 0] + s1 * bristles_rate + s2 * run.v[:, 0]
@@ -140,8 +140,8 @@ axes[2].plot(run.v[large, 0], 1e3 * friction[large], lw=1.0, label="in the run")
 axes[2].plot(steady, 1e3 * curve, "k--", label="at constant speed")
 axes[2].plot(-steady, -1e3 * curve, "k--")
 axes[2].set(xlabel="speed [rad/s]", ylabel="friction [mN m]", title="Friction over speed",
-            xlim=(-12, 12), ylim=(-45, 45))  # fmt: skip
-axes[2].legend(loc="lower right")
+            xlim=(-12, 12), ylim=(-45, 62))  # fmt: skip
+axes[2].legend(loc="upper left")
 
 # %%
 # In motion

@@ -122,7 +122,7 @@ right.axvspan(0.0, np.degrees(phi), color="0.87", zorder=0, label="self-locking"
 right.axhline(0.0, color="0.6", linewidth=0.8)
 right.set(xlabel="lead angle [°]", ylabel="force of the motor / load", xlim=(0.0, 20.0),
           title="Force along the thread")  # fmt: skip
-right.legend()
+right.legend(loc="lower right")
 
 # %%
 # In motion

@@ -147,13 +147,13 @@ print(f"the elbow stays between {elbow_angle.min():.2f} and {elbow_angle.max():.
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 bend = np.linspace(0.15, np.pi - 0.15, 200)
 left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend) ** 2, label="along the link")
-left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend), "--", label="as printed")
-left.axhline(m2, color="C2", label="across the link")
-left.set(xlabel="elbow [°]", ylabel="mass at the hand [kg]", title="$M_x$")
+left.semilogy(np.degrees(bend), m2 + 0 * bend, label="across the link")
+left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend), "C2--", label="along, as printed")
+left.set(xlabel="elbow [°]", ylabel="mass at the hand [kg]", title="Mass $M_x$ by posture")
 left.legend(loc="upper center")
 along, across = np.transpose([jacobian(a) @ b for a, b in zip(run.q, run.v, strict=True)])
-right.plot(run.time, along, label="along")
-right.plot(run.time, across, label="across")
+right.plot(run.time, along, label="along the link")
+right.plot(run.time, across, label="across the link")
 right.set(
     xlabel="time [s]", ylabel="speed of the hand [m/s]", title="Pulled along the link by 2 N"
 )
@@ -162,7 +162,7 @@ right.legend()
 # %%
 # In motion
 # ---------
-# The red line is the force, drawn beside the link.
+# The pink line is the force, drawn beside the link.
 
 elbow = l1 * np.stack([np.cos(run.q[:, 0]), np.sin(run.q[:, 0])], axis=1)
 both = run.q.sum(axis=1)

@@ -127,17 +127,18 @@ for h in (0.01, 0.001):
 # energy only wavers.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.0))
-for name, mark in (("euler", "o-"), ("rk4", "s-")):
-    left.loglog(steps, errors[name], mark, label=name)
+names = {"euler": "Euler", "semi_implicit_euler": "semi-implicit Euler", "rk4": "Runge–Kutta"}
+for name, mark in (("euler", "C0o-"), ("rk4", "C2s-")):
+    left.loglog(steps, errors[name], mark, label=names[name])
 left.axhline(1e-13, color="0.6", linestyle=":", label="rounding")
 left.set(xlabel="step [s]", ylabel="largest error [rad]", title="Error in 2 s")
 left.set_xticks(steps, [f"{h:g}" for h in steps], minor=False)
 left.set_xticks([], minor=True)
-left.legend()
+left.legend(loc="center left")
 runs = {}
-for name in ("euler", "semi_implicit_euler", "rk4"):
+for name, words in names.items():
     runs[name] = Simulator("pendulum", integrator=name, dt=0.02).run(9.0)
-    right.plot(runs[name].time, runs[name].energy, label=name.replace("_", "-"))
+    right.plot(runs[name].time, runs[name].energy, label=None if name in errors else words)
 right.axhline(9.81, color="0.5", linestyle=":", label="needed for the top")
 right.set(xlabel="time [s]", ylabel="energy [J]", title="Energy, steps of 20 ms", ylim=(-1, 20))
 right.legend(loc="upper left")
@@ -145,7 +146,7 @@ right.legend(loc="upper left")
 # %%
 # In motion
 # ---------
-# Euler's method (orange) and Runge–Kutta (blue), both with steps of 20 ms.
+# Euler's method (blue) and Runge–Kutta (green), both with steps of 20 ms.
 
 
 def rod(q: np.ndarray) -> np.ndarray:
@@ -158,8 +159,8 @@ def rod(q: np.ndarray) -> np.ndarray:
 motion = animation(
     runs["rk4"].time,
     [
-        (rod(runs["rk4"].q), {"label": "Runge–Kutta"}),
-        (rod(runs["euler"].q), {"color": "C1", "label": "Euler"}),
+        (rod(runs["rk4"].q), {"color": "C2", "label": "Runge–Kutta"}),
+        (rod(runs["euler"].q), {"label": "Euler"}),
     ],
 )
 

@@ -78,7 +78,7 @@ for a, color in ((0.0, "C0"), (2.0, "C1")):
     every = np.linspace(0.0, 1.2 * least, 200)
     slides = 1e3 * np.maximum(0.0, g + a - 2 * mu * every / m) * 0.15**2 / 2
     slips.plot(every, slides, color=color, label=f"lifted with {a:g} m/s²" if a else "held still")
-    slips.plot(forces, 1e3 * np.array(found), ".", color=color)
+    slips.plot(forces, 1e3 * np.array(found), "k.", zorder=3)
 print(f"largest difference: {worst:.1e} m")
 assert worst <= 1e-8
 

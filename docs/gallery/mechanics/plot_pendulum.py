@@ -96,9 +96,10 @@ left.set(xlabel="time [s]", ylabel="angle [°]", title="Released from 170°", yl
 left.set_yticks([-180, -90, 0, 90, 180])
 left.legend(loc="upper left", ncols=2)
 every = np.linspace(0.01, np.deg2rad(177.0), 200)
-right.plot(np.degrees(every), 4.0 / pace * ellipk(np.sin(every / 2.0) ** 2), label="elliptic")
-right.plot(np.degrees(amplitudes), periods, "o", label="runs")
-right.axhline(2.0 * np.pi / pace, color="C1", linestyle="--", label=r"$2\pi/\omega_0$")
+exact = 4.0 / pace * ellipk(np.sin(every / 2.0) ** 2)
+right.plot(np.degrees(every), exact, color="0.6", label="elliptic integral")
+right.plot(np.degrees(amplitudes), periods, "C0o", label="runs")
+right.axhline(2.0 * np.pi / pace, color="C1", ls="--", label=r"small swings, $2\pi/\omega_0$")
 right.set(xlabel="amplitude [°]", ylabel="period [s]", title="Period")
 right.legend()
 

@@ -145,7 +145,7 @@ right.legend()
 # %%
 # In motion
 # ---------
-# The red line is the force of the table on the hand, 100 N to the metre.
+# The pink line is the force of the table on the hand, 100 N to the metre.
 
 table = np.array([[0.2, 0.1], [1.1, 0.1]])
 force = np.stack([tip, tip + 0.01 * np.stack([sideways, normal], axis=1)], axis=1)

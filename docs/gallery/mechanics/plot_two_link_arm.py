@@ -134,15 +134,17 @@ for name, sign, color in (("elbow down", 1.0, "C0"), ("elbow up", -1.0, "C1")):
     left.plot(*points(way[70:71])[0].T, "o-", color=color, linewidth=2.5, label=name)
     torques = np.array([sim.dynamics.gravity(q) for q in way])
     assert np.abs(torques - [weight(q) for q in way]).max() <= 1e-12
-    right.plot(xs, torques[:, 0], color=color, label=f"shoulder, {name}")
-    right.plot(xs, torques[:, 1], "--", color=color, label=f"elbow joint, {name}")
-left.axhline(0.2, color="0.6", linestyle=":")
-left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Two hands", ylim=(-0.25, 0.75))
+    right.plot(xs, torques[:, 0], color=color)
+    right.plot(xs, torques[:, 1], "--", color=color)
+for line, name in (("-", "shoulder"), ("--", "elbow")):
+    right.plot([], [], line, color="0.5", label=f"drive of the {name}")
+left.axhline(0.2, color="0.6", linestyle=":", label="way of the hand")
+left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Two postures", ylim=(-0.25, 0.85))
 left.legend(loc="upper left")
 right.set(
-    xlabel="x of the hand [m]", ylabel="torque [N m]", title="To hold the arm", ylim=(-3, 22)
+    xlabel="x of the hand [m]", ylabel="torque [N m]", title="To hold the arm", ylim=(-3, 20)
 )
-right.legend(ncols=2, fontsize=8, loc="upper left")
+right.legend(loc="upper left")
 
 # %%
 # In motion

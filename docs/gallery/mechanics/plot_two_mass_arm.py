@@ -111,9 +111,10 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, run.q, label=[r"$\theta_1$", r"$\theta_2$"])
 left.set(xlabel="time [s]", ylabel="angle [rad]", title="Let go")
 left.legend()
-right.semilogy(long.time, apart, label="between the angles [rad]")
-right.semilogy(long.time[1:], np.abs(same.energy - same.energy[0])[1:], label="of the energy [J]")
-right.set(xlabel="time [s]", ylabel="difference", title="A start 1e-6 rad away", ylim=(1e-16, 100))
+right.semilogy(long.time, apart, label="of the angles")
+right.semilogy(long.time[1:], np.abs(same.energy - same.energy[0])[1:], label="of the energy")
+right.set(xlabel="time [s]", title="A start 1e-6 rad away", ylim=(1e-16, 100))
+right.set_ylabel("difference [rad] or [J]")
 right.legend(loc="center right")
 
 # %%

@@ -82,7 +82,7 @@ assert abs(heat[-1] - run.lost[-1]) <= 1e-8
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, run.v[:, 0], label="with friction")
 left.plot(run.time[:60], -g * run.time[:60], "--", label="without")
-left.axhline(-top, color="0.5", linestyle=":", label="$-mg/b$")
+left.axhline(-top, color="0.5", linestyle=":", label="final speed, $-mg/b$")
 left.set(xlabel="time [s]", ylabel="speed [m/s]", title="Speed")
 left.legend()
 right.plot(run.time, m * g * -run.q[:, 0], label="work of gravity")
@@ -94,9 +94,10 @@ right.legend()
 # %%
 # In motion
 # ---------
-# Next to the particle one that falls without friction.
+# Next to the particle one that falls without friction, and soon out of the picture.
 
-free = np.maximum(-0.5 * g * run.time**2, run.q[-1, 0])
+free = -0.5 * g * run.time**2
+free[free < run.q[-1, 0]] = np.nan
 pair = [
     (
         np.stack([np.full_like(y, x), y], axis=1)[:, None],

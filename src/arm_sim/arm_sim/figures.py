@@ -33,8 +33,8 @@ STYLE = {
     "axes.prop_cycle": f"cycler('color', {list(COLORS)})",
     "figure.dpi": 110.0, "savefig.dpi": 160.0,
 }  # fmt: skip
-MOST_FRAMES = 60  # frames of an animation, such that a page with one stays below a megabyte
-FILM_DPI = 72.0  # likewise
+RATE = 30.0  # frames of an animation per second
+FILM_DPI = 96.0  # at which its text has the points of the style on a page
 Chain = Array | tuple[Array, dict[str, Any]]
 
 
@@ -122,7 +122,7 @@ def most_moved(q: Array) -> list[int]:
 
 
 def joint_words(names: Sequence[str]) -> list[str]:
-    """Names in words, without what all begin or end with up to an underscore or a slash."""
+    """Names in words, as "joint 1", without what all begin or end with up to "_" or "/"."""
     parts = [re.split("[_/]", name) for name in names]
     first = last = 0
     while min(map(len, parts)) > first + 1 and len({part[first] for part in parts}) == 1:
@@ -131,7 +131,8 @@ def joint_words(names: Sequence[str]) -> list[str]:
         min(map(len, parts)) > first + last + 1 and len({part[-1 - last] for part in parts}) == 1
     ):
         last += 1
-    return [" ".join(part[first : len(part) - last]) for part in parts]
+    words = [" ".join(part[first : len(part) - last]) for part in parts]
+    return [re.sub(r"(?<=[a-z])(?=\d+$)", " ", name) for name in words]
 
 
 def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:
@@ -142,7 +143,7 @@ def units(joint_types: Iterable[str], turning: str, sliding: str, between: str =
 
 def animation(
     time: Array, chains: Sequence[Chain], *, trail: Chain | None = None, speed: float = 1.0,
-    size: tuple[float, float] = (4.4, 4.4), title: str = "", frames: int = MOST_FRAMES,
+    size: tuple[float, float] = (4.4, 4.4), title: str = "", frames: int | None = None,
     axes: str = "xz",
 ) -> Any:  # fmt: skip
     """An animated stick figure: polylines over time, in a plane with equal axes.
@@ -157,7 +158,7 @@ def animation(
         speed: Speed of the animation relative to real time.
         size: In inches.
         title: Title of the figure.
-        frames: Largest number of frames.
+        frames: Largest number of frames; None for 30 per second.
         axes: Names of the horizontal and of the vertical axis.
 
     Returns:
@@ -178,11 +179,13 @@ def animation(
     path, style = trail if isinstance(trail, tuple) else (trail, {})
     path = np.full((len(time), 2), np.nan) if path is None else np.asarray(path)
     _link(path[:, None], len(time))
+    frames = frames or round(RATE * (time[-1] - time[0]) / speed) + 1
     shown = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int)
     seen = [points.reshape(-1, 2) for points, _ in links] + [path]
     with mpl.rc_context(STYLE | {"figure.constrained_layout.use": True}):
         fig, plane = plt.subplots(figsize=size, dpi=FILM_DPI)
         plane.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]", title=title)
+        plane.locator_params(nbins=7)
         behind = plane.plot([], [], **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
         drawn = [plane.plot([], [], **properties)[0] for _, properties in links]
         legend_outside(fig, below=True)
@@ -215,8 +218,7 @@ def fill_with(axes: Any, points: Array) -> None:
     """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     span = high - low + 0.16 * max(high - low)
-    if not span.any():
-        span = np.full(2, 2.0)
+    span = span if span.any() else np.full(2, 2.0)
     box = np.array(axes.get_window_extent().size)
     half = 0.5 * box * max(span / box)
     (left, right), (bottom, top) = np.transpose([(low + high) / 2 - half, (low + high) / 2 + half])

@@ -98,8 +98,8 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
         colors = {axis.lines[k].get_color() for axis in figure.axes}
         assert colors == {circles.get_markeredgecolor()}  # of one joint
     assert position.get_ylabel() == "position [rad]"
-    assert error.get_ylabel() == "tracking error [rad]" and torque.get_ylabel() == "torque [N m]"
-    assert position.lines[2].is_dashed() and not position.lines[0].is_dashed()
+    assert error.get_ylabel() == "tracking error" and torque.get_ylabel() == "torque [N m]"
+    assert position.lines[2].get_zorder() < position.lines[0].get_zorder()
     assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
     assert [text.get_text() for text in figure.legends[0].texts][:2] == ["shoulder", "elbow"]
 

@@ -46,7 +46,8 @@ def test_recursion_and_mass_matrix_agree(
         answers.append(ca.Function("answer", given, results))
     for _ in range(5):
         state, modes = rng.uniform(-1.0, 1.0, (3, 20)), rng.integers(-1, 2, does.p.shape[0])
-        held = does_slide(does, modes) == 0.0
+        slide = ca.Function("sliding", [does.p], [does.sliding])  # 0 for joints that are held
+        held = np.array(slide(modes)).ravel() == 0.0
         blow = rng.uniform(-1.0, 1.0, 20), rng.uniform(-1.0, 1.0, 20) * held
         dense, recursive = (answer(*state, modes, *blow) for answer in answers)
         for ours, theirs in zip(recursive, dense, strict=True):
@@ -54,11 +55,6 @@ def test_recursion_and_mass_matrix_agree(
         a, _, gain, _ = (np.array(answer).ravel() for answer in recursive)
         np.testing.assert_array_equal(a[held], 0.0)
         np.testing.assert_array_equal(gain[held], blow[1][held])
-
-
-def does_slide(joints: Joints, modes: np.ndarray) -> np.ndarray:
-    """1 for joints that slide, 0 for those that are held."""
-    return np.array(ca.Function("sliding", [joints.p], [joints.sliding])(modes)).ravel()
 
 
 def test_long_arms_take_the_recursion(rng: np.random.Generator) -> None:

@@ -273,8 +273,7 @@ def test_a_block_slides_on_a_plank_that_it_tilts(options: dict[str, Any]) -> Non
 # --- whatever they meet in the suite -------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def everything() -> Simulator:
+def test_runs_rollouts_and_steps_repeat_to_the_bit() -> None:
     """A ball that drops on a hinged tray and rolls off it, with a nose that hits the ground."""
     branch = carrier("continuous", "y", 1.0, iyy=0.4)
     ball = contact(
@@ -286,24 +285,25 @@ def everything() -> Simulator:
     start = {
         "initial": {"position": {"z": 0.4}, "velocity": {"x": 0.5, "roll": 3.0, "drive": 0.2}}
     }
-    return Simulator({**scene, **start, "constraints": [ball, edge]})
-
-
-def test_runs_rollouts_and_steps_repeat_to_the_bit(everything: Simulator) -> None:
-    everything.reset()
-    run = everything.run(0.5)
-    rolled = everything.rollout([run.q[0]] * 2, [run.v[0]] * 2, np.zeros(7), 500)
+    sim = Simulator({**scene, **start, "constraints": [ball, edge]})
+    run = sim.run(0.5)
+    rolled = sim.rollout([run.q[0]] * 2, [run.v[0]] * 2, np.zeros(7), 500)
     np.testing.assert_array_equal(rolled[1], np.hstack([run.q, run.v]))
-    everything.reset()
+    sim.reset()
     for _ in range(500):
-        everything.step(np.zeros(7))
-    np.testing.assert_array_equal(everything.state.q, run.q[-1])
+        sim.step(np.zeros(7))
+    np.testing.assert_array_equal(sim.state.q, run.q[-1])
 
 
 @pytest.mark.parametrize("state", ["slides", "sticks"])
 def test_linearize_is_the_derivative_of_a_tick_of_a_ball_on_a_tray(state: str) -> None:
     """Along motions that keep the gap closed and, if it sticks, do not slip."""
-    sim = wedge_with_a_ball(0.05 if state == "slides" else 0.9)
+    angle, mu = 0.4, 0.05 if state == "slides" else 0.9
+    plane = {"frame": "tray", "normal": [np.sin(angle), 0, np.cos(angle)]}
+    wheel = contact("body", radius=R, friction=mu, plane=plane)
+    start = {"initial": {"position": {"z": R / np.cos(angle)}}}
+    scene = rails("xz", M, turns=True, branches=[carrier("prismatic", "x", 3.0)], iyy=J)
+    sim = Simulator({**scene, **start, "constraints": [wheel]})
     sim.run(0.1)
     at, h, tau = sim.state, 1e-6, np.zeros(4)
     (force,) = sim.contact_forces()
@@ -325,17 +325,6 @@ def test_linearize_is_the_derivative_of_a_tick_of_a_ball_on_a_tray(state: str) -
     for push in np.eye(4):
         difference = (after(still, h * push) - after(still, -h * push)) / (2 * h)
         assert_close(B @ push, difference, FINITE_DIFF)
-
-
-def wedge_with_a_ball(mu: float) -> Simulator:
-    """A wheel on a wedge that is free to slide."""
-    angle = 0.4
-    plane = {"frame": "tray", "normal": [np.sin(angle), 0, np.cos(angle)]}
-    wheel = contact("body", radius=R, friction=mu, plane=plane)
-    branch = carrier("prismatic", "x", 3.0)
-    start = {"initial": {"position": {"z": R / np.cos(angle)}}}
-    scene = {**rails("xz", M, turns=True, branches=[branch], iyy=J), **start}
-    return Simulator({**scene, "constraints": [wheel]})
 
 
 def rows_of(sim: Simulator, q: np.ndarray) -> np.ndarray:

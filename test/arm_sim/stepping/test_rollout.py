@@ -246,14 +246,6 @@ def test_threads_are_kept_and_a_fork_starts_its_own() -> None:
     assert os.waitstatus_to_exitcode(status) == 2
 
 
-def test_virtual_machine(rng: np.random.Generator) -> None:
-    native, virtual = (
-        models.simulator("gripper", stops=False, backend=b) for b in ("native", "vm")
-    )
-    arms = batch(native, rng, 3)
-    assert_close(virtual.rollout(*arms, STEPS), native.rollout(*arms, STEPS), BACKENDS)
-
-
 def test_tunable_parameters_differ_between_arms(rng: np.random.Generator) -> None:
     """Each arm as the simulator of a scene that has those numbers from the start."""
     urdf = str(models.SCENES / "two_link.urdf")

@@ -33,6 +33,11 @@ WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
 """``chosen`` of everything else."""
 
 
+def always(model: Any) -> bool:
+    """True, for every model."""
+    return True
+
+
 def relative(arm: Arm, made: Any, formula: Callable[..., Any], *state: Any) -> Any:
     """The difference of a result from Pinocchio's, and its size."""
     right = formula(arm, *state)
@@ -70,7 +75,7 @@ class Entry:
     compared: Callable[..., Any] = relative
     fields: tuple[str, ...] = ()
     method: str = ""
-    compiles: Callable[[Any], bool] = lambda model: True
+    compiles: Callable[[Any], bool] = always
 
     @property
     def asked(self) -> str:

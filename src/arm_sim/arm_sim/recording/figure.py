@@ -61,8 +61,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
             for recording, curves, line in zip(recordings, of_each, cycle(_LINES), strict=False):
                 for label, values, color in curves:
                     curve = thinned(recording.time, values[:, None], _POINTS)
-                    shown = label if line == _LINES[0] else None
-                    axis.plot(*curve, line, color=color, label=shown)
+                    axis.plot(*curve, line, color=color, label=label if line == "-" else None)
             axis.set_ylabel(title)
             _marks(axis, first)
         if _ENERGY in panels:

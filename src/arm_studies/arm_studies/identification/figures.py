@@ -50,7 +50,7 @@ def torque_panels(
                 left.plot(time, torque[:, j], color=color, lw=1.0, label=label)
                 right.plot(time, measured[:, j] - torque[:, j], color=color, lw=0.8)
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
-            span = np.nanmax(abs(measured[:, j]))
+            span = 1.05 * np.nanmax(abs(measured[:, j]))
             right.set_ylim(-span, span)
         for axis, title in zip(axes[0], ("torque", "residual"), strict=True):
             axis.annotate(f"{title} [{unit}]", (0, 1.34), xycoords="axes fraction", weight="bold")
@@ -69,18 +69,19 @@ def draw_torques(identification: Identification, path: Path) -> None:
     shown = identification.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
-    torques = {"identified": shown.predicted[rows], "nominal": shown.nominal[rows]}
+    torques = {"nominal": shown.nominal[rows], "identified": shown.predicted[rows]}
     with torque_panels(
         path, identification.scene, order[rows], shown.measured[rows], torques
     ) as panels:
         for name, (left, right) in zip(identification.joint_names, panels, strict=True):
             error = identification.torque_error[name]
-            percent = "unknown" if np.isnan(error) else f"{error:.1%}"
-            right.set_title(f"{percent} on held-out data", **_NOTE)
+            percent = "unknown" if np.isnan(error) else f"{100 * error:.1f} %"
+            right.set_title(f"{percent} on held-out data (shaded)", **_NOTE)
             for axis in (left, right):
                 for first, end in runs(shown.held_out):
                     axis.axvspan(order[first], order[end - 1], color="0.93", zorder=0)
-        panels[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
+        for axis in panels[-1]:
+            axis.set_xlabel("time without gaps [s]")
 
 
 def draw_comparison(comparisons: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
@@ -90,7 +91,7 @@ def draw_comparison(comparisons: Sequence[Comparison], scenes: Sequence[str], pa
     with torque_panels(path, load_scene(scenes[0]), first.time, first.measured, torques) as axes:
         for i, right in enumerate(axes[:, 1]):
             each = zip(names, comparisons, strict=True)
-            shares = [f"{name} {one.relative[i]:.1%}" for name, one in each]
+            shares = [f"{name} {100 * one.relative[i]:.1f} %" for name, one in each]
             right.set_title(", ".join(shares), **_NOTE)
 
 

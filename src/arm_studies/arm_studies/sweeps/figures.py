@@ -63,11 +63,7 @@ def groups(table: Table) -> dict[str, NDArray[np.bool_]]:
 def _scatter(
     table: Table, metrics: dict[str, str], numbers: list[str], spread: set[str], path: Path
 ) -> Path:
-    dots: dict[str, Any] = {
-        "s": 2.0 if len(table) > _MANY else 12.0,
-        "alpha": 0.6,
-        "linewidths": 0,
-    }
+    dots: dict[str, Any] = {"s": 2.0 if len(table) > _MANY else 12.0, "alpha": 0.6, "lw": 0}
     size = min(WIDTH, 3.4 * len(numbers)), 1.8 * len(metrics) + 0.7
     shared: dict[str, Any] = {"sharex": "col", "sharey": "row", "squeeze": False}
     with figure(path, len(metrics), len(numbers), size, **shared) as axes:
@@ -101,7 +97,13 @@ def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
 
 def _some(table: Table) -> dict[str, NDArray[np.bool_]]:
     some = list(groups(table).items())[:_MOST]
-    return {label.replace("_", " "): these for label, these in some}
+    return {_words(label): these for label, these in some}
+
+
+def _words(label: str) -> str:
+    """Names of scenes and controllers, as "PD + gravity" for "pd_gravity"."""
+    label = label.replace("pd_gravity", "pd + gravity").replace("_", " ")
+    return re.sub(r"\bpi?d\b", lambda found: found[0].upper(), label)
 
 
 def _headings(study: Study, metrics: list[str]) -> list[str]:

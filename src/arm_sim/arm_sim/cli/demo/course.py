@@ -158,7 +158,7 @@ def _report(
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
         f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
-        f"{n['error_rms']:.1e} {n['unit']} RMS"
+        f"{1e6 * n['error_rms']:,.1f} µ{n['unit']} RMS"
     )
     draw(figure, observed, model.joint_names, model.joint_types, n["duration"], title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}

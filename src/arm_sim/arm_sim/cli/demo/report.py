@@ -32,6 +32,7 @@ MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
 
 DOTS = 45  # number of service answers that are drawn
+BEHIND: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
 CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
 
@@ -161,15 +162,13 @@ def draw(
     """Draw a PNG; ``types`` are the joint types, ``duration`` is that of the motion in [s]."""
     joints = most_moved(run.position)
     short = [joint_words(names)[i] for i in joints]
-    with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as axes:
-        position, error, torque = axes
+    with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as (position, error, torque):
         position.plot(run.time, run.position[:, joints], label=short)
-        position.plot(run.time, run.reference[:, joints[0]], "k--", lw=0.7, label="reference")
-        position.plot(run.time, run.reference[:, joints[1:]], "k--", lw=0.7)
+        position.plot(run.time, run.reference[:, joints], label="reference", **BEHIND)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
         error.plot(run.time, run.error[:, joints], lw=1.0)
-        error.yaxis.set_major_formatter(EngFormatter())  # as 5 µ
-        error.set_ylabel(f"tracking error [{units(types, 'rad', 'm')}]")
+        error.yaxis.set_major_formatter(EngFormatter(units(types, "rad", "m")))  # as 5 µrad
+        error.set_ylabel("tracking error")
         torque.plot(run.time, run.effort[:, joints])
         for color, answers in zip(COLORS, run.asked_effort.T[joints], strict=False):
             every = max(1, len(answers) // DOTS)
