@@ -8,16 +8,7 @@ import time
 import numpy as np
 import pytest
 from byte_order import sent
-from hand_goals import (
-    FRAME,
-    HOME,
-    MS,
-    controller_at_home,
-    long_trajectory,
-    path,
-    planned,
-    see,
-)
+from hand_goals import FRAME, HOME, MS, controller_at_home, long_trajectory, path, planned, see
 from harness import Ros
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
