@@ -192,10 +192,9 @@ def _warn_of_unknown(node: Node) -> None:
     known = [name for name in node._parameters if "." not in name]
     for name in given:
         if name not in known:
-            near = did_you_mean(name, known) or ";"
             node.get_logger().warning(
-                f"this node has no parameter '{plain(name, 80)}', which is ignored{near} "
-                f"allowed: {known_names(known, 100)}"
+                f"this node has no parameter '{plain(name, 80)}', which is ignored"
+                f"{did_you_mean(name, known) or ';'} allowed: {known_names(known, 100)}"
             )
 
 

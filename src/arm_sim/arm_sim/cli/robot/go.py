@@ -116,8 +116,8 @@ def _joint_motion(
     seconds = duration or unhurried(there, here)
     start = {name: f"{number(x, 4)} " for name, x in here.items()}  # not of those that follow
     moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in there.items()]
-    what = f"{', '.join(moves)}, in {number(seconds, 3)} s"
-    return what, partial(controller.send_joints, there, seconds)
+    words = f"{', '.join(moves)}, in {number(seconds, 3)} s"
+    return words, partial(controller.send_joints, there, seconds)
 
 
 def _follow(

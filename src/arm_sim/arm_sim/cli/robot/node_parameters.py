@@ -60,9 +60,8 @@ class Parameters(Caller):
         known = self.names()
         for name in names:
             if name not in known:
-                near, allowed = did_you_mean(name, known) or ";", known_names(known, 100)
-                missing = f"{self._name} has no parameter '{name}'"
-                raise click.ClickException(f"{missing}{near} allowed: {allowed}")
+                allowed = f"{did_you_mean(name, known) or ';'} allowed: {known_names(known, 100)}"
+                raise click.ClickException(f"{self._name} has no parameter '{name}'{allowed}")
 
     def _call(self, kind: str, **fields: Any) -> Any:
         name = re.sub("(?<=[a-z])([A-Z])", r"_\1", kind).lower()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from array import array
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
 from struct import unpack_from
@@ -52,7 +53,7 @@ class TopicRecorder(Node):
         self.path = path
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
-        self._stamps = dict[str, array[int]]()
+        self._stamps = defaultdict[str, array[int]](lambda: array("q"))
         self._complete = True
         self.discover()
         self.create_timer(_PERIOD, self.discover)
@@ -70,10 +71,9 @@ class TopicRecorder(Node):
     def discover(self) -> None:
         """Subscribe to topics that are new."""
         for topic, kinds in self.get_topic_names_and_types():
-            if topic in self.count or topic in self.passed_over:
-                continue
             hidden = "/_" in topic  # as those of actions, which are recorded by name only
-            if topic not in self._wanted if self._wanted else hidden:
+            passed_over = topic not in self._wanted if self._wanted else hidden
+            if passed_over or topic in self.count or topic in self.passed_over:
                 continue
             if not (publishers := self.get_publishers_info_by_topic(topic)):
                 continue
@@ -91,13 +91,9 @@ class TopicRecorder(Node):
     @property
     def gaps(self) -> dict[str, int]:
         """About how many joint states are missing between others, by their stamps."""
-        found = dict[str, int]()
-        for topic, stamps in self._stamps.items():
-            steps = np.diff(stamps)[np.diff(stamps) > 0]
-            typical = np.median(steps) if steps.size else 1.0
-            if lost := int((np.rint(steps / typical) - 1.0).clip(0).sum()):
-                found[topic] = lost
-        return found
+        steps = {topic: np.diff(times) for topic, times in self._stamps.items() if len(times) > 1}
+        more = {topic: np.rint(x / max(np.median(x), 1.0)) - 1.0 for topic, x in steps.items()}
+        return {topic: int(x.clip(0.0).sum()) for topic, x in more.items() if x.max() > 0.0}
 
     def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
         type_ = type_of(kind)
@@ -116,15 +112,13 @@ class TopicRecorder(Node):
         about = LATCHED if latched else ""
         channel = self.thread.channel(topic, kind, definition_of(kind), about)
         self.count[topic] = 0
-        if kind == JOINT_STATE:
-            self._stamps[topic] = array("q")
-        take = partial(self._take, topic, channel)
+        take = partial(self._take, topic, channel, kind == JOINT_STATE)
         self.create_subscription(type_, topic, take, profile, raw=True)
 
-    def _take(self, topic: str, channel: int, raw: bytes) -> None:
+    def _take(self, topic: str, channel: int, stamped: bool, raw: bytes) -> None:
         now = time.time_ns()
         self.count[topic] += self.thread.add(channel, now, now, raw)
-        if topic in self._stamps:
+        if stamped:
             seconds, nanoseconds = unpack_from("<iI", raw, HEADER)
             self._stamps[topic].append(10**9 * seconds + nanoseconds)
 
