@@ -29,7 +29,6 @@ ELSEWHERE = {
     "arm_dynamics.task_space.InverseKinematics": "ik ikine inverse_kinematics",
     "energy": "T V U kinetic_energy potential_energy",
     "position_lower": "lower lower_limit limits position_limits qlim",
-    "position_upper": "upper upper_limit",
     "viscous": "damping",
     "n": "nq nv dof dofs ndof",
     "q": "qpos position positions angles theta",

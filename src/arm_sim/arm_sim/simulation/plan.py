@@ -133,9 +133,10 @@ class Plan:
         ]
         lines += [f"            {law}" for law in self.laws]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
-        skipped = ", ".join(part.name for part in self.parts if not part.on) or "none"
-        folded = f"skipped     {skipped}; plan.parts says why"
-        lines.append(fill(folded, 98, subsequent_indent=" " * 12))
+        off = ", ".join(part.name for part in self.parts if not part.on) or "none"
+        lines.append(
+            fill(f"skipped     {off}; plan.parts says why", 98, subsequent_indent=" " * 12)
+        )
         return "\n".join(lines)
 
 
@@ -153,9 +154,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     held = f"{counted(rows, 'row')}, {counted(free, 'degree')} of freedom"
     states = sum(len(law.states) for law in plant.laws.laws if law.replaces_command.any())
     driven = f"{_at(model.drives)}, {counted(states, 'state')}"
-    gears = (
-        f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, solved by events"
-    )
+    gears = f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, by events"
     tables = sum(
         bool(place or load)
         for dry in (model.friction, model.friction.by_law)

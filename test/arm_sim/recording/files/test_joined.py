@@ -109,7 +109,7 @@ def test_joints_are_taken_from_most_messages_that_name_them(path: Path) -> None:
     ("gripper", "told"),
     [
         ({"stamped": False}, "g: stamps do not increase, times are those of arrival"),
-        ({"late": 3000.1, "shift": -3000.0}, "clocks of joints are 3 s apart, times are those of"),
+        ({"late": 3000.1, "shift": -3000.0}, "clocks of joints are 3 s apart, times are of"),
     ],
 )
 def test_other_clocks_are_told(gripper: dict[str, float], told: str, path: Path) -> None:

@@ -71,9 +71,7 @@ def go(
     """
     wanted = parse(goals)
     if bool(wanted) + (pose is not None) + (trajectory is not None) != 1:
-        raise click.UsageError(
-            "joint goals (JOINT=POSITION), --pose, or --trajectory are expected"
-        )
+        raise click.UsageError("joint goals (JOINT=POSITION), --pose or --trajectory are expected")
     if pose is None and frame:
         raise click.UsageError("--frame is allowed with --pose only")
     if pose is not None and duration:

@@ -128,9 +128,7 @@ def _clock(
     apart = np.ptp([np.median(arrived[group] - times[group]) for group in groups])
     spans = [np.ptp(clock[groups[0]]) for clock in (arrived, times)]
     if apart > _APART and abs(spans[0] - spans[1]) < 0.1 * spans[1]:
-        notes.append(
-            f"clocks of joints are {1e-9 * apart:.3g} s apart, times are those of arrival"
-        )
+        notes.append(f"clocks of joints are {1e-9 * apart:.3g} s apart, times are of arrival")
         return arrived
     return times
 

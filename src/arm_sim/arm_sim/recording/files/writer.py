@@ -64,9 +64,7 @@ def where(path: Path) -> Place:
         check_folder(path)
         return path, None
     if path.suffix:
-        raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, and a folder's name"
-        )
+        raise InvalidInput(f"'{path}' ends in '{path.suffix}'; allowed: .mcap, or a folder's name")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
