@@ -45,7 +45,7 @@ int solve_cones(int nc, const double* W, const double* c, const double* mu, cons
     cones.allowed[k] = allowed[k];
     for (int i = 0; i < 2; ++i) cones.given[2 * k + i] = given[2 * k + i];
   }
-  const int found = several(scene, &cones, answers);
+  const int found = solve_contacts(scene, &cones, answers);
   for (int k = 0; k < NC; ++k) {
     state[k] = answers[k].state;
     for (int i = 0; i < 3; ++i) force[3 * k + i] = answers[k].force[i];
@@ -57,7 +57,7 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
   const scene_t sizes = {.nc = 1};
   double block[3][3];
   own_block(&sizes, W, 0, block);
-  const answer_t answer = single(block, c, mu, mu, given);
+  const answer_t answer = solve_contact(block, c, mu, mu, given);
   for (int i = 0; i < 3; ++i) force[i] = answer.force[i];
   return answer.state;
 }

@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations.rigid_body import Rotation, placements, solve
+from arm_dynamics.equations.rigid_body import Placement, placements, solve
 from arm_dynamics.equations.tree import (
     Tree,
     common_link,
@@ -174,7 +174,7 @@ def _chains(tree: Tree, point: ContactPoint) -> tuple[list[int], list[int]]:
     return (links_between(tree, point.link, common), links_between(tree, point.carrier, common))
 
 
-def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.SX, ca.SX]:
+def _centre(tree: Tree, pose: list[Placement], point: ContactPoint) -> tuple[ca.SX, ca.SX]:
     """The point in the frame of its plane's link, and the sum of the lengths to it in [m]."""
     of_point, of_plane = _chains(tree, point)
     at, size = sparse(point.place), ca.SX(0)
@@ -187,7 +187,7 @@ def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.S
     return at, size
 
 
-def _turning_speeds(tree: Tree, pose: list[Rotation], point: ContactPoint) -> ca.SX:
+def _turning_speeds(tree: Tree, pose: list[Placement], point: ContactPoint) -> ca.SX:
     """Rows of -r ω x n, which the rotation of a ball adds to u̇, shape (3, n)."""
     if point.radius == 0:
         return ca.SX(3, tree.followers.shape[1])

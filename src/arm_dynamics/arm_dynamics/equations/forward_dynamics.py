@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.rigid_body import Rotation, placements
+from arm_dynamics.equations.rigid_body import Placement, placements
 from arm_dynamics.equations.tree import Link, Tree, cross, skew, symmetric
 
 
@@ -98,7 +98,7 @@ def hybrid(
     return a + given, (1 - free) * lacking
 
 
-def _velocities(tree: Tree, pose: list[Rotation], v: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+def _velocities(tree: Tree, pose: list[Placement], v: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
     """Linear and angular velocity of every link frame, in link axes."""
     z = ca.sparsify(ca.SX([0, 0, 1]))
     found: list[tuple[ca.SX, ca.SX]] = []
@@ -149,7 +149,7 @@ def _joint(
     return _Joint(U_f, U_n, D + armature, u, ca.sparsify(c_f), ca.sparsify(c_n), free)
 
 
-def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Rotation) -> None:
+def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Placement) -> None:
     """Add to the parent the articulated inertia and bias of the body behind the joint."""
     s_f, s_n = joint.free * (joint.U_f / joint.D), joint.free * (joint.U_n / joint.D)
     A = symmetric(body.A - s_f @ joint.U_f.T)
@@ -169,7 +169,7 @@ def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Rotation) -> Non
 
 
 def _accelerations(
-    tree: Tree, pose: list[Rotation], joints: dict[int, _Joint], gravity: ca.SX
+    tree: Tree, pose: list[Placement], joints: dict[int, _Joint], gravity: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     z = ca.sparsify(ca.SX([0, 0, 1]))
     """Accelerations of free joints, and the excess or deficit of each joint's torque."""

@@ -95,7 +95,7 @@ def drift(J: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
 
 def relative(
     tree: Tree,
-    pose: Sequence[rigid_body.Rotation],
+    pose: Sequence[rigid_body.Placement],
     frames: Sequence[Frame],
     points: Sequence[Sequence[float]],
 ) -> tuple[ca.SX, ca.SX]:
@@ -121,7 +121,7 @@ def relative(
 
 
 def _carried(
-    tree: Tree, pose: Sequence[rigid_body.Rotation], frame: Frame, point: ca.SX, ancestor: int
+    tree: Tree, pose: Sequence[rigid_body.Placement], frame: Frame, point: ca.SX, ancestor: int
 ) -> tuple[ca.SX, ca.SX]:
     """Rotation of a frame, and a point of it, in the axes of a link that carries it."""
     R = constant(frame.R)

@@ -14,7 +14,7 @@ import casadi as ca
 from arm_dynamics.equations.tree import Link, Tree, cross, moved, skew, spread_map
 
 
-class Rotation:
+class Placement:
     """Placement of a link in its parent's frame at joint position ``q``.
 
     Attributes:
@@ -32,14 +32,14 @@ class Rotation:
         self.R, self.p = R @ ca.sparsify(turn), p
 
 
-def placements(tree: Tree, q: ca.SX) -> list[Rotation]:
+def placements(tree: Tree, q: ca.SX) -> list[Placement]:
     """Placements of all links for independent joint positions ``q`` of shape (n,)."""
     full = spread_map(tree) @ q + ca.sparsify(ca.SX(ca.DM(tree.offsets)))
-    return [Rotation(link, full[i]) for i, link in enumerate(tree.links)]
+    return [Placement(link, full[i]) for i, link in enumerate(tree.links)]
 
 
 def motion(
-    tree: Tree, pose: list[Rotation], v: ca.SX, a: ca.SX, gravity: ca.SX
+    tree: Tree, pose: list[Placement], v: ca.SX, a: ca.SX, gravity: ca.SX
 ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
     """Angular velocity, angular and linear acceleration of every link frame, in link axes.
 
@@ -237,7 +237,7 @@ def _angular_tensor(omega: ca.SX, alpha: ca.SX) -> ca.SX:
     return skew(alpha) + skew(omega) @ skew(omega)
 
 
-def _project(tree: Tree, pose: list[Rotation], M: ca.SX, i: int, f: ca.SX, n: ca.SX) -> None:
+def _project(tree: Tree, pose: list[Placement], M: ca.SX, i: int, f: ca.SX, n: ca.SX) -> None:
     """Fill row and column ``i`` of M.
 
     The wrench that accelerates the subtree of joint ``i`` is propagated to the ground.

@@ -96,7 +96,7 @@ static double scale_of(double mobility, double trace) {
 }
 
 /* Force that keeps the point at rest: least-norm solution of W r = -c, where W may be singular. */
-static void hold(double W[3][3], const double* c, double* r) {
+static void sticking_force(double W[3][3], const double* c, double* r) {
   const double trace = W[0][0] + W[1][1] + W[2][2];
   for (int i = 0; i < 3; ++i) r[i] = 0.0;
   for (int turn = 0; turn < 3; ++turn) {
@@ -186,7 +186,7 @@ static void start_to_slide(double W[3][3], const double* c, double mu, answer_t*
 }
 
 /* Solve for one contact, which sticks up to `held`; `given` is the direction of a sliding one, else null. */
-static answer_t single(double W[3][3], const double* c, double mu, double held, const double* given) {
+static answer_t solve_contact(double W[3][3], const double* c, double mu, double held, const double* given) {
   answer_t answer;
   answer = apart; /* as an initializer it may become memset in C++ */
   if (c[0] >= 0.0) return answer;
@@ -197,7 +197,7 @@ static answer_t single(double W[3][3], const double* c, double mu, double held, 
     return answer;
   }
   double r[3];
-  hold(W, c, r);
+  sticking_force(W, c, r);
   if (hypot(r[1], r[2]) <= held * r[0]) {
     answer.state = STICKS;
     for (int i = 0; i < 3; ++i) answer.force[i] = r[i];
@@ -260,7 +260,8 @@ static int sweep(const scene_t* scene, const cones_t* cones, double* r, int swee
         for (int j = 0; j < MC; ++j)
           if (j / 3 != k) others[i] += AT(cones->W, MC, 3 * k + i, j) * r[j];
       }
-      answers[k] = single(block, others, cones->mu[k], cones->held[k], cones->slides[k] != 0.0 ? cones->given + 2 * k : 0);
+      answers[k] =
+          solve_contact(block, others, cones->mu[k], cones->held[k], cones->slides[k] != 0.0 ? cones->given + 2 * k : 0);
       for (int i = 0; i < 3; ++i) {
         change[k] = fmax(change[k], fabs(answers[k].force[i] - r[3 * k + i]));
         r[3 * k + i] = answers[k].force[i];
@@ -355,7 +356,7 @@ static void read_answers(const scene_t* scene, const cones_t* cones, const doubl
 }
 
 /* Largest residual of the laws, relative to the forces of its contact. */
-static double lacking(const scene_t* scene, const cones_t* cones, const double* r, const double* F) {
+static double relative_residual(const scene_t* scene, const cones_t* cones, const double* r, const double* F) {
   double most = 0.0;
   for (int k = 0; k < NC; ++k) {
     const double left = fmax(fabs(F[3 * k]), fmax(fabs(F[3 * k + 1]), fabs(F[3 * k + 2])));
@@ -371,7 +372,7 @@ static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_
   double size = equations(scene, cones, trial, F, J);
   for (int turn = 0, better = 1;; ++turn) {
     double length = 1.0, next = size;
-    left = lacking(scene, cones, trial, F);
+    left = relative_residual(scene, cones, trial, F);
     if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;
     for (int i = 0; i < MC; ++i) step[i] = -F[i];
     if (!solve_linear(MC, J, step)) break;
@@ -391,7 +392,7 @@ static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_
   return 1;
 }
 
-static void take_part(const scene_t* scene, cones_t* cones, double part) {
+static void scale_friction(const scene_t* scene, cones_t* cones, double part) {
   for (int k = 0; k < NC; ++k) {
     cones->mu[k] = cones->friction[k] * part;
     cones->held[k] = cones->holding[k] * part;
@@ -399,17 +400,17 @@ static void take_part(const scene_t* scene, cones_t* cones, double part) {
 }
 
 /* Solve for several contacts: 0 if no solution is found. */
-static int several(const scene_t* scene, cones_t* cones, answer_t* answers) {
+static int solve_contacts(const scene_t* scene, cones_t* cones, answer_t* answers) {
   static const int sweeps[2] = {20, 200}; /* sweeps before Newton's method is tried, and tried again */
   double r[MC + 1];
   int found = 0;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
-  take_part(scene, cones, 1.0);
+  scale_friction(scene, cones, 1.0);
   for (int k = 0; k < 2; ++k)
     if (sweep(scene, cones, r, sweeps[k], answers) || newton(scene, cones, r, answers)) return 1;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
   for (int part = 0; part <= CONTINUED; ++part) {
-    take_part(scene, cones, (double)part / CONTINUED);
+    scale_friction(scene, cones, (double)part / CONTINUED);
     found = sweep(scene, cones, r, sweeps[0], answers) || newton(scene, cones, r, answers);
   }
   return found;

@@ -50,7 +50,7 @@ static double find_impulse(const scene_t* scene, const inertia_t* inertia, const
     cones.allowed[k] = contact[k].touching;
     cones.slides[k] = 0;
   }
-  if (!several(scene, &cones, answers)) return INFINITY;
+  if (!solve_contacts(scene, &cones, answers)) return INFINITY;
   for (int k = 0; k < NC; ++k) {
     if (answers[k].state == UNSOLVABLE) return INFINITY;
     for (int i = 0; i < 3; ++i) jump->impulse[3 * k + i] = answers[k].force[i];

@@ -129,8 +129,8 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
   own_block(scene, inertia.W, entry, block);
   for (int i = 0; i < 3; ++i)
     c[i] = found->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
-  answer_t answer = single(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
-                           contact->slides != 0.0 ? contact->given : 0);
+  answer_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
+                                  contact->slides != 0.0 ? contact->given : 0);
   if (answer.state == UNSOLVABLE) return 0;
   if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* on the boundary */
   put_mode(mode, &answer);
@@ -153,12 +153,12 @@ static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const inert
   cones->W = W;
   cones->c = c;
   for (int turn = 0; turn < NEARER_TURNS && solved; ++turn) {
-    solved = several(scene, cones, answers);
+    solved = solve_contacts(scene, cones, answers);
     for (int i = 0; i < MC; ++i) c[i] = inertia->free[i] - damping[i] * answers[i / 3].force[i % 3];
   }
   cones->W = inertia->W;
   cones->c = inertia->free;
-  return solved || several(scene, cones, answers);
+  return solved || solve_contacts(scene, cones, answers);
 }
 
 /* Solve all contacts together, where pivoting cycles, with or without their static friction: without, there is a solution,
