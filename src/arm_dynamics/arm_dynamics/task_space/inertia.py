@@ -47,7 +47,7 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
     Returns:
         The inertia.
     """
-    scale = _scales(A, linear)
+    scale = scales(A, linear)
     return regularized(A / (scale[..., :, None] * scale[..., None, :]), scale, threshold)
 
 
@@ -77,7 +77,8 @@ def axis_masses(A: Quantity, inertia: Quantity) -> Quantity:
     return mass / larger(0.1 * mass * diagonal(A), 1.0)
 
 
-def _scales(A: Array, linear: int) -> Array:
+def scales(A: Array, linear: int) -> Array:
+    """The diagonal of S in ``task_inertia``, shape (…, m)."""
     diagonal = np.maximum(A.diagonal(0, -2, -1), 0.0)
     scale = np.empty_like(diagonal)
     for rows in (slice(0, linear), slice(linear, None)):
