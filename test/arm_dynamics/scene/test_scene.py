@@ -106,6 +106,12 @@ def test_star_applies_to_all_joints_and_names_override_it() -> None:
     np.testing.assert_array_equal(model.armature, [0.2, 0.2, 0.2])
 
 
+def test_of_a_normal_only_the_direction_counts() -> None:
+    plane = {"type": "plane", "frames": ["link3", "world"], "normal": [3e200, 0, 4e200]}
+    (made,) = load_scene({"robot": {"urdf": str(URDF)}, "constraints": [plane]}).bilateral.values()
+    np.testing.assert_allclose(made.normal, [0.6, 0.0, 0.8], rtol=1e-15)
+
+
 def joint1(common: dict[str, Any], own: dict[str, Any]) -> Joint:
     joints = {"*": common, "joint1": own}
     return load_scene({"robot": {"urdf": str(URDF)}, "joints": joints}).joint("joint1")

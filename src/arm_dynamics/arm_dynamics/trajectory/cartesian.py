@@ -8,13 +8,14 @@ quaternion curves", SIGGRAPH 1985).
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, unit, vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
@@ -132,14 +133,13 @@ def circle(
     """
     start, middle = checked_pose(start), vector("centre", centre, 3)
     around = vector("axis", axis, 3)
-    length = float(np.linalg.norm(around))
     arm = start.position - middle
     radius = float(np.linalg.norm(arm))
-    if length < 1e-12 or radius < 1e-9 or not 0.0 < abs(angle) < np.inf:
+    if math.hypot(*around) < 1e-12 or radius < 1e-9 or not 0.0 < abs(angle) < np.inf:
         raise InvalidInput(
             f"axis = {around}, radius = {radius} m, angle = {angle}: none of them may be zero"
         )
-    around = around / length
+    around = unit(around)
     off = abs(float(arm @ around))
     if off > 1e-6 * radius:
         raise InvalidInput(
