@@ -83,8 +83,7 @@ def scales(A: Array, linear: int) -> Array:
     scale = np.empty_like(diagonal)
     for rows in (slice(0, linear), slice(linear, None)):
         part = diagonal[..., rows]
-        if part.shape[-1]:
-            scale[..., rows] = np.sqrt(part.sum(-1, keepdims=True) / part.shape[-1])
+        scale[..., rows] = np.sqrt(part.sum(-1, keepdims=True) / max(part.shape[-1], 1))
     scale[scale < 1e-9] = 1.0  # no motion along these axes, at any scale
     return scale
 
