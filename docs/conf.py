@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How Sphinx builds the site; ``./arm docs`` runs it.
 
-Pages are Markdown, readable as they are; the gallery is made from the scripts in ``gallery``.
+Pages are Markdown, readable as they are, except for what the reference takes from the code; the
+gallery is made from the scripts in ``gallery``.
 """
 
 from __future__ import annotations

@@ -75,11 +75,11 @@ def _per_round(rows: Sequence[Record], key: str, best: Callable[..., float]) -> 
 
 
 def _steps(results: Record) -> list[Claim]:
-    rk4, aba = f"{OURS} rk4", "Pinocchio aba from C++"
+    rk4, aba = f"{OURS} rk4", "Pinocchio's ABA from C++"
     pairs = (
         ("RK4 step of Panda ÷ MuJoCo's Euler step", "step", rk4, "MuJoCo Euler", 0.75),
         ("RK4 step of Panda ÷ MuJoCo's RK4 step", "step", rk4, "MuJoCo RK4", 0.2),
-        ("forward dynamics ÷ Pinocchio's aba from C++", "evaluation", OURS, aba, 0.4),
+        ("forward dynamics ÷ Pinocchio's ABA from C++", "evaluation", OURS, aba, 0.4),
     )
     return [
         _paired(text, _row(results, what, mine), _row(results, what, theirs), limit)

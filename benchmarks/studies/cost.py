@@ -43,8 +43,8 @@ def _evaluations(
     robot: Robot, extra: dict[str, Callable[[Robot], Job]]
 ) -> dict[tuple[str, str], Job]:
     ways = {
-        "Pinocchio aba from C++ (abaInParallel, one thread)": pinocchio_peer.compiled,
-        "Pinocchio aba from Python": pinocchio_peer.interpreted,
+        "Pinocchio's ABA from C++ (abaInParallel, one thread)": pinocchio_peer.compiled,
+        "Pinocchio's ABA from Python": pinocchio_peer.interpreted,
     } | extra
     if find_spec("dynibo"):
         from benchmarks.peers import dynibo as dynibo_peer

@@ -18,12 +18,16 @@ from . import commands, interfaces, lectures, node_parameters, public_names, sce
 
 
 def directive(markdown: Callable[..., str]) -> type[SphinxDirective]:
-    """A directive that stands for Markdown; its arguments are those of the function."""
+    """A directive that stands for Markdown; its arguments are those of the function.
+
+    Its content is for those who read the file as it is.
+    """
     count = len(inspect.signature(markdown).parameters)
 
     class Generated(SphinxDirective):
         required_arguments = count
         final_argument_whitespace = True
+        has_content = True
 
         def run(self) -> list[nodes.Node]:
             return self.parse_text_to_nodes(markdown(*self.arguments), allow_section_headings=True)

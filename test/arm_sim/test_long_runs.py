@@ -108,7 +108,7 @@ def test_where_messages_are_logged_progress_is_one_of_them(
 def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     sim = models.simulator("two_link", integrator="rk4", dt=1e-3)
     monkeypatch.setattr(long_runs, "_available", lambda: 5e8)
-    with pytest.raises(InvalidInput, match=r"of 10000000 ticks takes \d\.\d+ GB .* the 0.5 GB"):
+    with pytest.raises(InvalidInput, match=r"10000000 time steps takes \d\.\d+ GB .* the 0.5 GB"):
         sim.run(1e4)
     assert sim.state.time == 0.0
     monkeypatch.setattr(long_runs, "_SMALL", 0)
@@ -117,7 +117,7 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatc
         sim.run(5.0)
     assert len(sim.run(1.0)) == 1001
     still = np.zeros((50, 2))
-    with pytest.raises(InvalidInput, match="a rollout of 50 arms over 999 ticks.*last_only=True"):
+    with pytest.raises(InvalidInput, match="50 arms over 999 time steps.*last_only=True"):
         sim.rollout(still, still, [0.0, 0.0], 999)
     assert sim.rollout(still, still, [0.0, 0.0], 999, last_only=True).shape == (50, 4)
 

@@ -16,14 +16,7 @@ from arm_sim.integrators.selection import choose, fastest_rate
 from arm_sim.plant import Plant
 from arm_sim.simulation.runtime_changes import payload_change
 from models.sprung import slope
-from tolerances import (
-    BACKENDS,
-    ENERGY_DRIFT,
-    MULTIPLIER,
-    PINOCCHIO,
-    SPRING,
-    assert_close,
-)
+from tolerances import BACKENDS, ENERGY_DRIFT, MULTIPLIER, PINOCCHIO, SPRING, assert_close
 
 TWO_LINK = {"urdf": models.scene("two_link").robot.urdf}
 PENDULUM = {"urdf": models.scene("pendulum").robot.urdf}

@@ -194,7 +194,7 @@ def test_report_has_figures_and_verdicts(bench: Bench) -> None:
         "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.50 to 0.50 | 0.75 | met |" in found
     )
     assert (
-        "| forward dynamics ÷ Pinocchio's aba from C++ | 1/20 | 1/20 to 1/20 | 0.40 | met |"
+        "| forward dynamics ÷ Pinocchio's ABA from C++ | 1/20 | 1/20 to 1/20 | 0.40 | met |"
         in found
     )
     assert "| cold start of Panda | 6 s | too few rounds | 5 s | open |" in found
@@ -206,7 +206,7 @@ def full_results(bench: Bench) -> dict[str, Any]:
         (f"{OURS} rk4", "step", 1000.0),
         ("MuJoCo Euler", "step", 2000.0),
         (OURS, "evaluation", 100.0),
-        ("Pinocchio aba from C++", "evaluation", 2000.0),
+        ("Pinocchio's ABA from C++", "evaluation", 2000.0),
     ]
     start = {"total without imports": 6.0, "imports": 1.0, "load_scene": 1.0, "Simulator": 1.0,
              "first step": 1.0, "processor": 1.0}  # fmt: skip

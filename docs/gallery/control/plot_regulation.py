@@ -236,6 +236,7 @@ motion = animation(
     trail=(hand(runs["computed torque"].q[shown]), {"color": "C0", "label": "path of its hand"}),
     speed=0.5,
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -246,6 +246,7 @@ motion = animation(
     trail=hand(runs["PID"].q),
     speed=0.5,
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

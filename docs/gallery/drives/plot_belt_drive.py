@@ -176,6 +176,7 @@ motion = animation(
     size=(6.4, 3.6),
     title="Belt drive, stretch × 20",
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -194,6 +194,7 @@ motion = animation(
     size=(7.0, 3.8),
     title="Pickup and disc",
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -178,6 +178,7 @@ motion = animation(
     title="The rotors of the three circuits",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
+plt.show()
 
 # %%
 # Questions

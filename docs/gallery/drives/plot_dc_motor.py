@@ -182,6 +182,7 @@ motion = animation(
     title="Flywheel and the parts of the voltage",
 )
 plt.gca().set_axis_off()  # a sketch, not to scale
+plt.show()
 
 # %%
 # Questions

@@ -153,6 +153,7 @@ motion = animation(
     speed=0.2,
     title="A link and the rotor",
 )
+plt.show()
 
 # %%
 # Questions

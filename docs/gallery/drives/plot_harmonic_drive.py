@@ -149,6 +149,7 @@ motion = animation(
     title="Wave generator, and its place on the loop",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
+plt.show()
 
 # %%
 # Questions

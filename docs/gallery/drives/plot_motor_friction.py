@@ -167,6 +167,7 @@ motion = animation(
     title="Rotor and bristle",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
+plt.show()
 
 # %%
 # Questions

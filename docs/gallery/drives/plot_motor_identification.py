@@ -270,6 +270,7 @@ motion = animation(
     title="Coming to rest",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
+plt.show()
 
 # %%
 # Questions

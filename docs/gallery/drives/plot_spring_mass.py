@@ -104,6 +104,7 @@ motion = animation(
      (mass, {"marker": "", "label": "mass"})],
     size=(6.4, 2.6),
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -145,6 +145,7 @@ motion = animation(
     size=(4.4, 3.0),
     title="Lead angle 8°",
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -152,6 +152,7 @@ motion = animation(
      (np.stack([hinge, bob], axis=1), {"label": "pendulum"})],
     size=(5.5, 4.0),
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

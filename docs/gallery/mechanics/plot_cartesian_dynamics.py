@@ -180,6 +180,7 @@ motion = animation(
     trail=(tip, {"label": "path of the hand"}),
     speed=0.5,
 )
+plt.show()
 
 # %%
 # Questions

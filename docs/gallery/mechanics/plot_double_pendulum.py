@@ -19,6 +19,7 @@ Two point masses :math:`m` on weightless rods of length :math:`l`, with absolute
 """
 
 import numpy as np
+from matplotlib import pyplot as plt
 from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_sim import Simulator
@@ -53,6 +54,7 @@ figure = run.plot()
 
 # sphinx_gallery_thumbnail_number = 2
 motion = run.animate()
+plt.show()
 
 # %%
 # Questions

@@ -145,6 +145,7 @@ motion = animation(
         (ellipses, {"color": "C1", "marker": "", "linewidth": 1.5, "label": "mobility"}),
     ],
 )
+plt.show()
 
 # %%
 # Questions

@@ -163,6 +163,7 @@ motion = animation(
         (rod(runs["euler"].q), {"label": "Euler"}),
     ],
 )
+plt.show()
 
 # %%
 # Questions

@@ -21,6 +21,7 @@ which is solved for :math:`\psi` in closed form: :math:`A \cos\psi + B \sin\psi 
 """
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 from arm_sim import Simulator
 from arm_sim.figures import use_style
@@ -45,6 +46,7 @@ figure = run.plot()
 
 # sphinx_gallery_thumbnail_number = 2
 motion = run.animate(speed=0.25, rate=15.0)
+plt.show()
 
 # %%
 # Questions

@@ -121,6 +121,7 @@ motion = animation(
      (moved(hand, up), {"label": "hand"})],
     speed=0.1, axes="yz",
 )  # fmt: skip
+plt.show()
 
 # %%
 # Questions

@@ -14,6 +14,7 @@ shoulder and elbow holds itself without a command. A torque of the elbow that fa
 """
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 from arm_dynamics import load_scene
 from arm_sim import Simulator
@@ -42,6 +43,7 @@ figure = run.plot()
 
 # sphinx_gallery_thumbnail_number = 2
 motion = run.animate()
+plt.show()
 
 # %%
 # Questions

@@ -113,6 +113,7 @@ motion = animation(
     [(np.stack([0.0 * end, end], axis=1), {"label": "link"})],
     trail=(end, {"label": "path of its end"}),
 )
+plt.show()
 
 # %%
 # Questions

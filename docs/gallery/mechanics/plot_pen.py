@@ -181,6 +181,7 @@ motion = animation(
     ],
     speed=0.5,
 )
+plt.show()
 
 # %%
 # Questions

@@ -114,6 +114,7 @@ motion = animation(
     [(np.stack([0.0 * bob, bob], axis=1), {"label": "pendulum"})],
     trail=(bob, {"label": "path of the mass"}),
 )
+plt.show()
 
 # %%
 # Questions

@@ -94,6 +94,7 @@ motion = animation(
     ],
     trail=(path, {"label": "path"}),
 )
+plt.show()
 
 # %%
 # Questions

@@ -114,6 +114,7 @@ motion = animation(
     [(rail, {"label": "rail"}), (across, {"label": "carriage and hand"})],
     trail=(run.q, {"label": "path of the hand"}),
 )
+plt.show()
 
 # %%
 # Questions

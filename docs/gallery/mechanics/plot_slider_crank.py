@@ -159,6 +159,7 @@ motion = animation(
     speed=0.25,
     size=(5.5, 3.5),
 )
+plt.show()
 
 # %%
 # Questions

@@ -159,6 +159,7 @@ motion = animation(
     ],
     speed=0.25,
 )
+plt.show()
 
 # %%
 # Questions

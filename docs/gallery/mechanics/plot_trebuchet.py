@@ -235,6 +235,7 @@ motion = animation(
     speed=1.0 / 6.0,
     size=(5.5, 5.0),
 )
+plt.show()
 
 # %%
 # Questions

@@ -160,6 +160,7 @@ motion = animation(
     trail=points(runs[1].q)[:, 2],
     speed=0.5,
 )
+plt.show()
 
 # %%
 # Questions

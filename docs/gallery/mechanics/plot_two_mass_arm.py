@@ -130,6 +130,7 @@ motion = animation(
     [(np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"})],
     trail=(tip, {"label": "path of the hand"}),
 )
+plt.show()
 
 # %%
 # Questions

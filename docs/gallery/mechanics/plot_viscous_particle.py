@@ -110,6 +110,7 @@ pair = [
 ]
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(run.time, pair, size=(3.4, 4.6))
+plt.show()
 
 # %%
 # Questions

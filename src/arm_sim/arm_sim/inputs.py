@@ -60,9 +60,7 @@ def answers(
         begin: The state at the start of the run.
     """
     if inspect.isclass(control):
-        raise InvalidInput(
-            f"control is the class {control.__name__}; an instance of it is expected"
-        )
+        raise InvalidInput(f"control is class {control.__name__}; an instance of it is expected")
     motion: Motion = hold(begin.q) if reference is None else reference
     if not hasattr(motion, "sample"):
         raise InvalidInput(
@@ -83,13 +81,11 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
         n = count(joints)
         raise InvalidInput(
             f"control = {control!r}: a function of the state, a controller, or numbers of shape "
-            f"({n},) or (ticks, {n}) are expected"
+            f"({n},) or (steps, {n}) are expected"
         )
     table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:
-        raise InvalidInput(
-            f"control has {len(table)} rows; the run has {ticks} time steps of {dt} s"
-        )
+        raise InvalidInput(f"control has {len(table)} rows; the run {ticks} time steps of {dt} s")
     return np.ascontiguousarray(table)
 
 
@@ -134,9 +130,7 @@ def tick_count(duration: Any, dt: float) -> int:
     """Check a duration in [s] and round it to whole ticks, with a warning."""
     seconds = real_number(duration)
     if not 0.0 <= seconds < np.inf:
-        raise InvalidInput(
-            f"duration = {duration!r}; expected a finite time of at least zero, in s"
-        )
+        raise InvalidInput(f"duration = {duration!r}; expected a finite time in s, not negative")
     ticks = round(seconds / dt)
     if ticks > MOST_TICKS:
         raise InvalidInput(

@@ -109,8 +109,8 @@ def refuse_beyond_memory(ticks: int, each: int, what: str = "", instead: str = _
     if (size := ticks * each) < _SMALL or size <= ALLOWED * (available := _available()):
         return
     raise InvalidInput(
-        f"{what or f'a recording of {ticks} ticks'} takes {size / 1e9:.3g} GB of memory; allowed: "
-        f"{ALLOWED:.0%} of the {available / 1e9:.3g} GB that are available; {instead}"
+        f"{what or f'a recording of {ticks} time steps'} takes {size / 1e9:.3g} GB of memory; "
+        f"allowed: {ALLOWED:.0%} of the {available / 1e9:.3g} GB that are available; {instead}"
     )
 
 

@@ -100,7 +100,8 @@ def replay(
     origin, same = recording.origin, scene is None
     if origin is None or recording.of_robot:
         raise InvalidInput(
-            "the recording is of a robot, not of ticks of a simulation; --topics plays it"
+            "the recording is of a robot, not of time steps of a simulation, as "
+            "`-p record:=run.mcap` of the sim node records them; --topics plays it"
         )
     base = origin.scene if scene is None else load_scene(scene)
     # Imperfections between arm and controller have affected the commands already.

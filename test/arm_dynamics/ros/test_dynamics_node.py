@@ -181,10 +181,7 @@ def test_model_info(node: DynamicsNode) -> None:
 BAD = [
     ({}, "position has 0 numbers; allowed: a multiple of 7"),
     ({"position": [0.0] * 6}, "position has 6 numbers; allowed: a multiple of 7"),
-    (
-        {"position": [0.0] * 14, "velocity": [0.0] * 7},
-        "velocity has 7 numbers; allowed: 0 or 14",
-    ),
+    ({"position": [0.0] * 14, "velocity": [0.0] * 7}, "velocity has 7 numbers; allowed: 0 or 14"),
     ({"position": [0.0] * 7, "acceleration": [0.0]}, "acceleration has 1 numbers"),
     (
         {"position": [0.0] * 9 + [np.nan] + [0.0] * 4},

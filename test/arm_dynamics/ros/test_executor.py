@@ -151,7 +151,7 @@ def test_why_a_node_ended_is_one_line_unless_it_is_a_fault_of_the_program(
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"tolerence": 1e-8}, "no parameter 'tolerence', which is ignored; allowed: "),
+        ({"tolerence": 1e-8}, "which is ignored; did you mean 'tolerance'? allowed: "),
         ({"use_sim_time": True, "later.joint": 1.0}, ""),
     ],
 )

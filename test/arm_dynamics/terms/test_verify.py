@@ -11,12 +11,7 @@ from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
-from arm_dynamics.dynamics.checks import (
-    check_constrained,
-    check_forward,
-    closed_states,
-    slack,
-)
+from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states, slack
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.terms.table import torque_size
 from arm_dynamics.terms.verify import compare, random_states

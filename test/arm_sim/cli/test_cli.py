@@ -342,7 +342,7 @@ def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
     for words, status in (((), 0), (("--check",), int(not trusted))):
         said = run("replay", str(path), *words)
         assert said.exit_code == status, said.output
-        assert ("right to " in said.output) is trusted
+        assert ("accurate to " in said.output) is trusted
         assert ("not trustworthy: " in said.output) is not trusted
         facts = json.loads(run("replay", str(path), *words, "--json").stdout)
         assert facts["trusted"] is trusted
@@ -354,6 +354,7 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     first.save(path)
     said = run("replay", str(path), "--out", str(out))
     assert said.exit_code == 0 and "100 time steps replayed, every state bit-id" in said.output
+    assert said.output.count("<Recording: ") == 1 and "not checked yet" not in said.output
     assert said.output.splitlines()[-1].strip() == str(out)
     assert Recording.load(out).q.tobytes() == first.q.tobytes()
     told = json.loads(run("replay", str(path), "--json").stdout)

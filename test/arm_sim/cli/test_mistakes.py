@@ -43,7 +43,8 @@ URDF = (models.SCENES / "two_link.urdf").read_text()
 STARTS_ROS = ("sim", "dynamics", "controller", "record some")
 LEAKS = re.compile(
     r"pydantic|Input should|valid (tuple|dict|list|string)|broadcast|ufunc|could not convert|"
-    r"ndarray|Traceback|\[Errno|<unicode string>|lexer|NoneType' object|positional argument"
+    r"ndarray|Traceback|\[Errno|<unicode string>|lexer|NoneType' object|"
+    r"positional argument|function-"
 )
 
 

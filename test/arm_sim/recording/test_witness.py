@@ -37,7 +37,9 @@ def test_a_right_motion_is_trusted() -> None:
     assert motion.trusted and motion.doubt == "" and motion.second_run.how == WHOLE
     assert_close(motion.q[-1], [2.0 * stops / 2], 1e-12)
     assert motion.error.shape == (401, 2) and motion.error.max() < 1e-9
-    assert motion.verdict.startswith("right to ") and motion.verdict in repr(motion)
+    assert motion.verdict.startswith("accurate to ") and motion.verdict in repr(motion)
+    still = Simulator(rotor(0.1)).run(0.1)
+    assert still.verdict.startswith("accurate to rounding, by a second run ")
 
 
 @pytest.mark.parametrize("coulomb", [0.5, 0.0], ids=["stops", "smooth"])

@@ -161,10 +161,10 @@ def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: P
     ros.spin_until(lambda: publisher.get_subscription_count() > 0)
     for k in range(20):
         message = JointState(name=["a", "b"], position=[float(k), 0.5])
-        message.header.stamp.nanosec = 1_000_000 * (k + 1)
+        message.header.stamp.nanosec = 1_000_000 * (k + 1 + 3 * (k > 9))
         publisher.publish(message)
     ros.spin_until(lambda: recorder.count["/states"] == 20)
-    assert recorder.missing == ("/nobody",)
+    assert recorder.missing == ("/nobody",) and recorder.gaps == {"/states": 3}
     recorder.thread.close()
     loaded = Recording.load(tmp_path / "run.mcap")
     np.testing.assert_array_equal(loaded.q[:, 0], np.arange(20.0))
@@ -179,6 +179,15 @@ def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: P
     player.start(rate=0.0)
     ros.spin_until(lambda: len(heard) == 20)
     assert heard == list(range(20)) and player.published == 20
+
+
+def test_hidden_topics_are_recorded_by_name_only(ros: Ros, tmp_path: Path) -> None:
+    for topic in ("states", "hidden/_states"):
+        ros.peer.create_publisher(JointState, topic, EVERY)
+    every = ros.add(TopicRecorder, tmp_path / "every.mcap")
+    named = ros.add(TopicRecorder, tmp_path / "named.mcap", ("hidden/_states",))
+    ros.spin_until(lambda: {"/states"} <= every.count.keys() and len(named.count) == 1)
+    assert "/hidden/_states" not in every.count and not named.gaps
 
 
 def test_what_cannot_be_played_is_said(ros: Ros, tmp_path: Path) -> None:

@@ -172,6 +172,18 @@ def test_the_direction_of_starting_is_found_to_rounding(rng: np.random.Generator
     assert slid > 100
 
 
+def test_two_directions_close_together_are_both_found(rng: np.random.Generator) -> None:
+    """Of slender bodies and rough planes: only one of them may have a force that pushes."""
+    for _ in range(2000):
+        A = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-1.5, 1.5, 3)
+        W, c, mu = A @ A.T, rng.normal(size=3), np.array([rng.uniform(0.0, 10.0)])
+        answer = solve_cones(W, c, mu)
+        assert answer.found and answer.state[0] == solve_cone(W, c, mu[0])[0] != UNSOLVABLE
+    W = np.array([[3.3407, 3.7213, -3.571], [3.7213, 9.9285, -4.453], [-3.571, -4.453, 4.3927]])
+    _, force = solve_cone(W, np.array([-0.20782, 0.35233, -8.69169]), 0.87276)
+    assert_close(force, [1.0805, -0.0093, 0.9430], 1e-3)
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_speeds_that_are_hardly_more_than_rounding_have_impulses(seed: int) -> None:
     """A box on five points, three of them on one edge: impacts are distinguished from rounding."""

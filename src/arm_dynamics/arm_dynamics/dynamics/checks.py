@@ -13,13 +13,7 @@ from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.terms.arm import Numbers
 from arm_dynamics.terms.table import FORWARD, torque_size
-from arm_dynamics.terms.verify import (
-    CHECK_STATES,
-    CHECK_TOLERANCE,
-    compare,
-    random_states,
-    verify,
-)
+from arm_dynamics.terms.verify import CHECK_STATES, CHECK_TOLERANCE, compare, random_states, verify
 
 WELL_CONDITIONED = 1e4
 """Condition number of constraints above which a position is skipped if others are better."""

@@ -168,14 +168,10 @@ def _warn(scene: Scene, urdf: Urdf) -> None:
         more = f" (and {known_names(others, 5)})" if others else ""
         _log.warning("robot description: %s: %s%s", plain(place), remark, more)
     if urdf.doubtful:
-        name, trouble = next(iter(urdf.doubtful.items()))
-        count = len(urdf.doubtful)
-        many = f"{count} links have" if count > 1 else "a link has"
-        more = f" (and {known_names(list(urdf.doubtful)[1:], 5)})" if count > 1 else ""
-        _log.warning(
-            "robot description: %s an inertia that no rigid body has; it is computed with as it "
-            "is: link '%s'%s: %s", many, name, more, trouble,
-        )  # fmt: skip
+        name, *others = urdf.doubtful
+        more = f" (and {known_names(others, 5)})" if others else ""
+        text = "robot description: inertia that no rigid body has, used unchanged: link '%s'%s: %s"
+        _log.warning(text, name, more, urdf.doubtful[name])
     for remark in _unit_remarks(scene, urdf):
         _log.warning("scene: %s", remark)
 

@@ -169,7 +169,7 @@ def _of_controllers(
 
 def _of_derivatives(simulator: Simulator) -> Parts:
     derivatives = simulator.arm.compiled.derivatives
-    yield "derivatives of ticks", derivatives.linearizer().prepare
+    yield "derivatives of time steps", derivatives.linearizer().prepare
     yield "gradients of rollouts", derivatives.gradients.prepare
     for parts in click.get_current_context().obj:  # of the studies
         yield from parts(simulator)

@@ -38,9 +38,7 @@ class Commands(click.Group):
             ]
             if not having:
                 raise
-            ctx.fail(
-                f"option '{error.option_name}' stands behind its command: {', '.join(having)}"
-            )
+            ctx.fail(f"option '{error.option_name}' goes behind its command: {', '.join(having)}")
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -113,6 +113,8 @@ def record(
     status, node = run_node(make, done=done)
     if node is not None:
         _show_topics(node.count)
+        for topic, lost in node.gaps.items():
+            click.echo(f"{lost:9d}  missing on {topic}, by gaps between its stamps")
         for topic in node.missing:
             click.echo(f"        -  {topic}: no publisher")
         if node.thread.lost:
@@ -215,7 +217,8 @@ def _compared(loaded: Recording, found: Replay) -> tuple[list[str], dict[str, An
     import numpy as np
 
     largest = float(np.nanmax(found.apart)) if len(found.apart) else 0.0
-    lines = [repr(loaded)]
+    notes = [event.text for event in loaded.events if event.text.startswith("file: ")]
+    lines = notes if found.equal else [repr(loaded)]  # the replayed one is shown in any case
     for name in found.other_versions:
         lines.append(f"{name} has another version here; last bits may differ")
     if found.equal:

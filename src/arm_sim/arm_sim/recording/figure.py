@@ -80,9 +80,7 @@ def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[
     """Joints to draw: the requested ones, else all that every recording has."""
     for other in recordings:
         if not isinstance(other, RecordedMotion):
-            raise InvalidInput(
-                f"plot: {other!r} is no recording; joints are chosen by plot(joints=[…])"
-            )
+            raise InvalidInput(f"plot: {other!r} is no recording; plot(joints=[…]) chooses joints")
         if not len(other):
             raise InvalidInput("plot: a recording without states has nothing to draw")
     if isinstance(asked, str):

@@ -178,7 +178,7 @@ class Recording(RecordedMotion):
         joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
         lines = [f"{max(len(self) - 1, 0)} time steps, {span}", joints, *self._origin_texts()]
         for count, what in (
-            (len(self.jumps), "changes between ticks"), (len(self.events), "events"),
+            (len(self.jumps), "changes between time steps"), (len(self.events), "events"),
             (len(self.gaps), "gaps: time steps are missing"),
         ):  # fmt: skip
             if count:

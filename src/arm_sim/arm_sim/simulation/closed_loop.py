@@ -81,7 +81,7 @@ class ClosedLoop:
             ArmError: If a scene, the controller or a setting cannot be used.
         """
         for name in simulator.keys() & _SETTINGS - {"dt"}:
-            instead = f"settings=Settings({name}=…) for the controller"
+            instead = f"settings=Settings({name}=…); from arm_dynamics.control import Settings"
             raise UnknownArgument(f"ClosedLoop has no argument '{name}'; {instead}")
         check_arguments(self, Simulator.__init__, simulator)
         self.simulator = Simulator(scene, **simulator)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import fill
 from typing import Any
 
 import casadi as ca
@@ -71,7 +72,7 @@ class Plan:
     """Parts that are computed and skipped.
 
     Attributes:
-        parts: The physics, computed and skipped.
+        parts: The physics, computed and skipped, and why.
         operations: Arithmetic operations of one tick (of one sub-step with error control).
         apart: The same while all joints move and nothing touches.
         evaluation: Operations of one evaluation of the acceleration.
@@ -132,7 +133,10 @@ class Plan:
         ]
         lines += [f"            {law}" for law in self.laws]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
-        lines += [f"skipped     {part.name}: {part.why}" for part in self.parts if not part.on]
+        off = ", ".join(part.name for part in self.parts if not part.on) or "none"
+        lines.append(
+            fill(f"skipped     {off}; plan.parts says why", 98, subsequent_indent=" " * 12)
+        )
         return "\n".join(lines)
 
 
@@ -150,9 +154,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     held = f"{counted(rows, 'row')}, {counted(free, 'degree')} of freedom"
     states = sum(len(law.states) for law in plant.laws.laws if law.replaces_command.any())
     driven = f"{_at(model.drives)}, {counted(states, 'state')}"
-    gears = (
-        f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, solved by events"
-    )
+    gears = f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, by events"
     tables = sum(
         bool(place or load)
         for dry in (model.friction, model.friction.by_law)

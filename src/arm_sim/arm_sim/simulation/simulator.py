@@ -262,7 +262,7 @@ class Simulator:
         Args:
             duration: In [s]; rounded to whole ticks, with a warning.
             control: None for no torque, torques of shape (n,) to hold, a table of shape
-                (ticks, n), a compiled controller, a controller (an object with
+                (steps, n), a compiled controller, a controller (an object with
                 ``torque(state, reference)``), or a function of the state that returns torques;
                 positions and velocities as ``JointCommand``, held, a table or a function's. All
                 but controllers, functions and servos run in compiled code; controllers and

@@ -138,7 +138,7 @@ class Rollouts:
         arms, nx = x0.shape
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
         if not last_only:
-            what = f"a rollout of {arms} arms over {steps} ticks"
+            what = f"a rollout of {arms} arms over {steps} time steps"
             refuse_beyond_memory(arms * (steps + 1), 8 * nx, what, "last_only=True keeps the end")
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
         return Batch(x0, self.by_tick("tau", tau, arms, steps), rows, int(steps), out)

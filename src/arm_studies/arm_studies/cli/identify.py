@@ -111,7 +111,7 @@ def _payload(
     remarks |= dict.fromkeys(estimate.missing, "the motion does not determine it")
     rows = []
     for name, value, unit in estimate.rows():
-        interval = estimate.intervals.get(name)
+        interval = None if name in estimate.missing else estimate.intervals.get(name)
         between = "{:.4g} to {:.4g}".format(*interval) if interval else ""
         rows.append([name, number(value, 4), unit, between, remarks.get(name, "")])
     head = "".join(f"# {' '.join(filter(None, row))}\n" for row in rows)

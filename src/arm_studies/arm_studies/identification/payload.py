@@ -67,9 +67,9 @@ class PayloadEstimate:
         for name, value, unit in self.rows():
             low, high = self.intervals.get(name, (np.nan, np.nan))
             span = f", {low:.4g} to {high:.4g}" if name in self.intervals else ""
-            scatter = " (scatter)" if name in self.scatter else ""
-            unknown = ": the motion does not determine it" if name in self.missing else ""
-            lines.append(f"{name} {value:.4g} {unit}{span}{scatter}{unknown}")
+            span += " (scatter)" if name in self.scatter else ""
+            about = ": the motion does not determine it" if name in self.missing else span
+            lines.append(f"{name} {value:.4g} {unit}{about}")
         return f"<PayloadEstimate on {self.payload.frame}:\n  " + "\n  ".join(lines) + ">"
 
     def rows(self) -> list[tuple[str, float, str]]:

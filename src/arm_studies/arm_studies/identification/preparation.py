@@ -131,7 +131,8 @@ def resampled(record: JointRecord) -> EvenRecord:
     needed = ("q", "v", "a") if computed.mean() > 0.5 else ("q",)
     whole = np.hstack([np.isfinite(getattr(record, key)) for key in needed]).all(axis=1)
     if not whole.any():
-        raise InvalidInput(f"{record.name}: no row has a position of every joint")
+        missing = "no row has a position of every joint (--topic chooses another topic of a bag)"
+        raise InvalidInput(f"{record.name}: {missing}")
     holes, start = list[str](), record.time[0]
     for key in (*needed, "effort"):
         left_out = "its efforts there" if key == "effort" else "these rows"

@@ -325,7 +325,7 @@ def _diverged(tick: int, dt: float) -> SimulationDiverged:
 def _no_reference(times: Array) -> Array:
     raise InvalidInput(
         "the compiled controller of a sweep has no reference of its own; the sweep passes the "
-        "references of every tick"
+        "references of every time step"
     )
 
 

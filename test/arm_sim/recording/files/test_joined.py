@@ -13,7 +13,7 @@ from mcap.writer import Writer
 
 from arm_dynamics import InvalidInput
 from arm_sim import Recording
-from arm_sim.recording.files.messages import JOINT_STATE, definition, joint_state_layout
+from arm_sim.recording.files.messages import JOINT_STATE, definition, joint_state_layout, written
 
 START = 1_760_000_000_000_000_000
 MS = 1_000_000
@@ -27,9 +27,12 @@ class Message(NamedTuple):
     late: float = 0.1
     stamped: bool = True
     topic: str = "/joint_states"
+    moves: bool = True
 
     def raw(self) -> bytes:
         stamp = START + round(MS * self.time) if self.stamped else 0
+        if not self.moves:
+            return written(JOINT_STATE, stamp=stamp, name=self.names, effort=np.ones(1))
         numbers = 1e-3 * self.time + 10.0 * np.array([ord(name[0]) for name in self.names])
         (raw,) = joint_state_layout(self.names).written(
             np.array([stamp]), position=numbers, velocity=numbers + 1.0, effort=numbers + 2.0
@@ -106,7 +109,7 @@ def test_joints_are_taken_from_most_messages_that_name_them(path: Path) -> None:
     ("gripper", "told"),
     [
         ({"stamped": False}, "g: stamps do not increase, times are those of arrival"),
-        ({"late": 3000.1, "shift": -3000.0}, "clocks of joints are 3 s apart, times are those of"),
+        ({"late": 3000.1, "shift": -3000.0}, "clocks of joints are 3 s apart, times are of"),
     ],
 )
 def test_other_clocks_are_told(gripper: dict[str, float], told: str, path: Path) -> None:
@@ -132,6 +135,15 @@ def test_of_several_topics_the_one_that_is_read_is_told(
     run.save(tmp_path / "left.csv")
     assert "left.csv' does not contain what else was in" in caplog.text
     assert "/right/joint_states (./arm record --repair copies a file whole)" in caplog.text
+
+
+def test_the_topic_with_positions_is_read_although_commands_are_more(path: Path) -> None:
+    commands = [Message("a", k, topic="/joint_commands", moves=False) for k in range(30)]
+    wanted = [Message("a", k, topic="/a/desired") for k in range(40)]
+    states = [Message("a", 2 * k) for k in range(20)]
+    check(loaded(path, [*commands, *states]), {"a": slice(None)})
+    assert len(loaded(path, [*commands, *wanted, *states])) == len(states)
+    assert notes(loaded(path, commands)) == ["the messages on /joint_commands have no positions"]
 
 
 def test_messages_without_names_are_refused(path: Path) -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits of given friction laws leave out what is impossible, and say so."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from arm_studies.identification.regression.bodies import consistent
 from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.fit import fitted
 from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit, Shape
+from arm_studies.identification.regression.irregularities import without_outliers
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
@@ -57,3 +60,16 @@ def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
     )  # fmt: skip
     assert found.changed == changed
     assert consistent(found.x[10:20])
+
+
+@pytest.mark.parametrize(("joint", "cause"), [(0, "stiction, contact or"), (1, "its end stop")])
+def test_outliers_at_an_end_stop_are_said_to_be_there(joint, cause):
+    regressor, t, q, v, a = moved(20.0)
+    tau = regressor(q, v, a) @ regressor.nominal
+    rows = Rows(regressor, [prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)])
+    rows.q[5:15, 1] = MODEL.stops.place[1, 1] - 1e-3
+    residual = np.random.default_rng(1).normal(0.0, 1e-3, rows.q.shape)
+    residual[5:15, joint] = 1.0
+    fit = SimpleNamespace(rows=rows, residual=residual)
+    kept, (note,) = without_outliers(fit, rows.valid)
+    assert cause in note and MODEL.joint_names[joint] in note and not kept[5:15, joint].any()

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, did_you_mean, known_names, plain
 from arm_dynamics.logs import heard_by
 from arm_dynamics.ros.common.executor import spin
 from arm_dynamics.ros.common.params import listed
@@ -193,8 +193,8 @@ def _warn_of_unknown(node: Node) -> None:
     for name in given:
         if name not in known:
             node.get_logger().warning(
-                f"this node has no parameter '{plain(name, 80)}', which is ignored; "
-                f"allowed: {choices(name, known, 100)}"
+                f"this node has no parameter '{plain(name, 80)}', which is ignored"
+                f"{did_you_mean(name, known) or ';'} allowed: {known_names(known, 100)}"
             )
 
 

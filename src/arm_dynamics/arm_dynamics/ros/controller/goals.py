@@ -89,7 +89,7 @@ class Goals:
 
     def drop(self, why: str) -> None:
         """Discard the motion, because of ``why``; the arm will be held where it is then."""
-        if self.follower is not None and self.follower.remaining(self.stamp) > 0.0:
+        if self.moving:
             self.outcome = f"the motion ended, {why}; the arm is held where it is"
         self.follower = None
 
@@ -167,8 +167,7 @@ class Goals:
             self.refuse(goal.kind, ": no joint state has been seen yet")
             goal.then(None)
             return
-        moving = follower.remaining(self.stamp) > 0.0
-        lead = 0 if at_once or not moving else _LEAD << tries
+        lead = 0 if at_once or not self.moving else _LEAD << tries
         outset = follower.outset(self.stamp, goal.start, lead)
         plan = partial(goal.plan, outset)
         if at_once:
@@ -205,8 +204,18 @@ class Goals:
             return result()
         except Exception as error:
             why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
-            self.refuse(kind, f", the previous one continues: {why}")
+            self.refuse(kind, f"{self.unchanged}: {why}")
             return None
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion is followed."""
+        return self.follower is not None and self.follower.remaining(self.stamp) > 0.0
+
+    @property
+    def unchanged(self) -> str:
+        """Of a goal that is refused: that the motion, if there is one, goes on."""
+        return ", the previous one continues" if self.moving else ""
 
     def refuse(self, kind: str, why: str) -> None:
         """Log that a goal of a kind is refused, and why, and count it."""

@@ -209,7 +209,7 @@ class TrajectoryAction:
                 self._begin(goal, answer)
         except Exception as error:
             why = error if isinstance(error, InvalidInput) else f"unexpected failure: {error!r}"
-            self._goals.refuse(_KIND, f", the previous one continues: {why}")
+            self._goals.refuse(_KIND, f"{self._goals.unchanged}: {why}")
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not answer and planner.busy:

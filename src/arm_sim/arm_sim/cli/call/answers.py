@@ -49,9 +49,7 @@ class Answer:
         for field, vector in self._given.items():  # several points are to be listed as such
             size, row = self._size(field.shape[-1]), len(vector.rows[0]) if vector.rows else 0
             if row not in (0, size):
-                raise click.ClickException(
-                    f"{field.name} has {row} numbers in a row; allowed: {size}"
-                )
+                raise click.ClickException(f"{field.name} has rows of {row}; allowed: {size}")
         self._values: dict[Field, Any] = {}  # arrays in their shapes, none that is left empty
         for field in service.response:
             value, shape = getattr(response, field.name), [self._size(dim) for dim in field.shape]

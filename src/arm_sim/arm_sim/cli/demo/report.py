@@ -89,7 +89,8 @@ def complaints(n: Numbers) -> list[str]:
 
 def remarks(n: Numbers) -> list[str]:
     """Deficiencies although the loop was closed."""
-    return [_slow(n)] if n["rate"] < GOOD_RATE * n["wanted_rate"] else []
+    found = [_slow(n)] if n["rate"] < GOOD_RATE * n["wanted_rate"] else []
+    return [*found, _busy(n)] if _late(n) else found
 
 
 def _slow(n: Numbers) -> str:
@@ -101,9 +102,15 @@ def _slow(n: Numbers) -> str:
 
 def cause(n: Numbers) -> str:
     """What complaints are due to: a busy machine, with what shows it, or the loop."""
-    late = n["missed"] > MOST_LATE * n["ticks"]
-    if os.getloadavg()[0] <= len(os.sched_getaffinity(0)) and not late:
-        return "the loop was not closed"
+    idle = os.getloadavg()[0] <= len(os.sched_getaffinity(0)) and not _late(n)
+    return "the loop was not closed" if idle else _busy(n)
+
+
+def _late(n: Numbers) -> bool:
+    return bool(n["missed"] > MOST_LATE * n["ticks"])
+
+
+def _busy(n: Numbers) -> str:
     return (
         f"this machine was too busy: {load()}; {n['missed']} of {n['ticks']} cycles were late by "
         f"more than a cycle, round trips took up to {1e3 * n['round_trip_max']:.0f} ms"
@@ -126,12 +133,13 @@ def result_table(n: Numbers) -> Table:
         degrees = f"{np.degrees(n[name]):.1e} degrees" if n["unit"] == "rad" else ""
         return f"{n[name]:.1e} {n['unit']}", degrees
 
+    ahead = ", catching up" if n["rate"] > 1.001 * n["wanted_rate"] else ""
     missed = f"{n['missed']} deadlines missed, {n['dropped']} skipped"
     asked = f"within {n['torque_difference']:.2g} N m of the command"
     moved = f"residual at most; actuator work {n['energy_moved']:.3g} J"
     return table(("", f"{n['robot']}, {n['joints']} joints", ""), [
         ("control cycles", f"{n['ticks']}", missed),
-        ("rate", f"{n['rate']:.2f} Hz", f"{n['wanted_rate']:g} Hz expected"),
+        ("rate", f"{n['rate']:.2f} Hz", f"{n['wanted_rate']:g} Hz expected{ahead}"),
         ("lateness", *times("lateness")),
         ("command round trip", *times("round_trip")),
         ("commands", f"{n['commands']}", f"of {n['ticks']} states answered"),

@@ -169,9 +169,7 @@ class Controller(Listener):
             return self.words != words or abs(self.remaining - left) > _JUMP
 
         if not self.until(planned, _PLANNING):
-            raise click.ClickException(
-                f"no answer to the goal within {_PLANNING:g} s; {self.words}"
-            )
+            raise click.ClickException(f"no answer to the goal in {_PLANNING:g} s; {self.words}")
         if "refused" in self.words:
             raise click.ClickException(self.words)
         return self.words

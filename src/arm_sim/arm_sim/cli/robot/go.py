@@ -71,9 +71,7 @@ def go(
     """
     wanted = parse(goals)
     if bool(wanted) + (pose is not None) + (trajectory is not None) != 1:
-        raise click.UsageError(
-            "joint goals (JOINT=POSITION), --pose, or --trajectory are expected"
-        )
+        raise click.UsageError("joint goals (JOINT=POSITION), --pose or --trajectory are expected")
     if pose is None and frame:
         raise click.UsageError("--frame is allowed with --pose only")
     if pose is not None and duration:
@@ -94,39 +92,39 @@ def go(
         if pose is not None:
             chosen, (numbers,) = controller.choose_frame(frame), pose.rows
             place = ", ".join(number(x, 4) for x in numbers[:3])
-            say(f"{chosen} straight to {place} m")
+            what = f"{chosen} straight to {place} m"
             send = partial(controller.send_pose, numbers)
         elif points is None:
-            send = _joint_motion(controller, targets(wanted, here), duration)
+            what, send = _joint_motion(controller, targets(wanted, here), duration)
         else:
             start = points.start
             if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
-                _follow(controller, _joint_motion(controller, start, duration), tolerance)
+                _follow(controller, *_joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
-            say(f"{len(points.points)} points in {seconds} s")
+            what = f"{len(points.points)} points in {seconds} s"
             send = partial(controller.send_points, points)
-        _follow(controller, send, tolerance, no_wait)
+        _follow(controller, what, send, tolerance, no_wait)
 
 
 def _joint_motion(
     controller: Controller, there: dict[str, float], duration: float | None
-) -> Callable[[], None]:
+) -> tuple[str, Callable[[], None]]:
+    """A motion of joints in words, and what sends it."""
     here = controller.reference
     seconds = duration or unhurried(there, here)
-    what = [f"{name} {number(here[name], 4)} → {number(there[name], 4)}"
-            for name in there if name in here]  # fmt: skip
-    if what:
-        say(f"{', '.join(what)}, in {number(seconds, 3)} s")
-    return partial(controller.send_joints, there, seconds)
+    start = {name: f"{number(x, 4)} " for name, x in here.items()}  # not of those that follow
+    moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in there.items()]
+    words = f"{', '.join(moves)}, in {number(seconds, 3)} s"
+    return words, partial(controller.send_joints, there, seconds)
 
 
 def _follow(
-    controller: Controller, send: Callable[[], None], tolerance: float, no_wait: bool = False
-) -> None:
-    """Send a goal and follow the motion to its end."""
+    controller: Controller, what: str, send: Callable[[], None], tolerance: float,
+    no_wait: bool = False,
+) -> None:  # fmt: skip
+    """Send a goal, say what it is once it is accepted, and follow the motion to its end."""
     words = controller.begin(send)
-    if "slower" in words:
-        say(words)
+    say(what, *([words] if "slower" in words else []))
     if no_wait:
         return
     try:

@@ -12,7 +12,7 @@ from rcl_interfaces import srv
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from arm_dynamics.exceptions import NoAnswer, choices
+from arm_dynamics.exceptions import NoAnswer, did_you_mean, known_names
 from arm_dynamics.ros.common.caller import Caller
 from arm_dynamics.ros.interfaces import Service
 from arm_sim.cli.robot.listener import full
@@ -60,9 +60,8 @@ class Parameters(Caller):
         known = self.names()
         for name in names:
             if name not in known:
-                raise click.ClickException(
-                    f"{self._name} has no parameter '{name}'; allowed: {choices(name, known, 100)}"
-                )
+                allowed = f"{did_you_mean(name, known) or ';'} allowed: {known_names(known, 100)}"
+                raise click.ClickException(f"{self._name} has no parameter '{name}'{allowed}")
 
     def _call(self, kind: str, **fields: Any) -> Any:
         name = re.sub("(?<=[a-z])([A-Z])", r"_\1", kind).lower()

@@ -121,7 +121,7 @@ def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
             value = float(value)
     if not isinstance(value, bool | int | float | str | list):
         raise click.ClickException(f"{name}: {text!r} is not a parameter value; expected {kind}")
-    if kind == "double" and type(value) is int:
+    if kind in ("double", "double[]") and type(value) is int:
         return float(value)
     if isinstance(value, list) and {type(x) for x in value} == {int, float}:
         return [float(x) for x in value]

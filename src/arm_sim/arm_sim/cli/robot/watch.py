@@ -164,10 +164,13 @@ def _show(listener: Listener, arm: WatchedArm, once: bool, period: float, as_jso
             listener.until(lambda: False, period)
             click.echo(line(arm))
         return
+    if once:
+        console().print(_picture(arm))
+        return
     from rich.live import Live
 
     with Live(_picture(arm), console=console(), auto_refresh=False) as live:
-        while not once:
+        while True:
             listener.until(lambda: False, period)
             live.update(_picture(arm), refresh=True)
 

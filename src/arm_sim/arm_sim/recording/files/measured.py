@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -19,11 +20,12 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.files.headers import Column, read_elements, read_header
 from arm_sim.recording.files.messages import JOINT_STATE, PARTS, read
-from arm_sim.recording.files.reader import BagContents
+from arm_sim.recording.files.reader import BagContents, BagMessage
 from arm_sim.recording.files.table import Table, value
 
 Indices = NDArray[np.int_]
 _APART = 5e7  # [ns] between clocks that are not the same one
+_SAMPLES = 16  # messages of a topic by which it is chosen
 _HOLE = 4.0  # median steps between two messages across which values are not interpolated
 _ECHO = (
     "a table without a header, unless from `ros2 topic echo --csv`, is not allowed; there: sec, "
@@ -36,18 +38,18 @@ def from_bag(found: BagContents, topic: str | None, where: Path) -> Contents:
 
     Args:
         found: The bag's messages.
-        topic: Its name; None for the only topic, or that with most messages.
+        topic: Its name; None for the only topic, or the first of these: one with positions, one
+            that is called ``joint_states``, that with most messages.
         where: The bag, for messages.
 
     Raises:
         InvalidInput: If there is no such topic, or no readable message on it.
     """
     topics = found.of(JOINT_STATE)
-    if topic is not None and topic not in topics:
-        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {found.listing()}")
-    if not topics:
-        raise InvalidInput(f"'{where}' has no joint states; it has {found.listing()}")
-    chosen = topic or max(topics, key=lambda name: len(topics[name]))
+    if not topics or topic not in (None, *topics):
+        on = "" if topic is None else f" on '{topic}'"
+        raise InvalidInput(f"'{where}' has no joint states{on}; it has {found.listing()}")
+    chosen = topic or max(topics, key=lambda name: _preference(name, topics[name]))
     states, times, refused = list[Any](), list[int](), list[str]()
     for _, time, raw in topics[chosen]:
         try:
@@ -61,9 +63,20 @@ def from_bag(found: BagContents, topic: str | None, where: Path) -> Contents:
     if topic is None and len(topics) > 1:
         others = known_names(name for name in topics if name != chosen)
         notes.append(f"joint states are those of {chosen}; also recorded: {others}")
+    if not any(np.isfinite(state.position).any() for state in states):
+        notes.append(f"the messages on {chosen} have no positions")
     if refused:
         notes.append(f"{len(refused)} messages could not be read: {refused[0]}")
     return replace(_contents(states, times, notes), left=found.besides(chosen))
+
+
+def _preference(name: str, messages: list[BagMessage]) -> tuple[bool, bool, int]:
+    """Whether some of its messages have positions and it has the usual name, and their number."""
+    moves = False
+    for _, _, raw in messages[:: len(messages) // _SAMPLES + 1]:
+        with suppress(InvalidInput):
+            moves |= bool(np.isfinite(read(JOINT_STATE, raw).position).any())
+    return moves, name.endswith("joint_states"), len(messages)
 
 
 def _contents(states: list[Any], times: list[int], notes: list[str]) -> Contents:
@@ -115,9 +128,7 @@ def _clock(
     apart = np.ptp([np.median(arrived[group] - times[group]) for group in groups])
     spans = [np.ptp(clock[groups[0]]) for clock in (arrived, times)]
     if apart > _APART and abs(spans[0] - spans[1]) < 0.1 * spans[1]:
-        notes.append(
-            f"clocks of joints are {1e-9 * apart:.3g} s apart, times are those of arrival"
-        )
+        notes.append(f"clocks of joints are {1e-9 * apart:.3g} s apart, times are of arrival")
         return arrived
     return times
 

@@ -153,7 +153,7 @@ class Layout:
         """
         if any(len(raw) != len(self.raw) or raw[:HEADER] != NATIVE for raw in raws):
             raise InvalidInput(
-                "the ticks of the recording are not all of the same robot, or of a machine with "
+                "time steps of the recording are not all of the same robot, or of a machine with "
                 "another byte order"
             )
         return np.frombuffer(b"".join(raws), self.fields)

@@ -86,9 +86,7 @@ class Repaired:
             match record:
                 case Message(channel_id=channel):
                     if channel not in channels:
-                        self.damage.append(
-                            f"a message is of channel {channel}, which is not described"
-                        )
+                        self.damage.append(f"a message is of channel {channel}, not described")
                         continue
                     number, topic = channels[channel]
                     more = record.publish_time, record.sequence

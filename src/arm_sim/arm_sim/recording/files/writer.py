@@ -64,9 +64,7 @@ def where(path: Path) -> Place:
         check_folder(path)
         return path, None
     if path.suffix:
-        raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, and a folder's name"
-        )
+        raise InvalidInput(f"'{path}' ends in '{path.suffix}'; allowed: .mcap, or a folder's name")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -90,7 +88,7 @@ def new_file(path: Path) -> Place:
         NotWritten: If the system does not let it be created.
     """
     exists = InvalidInput(
-        f"'{path}' exists, and may be being written by another recorder; recordings are not "
+        f"'{path}' exists, and another recorder may be writing it; recordings are not "
         "overwritten; allowed: a new name"
     )
     if path.exists():

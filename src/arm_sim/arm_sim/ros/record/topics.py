@@ -4,18 +4,23 @@
 from __future__ import annotations
 
 import time
+from array import array
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
+from struct import unpack_from
 from typing import Any
 
+import numpy as np
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
+from arm_dynamics.cdr import HEADER
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files import McapWriter, new_file
-from arm_sim.recording.files.messages import LATCHED
+from arm_sim.recording.files.messages import JOINT_STATE, LATCHED
 from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.definitions import definition_of, type_of
 
@@ -48,6 +53,7 @@ class TopicRecorder(Node):
         self.path = path
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
+        self._stamps = defaultdict[str, array[int]](lambda: array("q"))
         self._complete = True
         self.discover()
         self.create_timer(_PERIOD, self.discover)
@@ -65,9 +71,9 @@ class TopicRecorder(Node):
     def discover(self) -> None:
         """Subscribe to topics that are new."""
         for topic, kinds in self.get_topic_names_and_types():
-            if topic in self.count or topic in self.passed_over:
-                continue
-            if self._wanted and topic not in self._wanted:
+            hidden = "/_" in topic  # as those of actions, which are recorded by name only
+            passed_over = topic not in self._wanted if self._wanted else hidden
+            if passed_over or topic in self.count or topic in self.passed_over:
                 continue
             if not (publishers := self.get_publishers_info_by_topic(topic)):
                 continue
@@ -81,6 +87,13 @@ class TopicRecorder(Node):
     def missing(self) -> tuple[str, ...]:
         """Requested topics that have not been found."""
         return tuple(sorted(self._wanted - set(self.count) - set(self.passed_over)))
+
+    @property
+    def gaps(self) -> dict[str, int]:
+        """About how many joint states are missing between others, by their stamps."""
+        steps = {topic: np.diff(times) for topic, times in self._stamps.items() if len(times) > 1}
+        more = {topic: np.rint(x / max(np.median(x), 1.0)) - 1.0 for topic, x in steps.items()}
+        return {topic: int(x.clip(0.0).sum()) for topic, x in more.items() if x.max() > 0.0}
 
     def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
         type_ = type_of(kind)
@@ -99,12 +112,15 @@ class TopicRecorder(Node):
         about = LATCHED if latched else ""
         channel = self.thread.channel(topic, kind, definition_of(kind), about)
         self.count[topic] = 0
-        take = partial(self._take, topic, channel)
+        take = partial(self._take, topic, channel, kind == JOINT_STATE)
         self.create_subscription(type_, topic, take, profile, raw=True)
 
-    def _take(self, topic: str, channel: int, raw: bytes) -> None:
+    def _take(self, topic: str, channel: int, stamped: bool, raw: bytes) -> None:
         now = time.time_ns()
         self.count[topic] += self.thread.add(channel, now, now, raw)
+        if stamped:
+            seconds, nanoseconds = unpack_from("<iI", raw, HEADER)
+            self._stamps[topic].append(10**9 * seconds + nanoseconds)
 
     def destroy_node(self) -> None:
         """Write the remaining messages, and destroy the node."""

@@ -110,7 +110,7 @@ class SimNode(Node):
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine, params, self._outputs.stamp)
         period = params.publish_every * self.simulator.dt
-        late = Lateness(self, trip.take_oldest, period, "commands acted until {:.2g} s old")
+        late = Lateness(self, trip.take_oldest, period, "commands were up to {:.2g} s old")
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
             self._refused_privileges, self.recorder, self.rivals, late,
@@ -213,8 +213,9 @@ class SimNode(Node):
             self.recorder.close()
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
+            trips = f", round trip {round_trip}" if round_trip.count else ""
             self.get_logger().info(
                 f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "
                 f"missed, {loop.dropped} dropped; lateness {loop.lateness}; "
-                f"{round_trip.count} answers, round trip {round_trip}"
+                f"{round_trip.count} answers{trips}"
             )

@@ -66,20 +66,10 @@ class StandardServices:
         self._entities = Entities(engine.simulator)
         log = Throttled(node.get_logger())
         node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
-        answers = {
-            "get_simulation_state": self._get_state,
-            "set_simulation_state": self._set_state,
-            "reset_simulation": self._reset,
-            "step_simulation": self._step,
-            "get_entities": self._get_entities,
-            "get_entity_info": self._get_info,
-            "get_entity_state": self._get_entity_state,
-            "get_entities_states": self._get_entities_states,
-            "get_current_world": self._get_world,
-        }
-        for name, answer in answers.items():
+        for name in (*FEATURES, "get_entities_states"):
+            answer = getattr(self, f"_{name}", None)  # not of the action
             kind = getattr(srv, name.title().replace("_", ""), None)
-            if kind is not None:
+            if answer and kind is not None:
                 node.create_service(kind, f"~/{name}", service_callback(answer, log))
                 self.offered.append(name)
         if hasattr(action, "SimulateSteps"):
@@ -110,11 +100,11 @@ class StandardServices:
             return PLAYING
         return PAUSED if self._engine.simulator.arm.step_count else STOPPED
 
-    def _get_state(self, request: Any, response: Any) -> None:
+    def _get_simulation_state(self, request: Any, response: Any) -> None:
         """Whether the simulation is running."""
         response.state.state = self._engine.queue.run(self._state)
 
-    def _set_state(self, request: Any, response: Any) -> None:
+    def _set_simulation_state(self, request: Any, response: Any) -> None:
         """Run, pause, or stop (pause and reset)."""
         self._engine.queue.run(lambda: self._enter(request.state.state))
 
@@ -131,7 +121,7 @@ class StandardServices:
         if target == STOPPED:
             engine.reset()
 
-    def _reset(self, request: Any, response: Any) -> None:
+    def _reset_simulation(self, request: Any, response: Any) -> None:
         """Reset time, state, or both; a running simulation continues to run."""
         scope = request.scope or ALL
         if not scope & (TIME | STATE):
@@ -151,11 +141,11 @@ class StandardServices:
             model = simulator.model
             engine.change(lambda: simulator.set_state(model.q0, model.v0))
 
-    def _step(self, request: Any, response: Any) -> None:
+    def _step_simulation(self, request: Any, response: Any) -> None:
         """Advance by whole ticks while paused."""
         self._engine.queue.run(lambda: self._engine.step(request.steps))
 
-    def _get_world(self, request: Any, response: Any) -> None:
+    def _get_current_world(self, request: Any, response: Any) -> None:
         """The scene by its name, or else the description of its robot."""
         model, world = self._engine.simulator.model, response.world
         world.name = model.whole.name
@@ -170,7 +160,7 @@ class StandardServices:
         """Names of entities."""
         response.entities = [entity.name for entity in self._entities.chosen(request.filters)]
 
-    def _get_info(self, request: Any, response: Any) -> None:
+    def _get_entity_info(self, request: Any, response: Any) -> None:
         """Description of an entity."""
         entity, info = self._entities.named(request.entity), response.info
         info.category.category, info.description = entity.category, entity.description

@@ -21,6 +21,7 @@ RIPPLE = 0.1
 MOSTLY = 0.5  # Fraction of the rows in which a joint may stick, from which it is reported.
 # Robust standard deviations beyond which a residual is an outlier: contact, or stiction.
 FAR_OFF = 5.0
+AT_STOP = 0.01  # Distance in [rad] or [m] from an end stop within which it is the cause of one.
 
 
 def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
@@ -40,9 +41,12 @@ def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
         if 0.0 < share < 0.2:
             kept[:, j] &= ~wide
             if share > 0.002:
+                stops = rows.regressor.model.stops.place[:, j]
+                stopped = abs(rows.q[wide, j, None] - stops).min() < AT_STOP
+                cause = "it hits its end stop" if stopped else "stiction, contact or sensor fault"
                 notes.append(
-                    f"'{name}': {share:.1%} of the rows are outliers (stiction, contact, or "
-                    "a sensor fault) and are not used in the fit"
+                    f"'{name}': {share:.1%} of the rows are outliers ({cause}) and are not used "
+                    "in the fit"
                 )
     return kept, notes
 

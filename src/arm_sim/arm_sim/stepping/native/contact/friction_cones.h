@@ -118,9 +118,23 @@ static double perpendicular(double W[3][3], const double* c, double mu, double a
   return d0 * w2 - d1 * w1;
 }
 
-static double root_of(double W[3][3], const double* c, double mu, double low, double high, double f_low) {
+/* Its derivative by the angle. */
+static double perpendicular_slope(double W[3][3], const double* c, double mu, double angle) {
+  const double d0 = cos(angle), d1 = sin(angle), grip = grip_of(W, mu, d0, d1), change = mu * (W[0][1] * d1 - W[0][2] * d0);
+  double w[2], turned[2];
+  for (int i = 0; i < 2; ++i) {
+    const double* row = W[1 + i];
+    w[i] = grip * c[1 + i] - c[0] * (row[0] - mu * (row[1] * d0 + row[2] * d1));
+    turned[i] = change * c[1 + i] - c[0] * mu * (row[1] * d1 - row[2] * d0);
+  }
+  return d0 * (turned[1] - w[0]) - d1 * (turned[0] + w[1]);
+}
+
+/* The angle between `low` and `high` at which a function of it changes its sign. */
+static double root_of(double (*function)(double W[3][3], const double* c, double mu, double angle), double W[3][3],
+                      const double* c, double mu, double low, double high, double f_low) {
   for (int k = 0; k < ROOT_STEPS; ++k) {
-    const double middle = 0.5 * (low + high), f = perpendicular(W, c, mu, middle);
+    const double middle = 0.5 * (low + high), f = function(W, c, mu, middle);
     if (middle == low || middle == high) break;
     if (f == 0.0) return middle;
     if (f * f_low > 0.0) low = middle;
@@ -129,32 +143,45 @@ static double root_of(double W[3][3], const double* c, double mu, double low, do
   return 0.5 * (low + high);
 }
 
+/* The root in an interval, if there is one: its force if that is a solution, and the best so far. */
+static void try_interval(double W[3][3], const double* c, double mu, double low, double high, double f_low, double f_high,
+                         double* best, answer_t* answer) {
+  const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
+  if (f_low != 0.0 && !(f_low * f_high < 0.0)) return;
+  const double root = f_low == 0.0 ? low : root_of(perpendicular, W, c, mu, low, high, f_low);
+  const double d0 = cos(root), d1 = sin(root), grip = grip_of(W, mu, d0, d1);
+  if (!(grip > 0.0)) return;
+  answer_t trial;
+  put_sliding(&trial, -c[0] / grip, mu, d0, d1);
+  double along = 0.0;
+  for (int i = 1; i < 3; ++i) {
+    double w = c[i];
+    for (int j = 0; j < 3; ++j) w += W[i][j] * trial.force[j];
+    along += trial.direction[i - 1] * w;
+  }
+  if (along * trial.force[0] > *best && along >= -1e-12 * largest) {
+    *best = along * trial.force[0];
+    *answer = trial;
+  }
+}
+
 /* The direction in which the point starts to slide: w_t is along it under the resulting force. */
 static void start_to_slide(double W[3][3], const double* c, double mu, answer_t* answer) {
-  const double full_turn = 6.283185307179586;
-  const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
-  double best = -INFINITY, value = perpendicular(W, c, mu, 0.0);
+  double best = -INFINITY, angle[SAMPLES + 1], f[SAMPLES + 1];
   answer->state = UNSOLVABLE;
-  for (int k = 0; k < SAMPLES; ++k) {
-    const double angle = full_turn * k / SAMPLES, next_angle = full_turn * (k + 1) / SAMPLES;
-    const double next = perpendicular(W, c, mu, next_angle), f = value;
-    value = next;
-    if (f != 0.0 && !(f * next < 0.0)) continue;
-    const double root = f == 0.0 ? angle : root_of(W, c, mu, angle, next_angle, f);
-    const double d0 = cos(root), d1 = sin(root), grip = grip_of(W, mu, d0, d1);
-    if (!(grip > 0.0)) continue;
-    answer_t trial;
-    put_sliding(&trial, -c[0] / grip, mu, d0, d1);
-    double along = 0.0;
-    for (int i = 1; i < 3; ++i) {
-      double w = c[i];
-      for (int j = 0; j < 3; ++j) w += W[i][j] * trial.force[j];
-      along += trial.direction[i - 1] * w;
-    }
-    if (along * trial.force[0] > best && along >= -1e-12 * largest) {
-      best = along * trial.force[0];
-      *answer = trial;
-    }
+  for (int k = 0; k <= SAMPLES; ++k) {
+    angle[k] = 6.283185307179586 * k / SAMPLES;
+    f[k] = perpendicular(W, c, mu, angle[k]);
+    if (k) try_interval(W, c, mu, angle[k - 1], angle[k], f[k - 1], f[k], &best, answer);
+  }
+  /* Two roots in one interval have an extremum between them. */
+  for (int k = 0; k < SAMPLES && answer->state == UNSOLVABLE; ++k) {
+    const double slope = perpendicular_slope(W, c, mu, angle[k]);
+    if (!(f[k] * slope < 0.0 && f[k] * perpendicular_slope(W, c, mu, angle[k + 1]) > 0.0)) continue;
+    const double middle = root_of(perpendicular_slope, W, c, mu, angle[k], angle[k + 1], slope);
+    const double extremum = perpendicular(W, c, mu, middle);
+    try_interval(W, c, mu, angle[k], middle, f[k], extremum, &best, answer);
+    try_interval(W, c, mu, middle, angle[k + 1], extremum, f[k + 1], &best, answer);
   }
 }
 
@@ -239,7 +266,10 @@ static int sweep(const scene_t* scene, const cones_t* cones, double* r, int swee
         r[3 * k + i] = answers[k].force[i];
       }
     }
-    for (int k = 0; k < NC; ++k) settled &= change[k] == 0.0 || change[k] <= SETTLED * own_size(scene, cones, r, k);
+    for (int k = 0; k < NC; ++k) {
+      settled &= change[k] == 0.0 || change[k] <= SETTLED * own_size(scene, cones, r, k);
+      settled &= answers[k].state != UNSOLVABLE || cones->slides[k] != 0.0; /* what starts to slide has a solution */
+    }
     if (settled) return 1;
   }
   return 0;
