@@ -112,7 +112,7 @@ def test_limits_that_are_not_positive_or_not_one_for_each_joint_are_refused(limi
     assert str(caught.value) == f"limit is {limit!r}; allowed: positive numbers, one or (2,)"
 
 
-@pytest.mark.parametrize("length", [1e-12, 1e-9, 0.5, 1.0, 1e9])
+@pytest.mark.parametrize("length", [1e-12, 1e-9, 0.5, 1.0, 1e9, 1e200, 1.7e308])
 def test_a_direction_of_any_length_but_zero_gets_length_one(length: float) -> None:
     found = unit_vector("direction", [0.6 * length, -0.8 * length], 2)
     np.testing.assert_allclose(found, [0.6, -0.8], rtol=1e-15)

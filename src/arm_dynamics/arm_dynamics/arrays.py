@@ -121,10 +121,15 @@ def _holds_truth(value: object) -> bool:
 def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
     """A nonzero vector, normalized to unit length, shape (n,)."""
     u = vector(name, value, n)
-    length = float(np.linalg.norm(u))
-    if u.ndim != 1 or length < 1e-12:
+    if u.ndim != 1 or math.hypot(*u) < 1e-12:
         raise InvalidInput(f"{name} = {u}; a nonzero vector of shape ({n},) is expected")
-    return u / length
+    return unit(u)
+
+
+def unit(u: ArrayLike) -> Array:
+    """A nonzero vector, normalized to unit length even if its squares overflow."""
+    scaled: Array = np.ldexp(u, -np.frexp(np.abs(u).max())[1])  # exact, unlike a division
+    return scaled / np.linalg.norm(scaled)
 
 
 def numbers(name: str, value: ArrayLike) -> Array:

@@ -218,6 +218,17 @@ def test_a_hand_over_begins_and_ends_gently() -> None:
     assert steps.max() == pytest.approx(1.5 / 100, rel=1e-3)
 
 
+def test_without_an_earlier_torque_nothing_is_handed_over() -> None:
+    control, still = Switch(Seen(1.0), 0.05), Measured(np.zeros(1), np.zeros(1))
+    own = Seen(0.0)
+    control.to(own)
+    torques = []
+    for tick in range(6):
+        own.tau = np.array([11.0 + tick])
+        torques.append(control.torque(still, at_rest([0.0]))[0])
+    assert torques == [11.0, 12.0, 13.0, 14.0, 15.0, 16.0] and not control.fading
+
+
 def test_disturbance_observer_sees_the_load_and_takes_it_off() -> None:
     believed = models.dynamics("two_link")
     sim = Simulator(with_load("two_link", "tip", 0.5), dt=2e-3)

@@ -178,6 +178,14 @@ def test_effective_mass_is_force_per_acceleration(rng: np.random.Generator) -> N
         np.testing.assert_allclose(principal.mass, ellipsoid.masses[1], rtol=1e-9)
 
 
+def test_a_mass_is_bounded_by_the_mobility_of_its_own_kind() -> None:
+    """Angular mobilities, some hundred times as large in SI units, bound no mass in kg."""
+    q, dyn = [1.446, 0.37, -2.986, -0.95, -3.087, -1.2], models.dynamics("ur5e")
+    felt = TaskSpace(dyn, "tool0", selection="position").effective_mass(q, [1, 0, 0])
+    assert felt.mass == pytest.approx(106.9, rel=1e-3) and not felt.damped
+    assert TaskSpace(dyn, "tool0").effective_mass(q, [1, 0, 0, 0, 0, 0]) == felt
+
+
 def test_a_singular_state_is_flagged_and_finite() -> None:
     """Stretched out, two links cannot move along themselves, and the mass there is infinite."""
     task = task_of("two_link", selection=("x", "z"))

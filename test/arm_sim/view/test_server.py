@@ -93,6 +93,20 @@ class TestListening:
         with pytest.raises(ViewError, match=r"port 8080 of 192\.0\.2\.1 cannot be used: .*assign"):
             open_server("arm", host="192.0.2.1")
 
+    @pytest.mark.parametrize("host", ["::1", "::"])
+    def test_a_page_on_an_ipv6_address(self, host: str) -> None:
+        try:
+            socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+        except OSError:
+            pytest.skip("this machine has no IPv6")
+        server = open_server("arm", host=host, port=0)
+        try:
+            assert address(server) == f"http://[::1]:{server.get_port()}"
+            with urllib.request.urlopen(address(server), timeout=10) as page:
+                assert page.status == 200
+        finally:
+            close_server(server)
+
     def test_a_server_prints_nothing(self, capfd: pytest.CaptureFixture[str]) -> None:
         console = rich.get_console()
         close_server(open_server("arm", port=0))

@@ -256,7 +256,9 @@ class Switch:
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau = self._active.torque(state, reference)
-        if self._left and self._last is not None:
+        if self._last is None:
+            self._left = 0  # there is nothing to fade from
+        elif self._left:
             first = self._offset is None
             offset = self._last - tau if self._offset is None else self._offset
             s = self._left / self._ticks

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
+from arm_dynamics.arrays import unit
 from arm_dynamics.attributes import not_assignable
 from arm_dynamics.exceptions import plain
 
@@ -42,10 +44,9 @@ def _unit(value: tuple[float, float, float], info: ValidationInfo) -> tuple[floa
     """A nonzero direction, normalized to unit length."""
     if info.context is AS_CHECKED:
         return value  # normalizing again might change its last bit
-    length = float(np.linalg.norm(value))
-    if length < 1e-9:
+    if math.hypot(*value) < 1e-9:
         raise ValueError("a direction must not be zero")
-    x, y, z = (float(x) for x in np.array(value) / length)
+    x, y, z = unit(value).tolist()
     return x, y, z
 
 

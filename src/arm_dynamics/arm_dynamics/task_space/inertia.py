@@ -47,7 +47,7 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
     Returns:
         The inertia.
     """
-    scale = _scales(A, linear)
+    scale = scales(A, linear)
     return regularized(A / (scale[..., :, None] * scale[..., None, :]), scale, threshold)
 
 
@@ -77,13 +77,13 @@ def axis_masses(A: Quantity, inertia: Quantity) -> Quantity:
     return mass / larger(0.1 * mass * diagonal(A), 1.0)
 
 
-def _scales(A: Array, linear: int) -> Array:
+def scales(A: Array, linear: int) -> Array:
+    """The diagonal of S in ``task_inertia``, shape (…, m)."""
     diagonal = np.maximum(A.diagonal(0, -2, -1), 0.0)
     scale = np.empty_like(diagonal)
     for rows in (slice(0, linear), slice(linear, None)):
         part = diagonal[..., rows]
-        if part.shape[-1]:
-            scale[..., rows] = np.sqrt(part.sum(-1, keepdims=True) / part.shape[-1])
+        scale[..., rows] = np.sqrt(part.sum(-1, keepdims=True) / max(part.shape[-1], 1))
     scale[scale < 1e-9] = 1.0  # no motion along these axes, at any scale
     return scale
 

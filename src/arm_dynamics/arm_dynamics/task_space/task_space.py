@@ -27,6 +27,7 @@ from arm_dynamics.task_space.inertia import (
     THRESHOLD,
     condition_number,
     manipulability,
+    scales,
     task_inertia,
 )
 from arm_dynamics.task_space.instant import TaskInstant
@@ -268,8 +269,8 @@ class TaskSpace:
         """
         (q,), u = vectors(self.model.joint_names, q=q), unit_vector("direction", direction, self.m)
         A = self._mobility(*_each(self._frozen, q))
-        reference = np.trace(A, axis1=-2, axis2=-1) / self.m
-        mobility, floor = (A @ u) @ u, self.threshold * np.maximum(reference, 1e-12)
+        reference = np.square(scales(A, self.linear) * u).sum(-1)
+        mobility, floor = (A @ u) @ u, self.threshold * reference
         damped = mobility < floor
         return EffectiveMass(_plain(1.0 / np.maximum(mobility, floor)), _plain(damped))
 

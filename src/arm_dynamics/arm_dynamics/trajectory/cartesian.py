@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
@@ -131,15 +131,11 @@ def circle(
         InvalidInput: If a number is not allowed, or the centre lies outside the plane.
     """
     start, middle = checked_pose(start), vector("centre", centre, 3)
-    around = vector("axis", axis, 3)
-    length = float(np.linalg.norm(around))
+    around = unit_vector("axis", axis, 3)
     arm = start.position - middle
     radius = float(np.linalg.norm(arm))
-    if length < 1e-12 or radius < 1e-9 or not 0.0 < abs(angle) < np.inf:
-        raise InvalidInput(
-            f"axis = {around}, radius = {radius} m, angle = {angle}: none of them may be zero"
-        )
-    around = around / length
+    if radius < 1e-9 or not 0.0 < abs(angle) < np.inf:
+        raise InvalidInput(f"radius = {radius} m, angle = {angle}: neither may be zero")
     off = abs(float(arm @ around))
     if off > 1e-6 * radius:
         raise InvalidInput(

@@ -81,8 +81,8 @@ def close_server(server: viser.ViserServer) -> None:
 
 def address(server: viser.ViserServer) -> str:
     """URL for a browser."""
-    host = server.get_host()
-    return f"http://{'localhost' if host == '0.0.0.0' else host}:{server.get_port()}"
+    host = {"0.0.0.0": "localhost", "::": "::1"}.get(server.get_host(), server.get_host())
+    return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
 
 
 def refusal(asked: str | None, origin: str | None, host: str) -> str:
@@ -134,7 +134,8 @@ def _free_port(host: str, port: int | None) -> int:
     first = PORT if port is None else port
     for candidate in range(first, first + (TRIED if port is None else 1)):
         try:
-            with socket.create_server((host, candidate)) as trial:
+            family = socket.getaddrinfo(host, None)[0][0]
+            with socket.create_server((host, candidate), family=family) as trial:
                 found = int(trial.getsockname()[1])
         except (OSError, OverflowError) as error:
             trouble = getattr(error, "strerror", None) or error

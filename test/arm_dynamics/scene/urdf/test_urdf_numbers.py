@@ -127,6 +127,11 @@ DEFAULTS = {
         ('xyz="0.479 -0.64 0.6"', 'xyz="0.479 -0.64 0.6"'),  # rounded
         "joint 'shoulder': <axis> is not of length 1: only its direction counts",
     ),
+    "great length of an axis": (
+        ('<axis xyz="1 0 0"/>', '<axis xyz="1e200 0 0"/>'),
+        ('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/>'),
+        "joint 'finger': <axis> is not of length 1: only its direction counts",
+    ),
     "axis": (
         ('<axis xyz="1 0 0"/>', ""),
         ('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/>'),

@@ -14,6 +14,7 @@ import sys
 from difflib import get_close_matches
 from xml.etree import ElementTree
 
+from arm_dynamics.arrays import unit
 from arm_dynamics.exceptions import ModelError, degrees_meant
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -213,7 +214,10 @@ def _check_axis(
     if "xyz" not in axis.keys():
         axis.set("xyz", "1.0 0.0 0.0")
         _note(notes, f"{lacking}: taken as the default, 1 0 0", owner)
-    length = math.hypot(*floats(axis.get("xyz", "")))
+    direction = floats(axis.get("xyz", ""))
+    length = math.hypot(*direction)
+    if length > 1e100:  # Pinocchio squares it
+        axis.set("xyz", " ".join(map(repr, unit(direction).tolist())))
     if abs(length - 1.0) > _ROUNDED:
         _note(notes, "<axis> is not of length 1: only its direction counts", owner)
     if length < 1e-9:
