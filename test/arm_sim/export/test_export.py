@@ -111,12 +111,33 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_is(tmp_path: Path) -> None
     (folder / "arm.h").unlink()
     (folder / "arm.h").mkdir()
     before = (folder / "arm.c").read_bytes()
-    with pytest.raises(InvalidInput, match="arm.h' is a folder"):
-        export(SCENE, folder, "arm", terms=(), tick=False)
+    (folder / "other.c").write_text("mine")
+    for name, said in (("arm", "arm.h' is a folder"), ("other", "other.c' was not exported")):
+        with pytest.raises(InvalidInput, match=said):
+            export(SCENE, folder, name, terms=(), tick=False)
     assert (folder / "arm.c").read_bytes() == before
-    (folder / "export.json").write_text("[")
-    with pytest.raises(InvalidInput, match="export.json' is damaged"):
-        exported(folder)
+    assert (folder / "other.c").read_text() == "mine" and not (folder / "other.h").exists()
+    for damaged in ("[", '"ab"', '{"arm.c": 1}', '["arm.c", 1]'):
+        (folder / "export.json").write_text(damaged)
+        with pytest.raises(InvalidInput, match="export.json' is damaged"):
+            exported(folder)
+
+
+def test_an_export_that_failed_midway_may_be_repeated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, move = exported(tmp_path / "out"), Path.replace
+
+    def failing(old: Path, new: Path) -> Path:
+        if new.name == "test_other.c":
+            raise OSError
+        return move(old, new)
+
+    with monkeypatch.context() as patch, pytest.raises(OSError):
+        patch.setattr(Path, "replace", failing)
+        export(SCENE, folder, "other", terms=(), tick=False)
+    export(SCENE, folder, "third", terms=(), tick=False)
+    assert {path.name.replace("third.", "arm.") for path in folder.iterdir()} == FILES
 
 
 def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:
@@ -174,6 +195,15 @@ def test_names_of_robot_and_joints_cannot_break_the_code(tmp_path: Path) -> None
     loaded = Library(tmp_path / "out", "arm", (*C11, *BITS)).loaded
     names = (ctypes.c_char_p * len(ODD)).in_dll(loaded, "arm_joint_names")
     assert tuple(name.decode() for name in names) == ODD
+
+
+def test_no_name_is_too_long_for_a_line(tmp_path: Path) -> None:
+    frame, wanted = 90 * "f", ("gravity", "inverse_dynamics_derivatives")
+    urdf = TWO_LINK["robot"]["urdf"].replace('"tip"', f'"{frame}"')
+    scene = {"robot": {"urdf": urdf}}
+    export(scene, tmp_path, 63 * "a", wanted, False, frames=("forearm", frame))
+    for file in (f"{63 * 'a'}.c", f"test_{63 * 'a'}.c"):
+        said_by("cc", *C11, *STRICT, "-Werror", "-fsyntax-only", tmp_path / file)
 
 
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:

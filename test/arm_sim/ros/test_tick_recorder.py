@@ -143,6 +143,18 @@ def test_a_note_waits_for_no_tick_in_progress_but_idle_time_does(tmp_path: Path)
     assert [event.text for event in Recording.load(path).events] == ["from elsewhere"]
 
 
+def test_a_joint_state_between_ticks_is_recorded_as_it_was_published(tmp_path: Path) -> None:
+    """Also if another thread writes it while the buffer already holds the next one."""
+    recorder = TickRecorder(tmp_path / "run.mcap", engine_of(scene()))
+    buffer = bytearray(b"first")
+    recorder.published(1, buffer)
+    buffer[:] = b"other"
+    recorder.note("from elsewhere")
+    recorder.published(2, buffer)
+    recorder.close()
+    assert contents(tmp_path / "run.mcap")["/joint_states"] == [b"first", b"other"]
+
+
 def test_a_run_under_a_servo_is_replayed(tmp_path: Path) -> None:
     sim = Simulator(scene())
     made = sim.run(0.3, JointCommand(position=sim.state.q))

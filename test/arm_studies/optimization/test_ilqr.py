@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -122,12 +123,22 @@ def test_states_of_laws_are_part_of_what_is_optimized() -> None:
     sim = Simulator(scene, integrator="rk4", dt=1e-3)
     assert sim.arm.plant.nz == 1  # the current
     cost = to_goal(sim, np.array([sim.arm.x[0] + 2e-3, 0.0]))
-    cost.x_weight[:, 2:] = 0.0
+    cost = replace(cost, x_weight=cost.x_weight * [1.0, 1.0, 0.0])
     optimizer = ILQR([Phase(sim, NODES)], cost, tolerance=1e-13)
     guess = optimizer.start(sim.arm.x, np.zeros((NODES, 1)))
     best = optimizer.solve(sim.arm.x, guess.u)
     left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
     assert left < SLOPE and abs(best.x[1:, 2]).min() > 0.0
+
+
+def test_costs_are_given_as_arrays_or_lists() -> None:
+    numbers: Any = [[1.0, 2.0], [3.0, 4.0]], [[1.0, 0.0], [0.0, 2.0]], [[5.0]], [[0.5]]
+    listed, arrays = QuadraticCost(*numbers), QuadraticCost(*map(np.array, numbers))
+    x, u = np.zeros((2, 2)), np.zeros((1, 1))
+    assert listed.value(x[None], u[None]) == arrays.value(x[None], u[None]) == 22.75
+    given, wanted = listed.expansion(x, u), arrays.expansion(x, u)
+    for part in ("x", "xx", "u", "uu"):
+        np.testing.assert_array_equal(getattr(given, part), getattr(wanted, part))
 
 
 def test_the_motion_is_that_of_the_simulator() -> None:
@@ -264,14 +275,11 @@ def test_what_is_refused() -> None:
         optimizer.start(np.full(4, np.nan), np.zeros((NODES, 2)))
     with pytest.raises(InvalidInput, match="the cost has x and u of shapes .* needs "):
         ILQR([Phase(sim, 1)], cost).solve(sim.arm.x, np.zeros((1, 2)))
-    for name, words in (
-        ("x_weight", "x_weight holds negative numbers"),
-        ("u_weight", "above zero"),
-    ):
-        weights = {"x_weight": cost.x_weight.copy(), "u_weight": cost.u_weight.copy()}
-        weights[name][1, 1] = -1e-9
-        with pytest.raises(InvalidInput, match=words):
-            QuadraticCost(cost.x, weights["x_weight"], cost.u, weights["u_weight"])
+    for name, wrong in product(("x_weight", "u_weight"), (-1e-9, np.nan)):
+        weights = getattr(cost, name).copy()
+        weights[1, 1] = wrong
+        with pytest.raises(InvalidInput, match=f"{name} contains {wrong:g}; allowed"):
+            replace(cost, **{name: weights})
     with pytest.raises(InvalidInput, match="equal ones of"):
         QuadraticCost(cost.x, cost.x_weight[:, 1:], cost.u, cost.u_weight)
     with pytest.raises(InvalidInput, match="one more is expected"):

@@ -345,16 +345,37 @@ def test_a_study_that_changed_is_refused_by_name(
         sweep(VARIED | change, tmp_path, workers=1)
 
 
-def test_a_scene_file_that_changed_is_noticed(tmp_path: Path) -> None:
-    study, scene = tmp_path / "study.yaml", tmp_path / "mine.yaml"
-    urdf = load_scene("two_link").robot.urdf
-    study.write_text("scene: mine.yaml\nduration: 0.01\n")
-    for weight in (-9.81, -1.6):
-        scene.write_text(json.dumps({"robot": {"urdf": urdf}, "gravity": [0, 0, weight]}))
-        if weight == -9.81:
-            sweep(study, tmp_path / "out", workers=1)
-    with pytest.raises(InvalidInput, match="'content of scene.* was "):
-        sweep(study, tmp_path / "out", workers=1)
+@pytest.mark.parametrize(
+    ("file", "key"),
+    [
+        ("first", "scene"),
+        ("second", "scene"),
+        ("known", "controller.scene"),
+        ("to", "motion.file"),
+    ],
+)
+def test_a_file_that_changed_is_noticed(file: str, key: str, tmp_path: Path) -> None:
+    """Also of two scenes whose paths begin alike."""
+    folder, urdf = tmp_path / (80 * "f"), load_scene("two_link").robot.urdf
+
+    def write(name: str, x: float) -> None:
+        points = [{"positions": [k * x, 0.0], "time_from_start": {"sec": k}} for k in (0, 1)]
+        course = {"joint_names": ["shoulder", "elbow"], "points": points}
+        scene = {"robot": {"urdf": urdf}, "gravity": [0, 0, -x]}
+        (folder / f"{name}.yaml").write_text(json.dumps(course if name == "to" else scene))
+
+    folder.mkdir()
+    for name in ("first", "second", "known", "to"):
+        write(name, 1.6)
+    (folder / "study.yaml").write_text(
+        "scene: first.yaml\nvary: {scene: [first.yaml, second.yaml]}\nduration: 0.01\n"
+        "controller: {scene: known.yaml}\nmotion: {file: to.yaml}\n"
+    )
+    sweep(folder / "study.yaml", tmp_path, workers=1)
+    assert sweep(folder / "study.yaml", tmp_path, workers=1).made == 0
+    write(file, 1.7)
+    with pytest.raises(InvalidInput, match=f"'content of {key}.* was "):
+        sweep(folder / "study.yaml", tmp_path, workers=1)
 
 
 def test_a_file_that_is_not_a_journal_is_refused(tmp_path: Path) -> None:

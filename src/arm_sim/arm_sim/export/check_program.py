@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array
 from arm_sim.export.amalgamated import of_files
 from arm_sim.export.expected import Expected, ExpectedMotion, Point, test_motion
 from arm_sim.export.generated import without_unused
-from arm_sim.export.library import Library, comment
+from arm_sim.export.library import Library, comment, wrapped
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
@@ -121,4 +120,4 @@ def _table(name: str, values: Array) -> str:
     """Numbers as a table in C, to the last bit."""
     numbers = ", ".join(f"{float(value)!r}" for value in values)
     text = f"static const double {name}[{values.size}] = {{{numbers}}};"
-    return "\n".join(textwrap.wrap(text, 98, subsequent_indent="    "))
+    return wrapped(text, subsequent_indent="    ")

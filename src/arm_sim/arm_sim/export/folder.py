@@ -38,32 +38,39 @@ def write_folder(out: Path, files: Mapping[str, str | bytes]) -> None:
     """Write files into a folder that ``check_folder`` accepts; earlier exported ones go.
 
     Raises:
-        InvalidInput: If a folder has the name of a file; then nothing has changed.
+        InvalidInput: If a folder, or a file that was not exported, has the name of a file; then
+            nothing has changed.
         OSError: If they cannot be written; then nothing has changed, unless moving them into an
-            earlier export failed midway, which still has its manifest.
+            earlier export failed midway, whose manifest then names old and new files.
     """
     old = _exported(out)
     for name in (*files, MANIFEST, *old):
         if (out / name).is_dir():
             raise InvalidInput(f"'{out / name}' is a folder; allowed: a file, which is replaced")
+        if name not in (MANIFEST, *old) and (out / name).exists():
+            raise InvalidInput(f"'{out / name}' was not exported; allowed: another folder or name")
     scratch = out.parent / f".{out.name}-{uuid4().hex}"
     try:
         scratch.mkdir(parents=True)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(out)) from None
     try:
-        manifest = json.dumps(sorted(files), indent=1) + "\n"
-        for name, content in {**files, MANIFEST: manifest}.items():
+        for name, content in files.items():
             raw = content.encode() if isinstance(content, str) else content
             (scratch / name).write_bytes(raw)
+        manifest = scratch / MANIFEST
+        manifest.write_text(json.dumps(sorted({*files, *old}), indent=1) + "\n")
         if not out.exists():
             scratch.rename(out)
             return
         tempfile.TemporaryFile(dir=out).close()  # fails before anything has changed
+        manifest.replace(out / MANIFEST)
+        for name in files:
+            (scratch / name).replace(out / name)
         for name in {*old} - {*files, MANIFEST}:
             (out / name).unlink(missing_ok=True)
-        for name in (*files, MANIFEST):
-            (scratch / name).replace(out / name)
+        manifest.write_text(json.dumps(sorted(files), indent=1) + "\n")
+        manifest.replace(out / MANIFEST)
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
 
@@ -72,10 +79,13 @@ def _exported(out: Path) -> list[str]:
     """Names of the files of an earlier export."""
     manifest = out / MANIFEST
     try:
-        return [Path(name).name for name in json.loads(manifest.read_bytes())]
+        names = json.loads(manifest.read_bytes())
     except (FileNotFoundError, NotADirectoryError):
         return []
-    except (TypeError, ValueError):
+    except ValueError:
+        names = None
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InvalidInput(
             f"'{manifest}' is damaged; allowed: a list of exported files, or another folder"
-        ) from None
+        )
+    return [Path(name).name for name in names]

@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from arm_dynamics import ArmModel
 from arm_sim.export.amalgamated import of_files
@@ -20,6 +21,8 @@ from arm_sim.export.tick import Tick
 _TYPES = "#define casadi_real real\n#define casadi_int long long\n"
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
 _COLUMNS = 100
+wrapped = partial(textwrap.fill, width=98, break_long_words=False, break_on_hyphens=False)
+"""Code in lines that are not too long, unless a name is, which stays whole."""
 _PRAGMAS = """\
 /* The same bits under all flags: no fused multiply-add, which GCC's vectorizer of straight code
  * also makes where it is forbidden. And no function of a library in the place of a loop.
@@ -128,9 +131,8 @@ def _signature(library: Library, term: Term) -> str:
     given = [f"const double* {x}" for x in term.arguments]
     arguments = ", ".join([*given, *(f"double* {x}" for x in term.results)])
     head = f"void {library.name}_{term.name}("
-    return "\n".join(
-        textwrap.wrap(f"{head}{arguments})", _COLUMNS - 2, subsequent_indent=" " * len(head))
-    )
+    indent = " " * (len(head) if len(head) <= _COLUMNS - 40 else 4)
+    return wrapped(f"{head}{arguments})", subsequent_indent=indent)
 
 
 def _definition(library: Library, term: Term, sticks: bool) -> str:

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, read_only, real_array
 from arm_dynamics.attributes import frozen
 
 
@@ -68,8 +68,9 @@ class QuadraticCost:
 
     def __post_init__(self) -> None:
         """Validate shapes and weights."""
-        shapes = np.shape(self.x), np.shape(self.u)
-        weights = np.shape(self.x_weight), np.shape(self.u_weight)
+        for name in ("x", "x_weight", "u", "u_weight"):
+            object.__setattr__(self, name, read_only(real_array(name, getattr(self, name))))
+        shapes, weights = (self.x.shape, self.u.shape), (self.x_weight.shape, self.u_weight.shape)
         if weights != shapes or [len(s) for s in shapes] != [2, 2]:
             raise InvalidInput(f"x, u have shapes {shapes}, their weights {weights}; equal ones "
                                "of (nodes + 1, nx) and (nodes, n) are expected")  # fmt: skip
@@ -77,9 +78,10 @@ class QuadraticCost:
             raise InvalidInput(
                 f"x has {shapes[0][0]} rows, u {shapes[1][0]}; one more is expected"
             )
-        if not np.all(np.asarray(self.x_weight) >= 0.0):
-            raise InvalidInput("x_weight holds negative numbers; allowed: zero and above")
-        if not np.all(np.asarray(self.u_weight) > 0.0):
+        if not np.all(self.x_weight >= 0.0):
+            least = np.min(self.x_weight)
+            raise InvalidInput(f"x_weight contains {least:g}; allowed: zero and above")
+        if not np.all(self.u_weight > 0.0):
             raise InvalidInput(f"u_weight contains {np.min(self.u_weight):g}; allowed: "
                                "numbers above zero")  # fmt: skip
 
@@ -89,7 +91,7 @@ class QuadraticCost:
         Raises:
             InvalidInput: If the trajectories have other shapes than the cost.
         """
-        shapes, expected = (np.shape(self.x), np.shape(self.u)), (x.shape[1:], u.shape[1:])
+        shapes, expected = (self.x.shape, self.u.shape), (x.shape[1:], u.shape[1:])
         if shapes != expected:
             raise InvalidInput(f"the cost has x and u of shapes {shapes}; the trajectory needs "
                                f"{expected}")  # fmt: skip

@@ -211,14 +211,24 @@ def _compiled(planner: Planner, groups: Sequence[Group]) -> dict[int, bool]:
 
 
 def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:
-    """Inputs of the rows: the study, the content of its scenes, and the suite's version."""
-    contents = {}
-    for group in groups:
-        content = json.dumps(planner.content(group.scene), sort_keys=True)
-        contents[str(group.scene)[:80]] = hashlib.sha256(content.encode()).hexdigest()[:16]
-    return {
+    """Inputs of the rows: the study, the content of its files, and the suite's version."""
+    contents = dict[str, str]()
+    for scene in {repr(group.scene): group.scene for group in groups}.values():
+        place, content = str(scene)[:80], json.dumps(planner.content(scene), sort_keys=True)
+        contents[place] = f"{contents.get(place, '')} {_digest(content)}".lstrip()  # may be shared
+    about: dict[str, Any] = {
         "suite": arm_sim.__version__,
         "study": study.model_dump(mode="json", exclude_unset=True),
         "order of vary": list(study.vary),  # determines numbering and random numbers
         "content of scene": contents,
     }
+    if study.controller.scene is not None or "controller.scene" in study.vary:
+        known = [planner.recipe(group).controller_scene for group in groups]
+        about["content of controller.scene"] = _digest("\n".join(known))
+    if study.motion.file is not None and "motion.file" not in study.vary:
+        about["content of motion.file"] = _digest(Path(study.motion.file).read_text("utf-8"))
+    return about
+
+
+def _digest(content: str) -> str:
+    return hashlib.sha256(content.encode()).hexdigest()[:16]

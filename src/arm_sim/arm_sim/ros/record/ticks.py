@@ -94,7 +94,7 @@ class TickRecorder:
         self.channels[states] = self.file.states
         self.thread = ChunkThread(self.file, on_failure)
         self._copy = TickCopy(arm, self.file.ticks, self.file.states)
-        self._published: tuple[int, bytearray] | None = None
+        self._published = deque[tuple[int, bytes]](maxlen=1)
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file contains every tick so far
         self._gap = False  # whether it does not contain the last one
@@ -146,8 +146,8 @@ class TickRecorder:
             self.thread.room(time.time_ns(), 0, 0)
 
     def published(self, stamp: int, message: bytearray) -> None:
-        """Record a joint state with its stamp in [ns]; its bytes stay valid until the next one."""
-        self._published = stamp, message
+        """Record a joint state between ticks, with its stamp in [ns]."""
+        self._published.append((stamp, bytes(message)))  # other threads write it
 
     def message(self, topic: str, stamp: int, data: bytes) -> None:
         """Record another message, with its stamp in [ns] (0: now); may be called from any thread.
@@ -166,13 +166,12 @@ class TickRecorder:
         if not self.thread.lock.acquire(blocking=wait):
             return
         try:
-            now, messages = time.time_ns(), list[tuple[int, int, bytes | bytearray]]()
+            now, messages = time.time_ns(), list[tuple[int, int, bytes]]()
             while self._waiting:  # others only append
                 channel, stamp, data = self._waiting.popleft()
                 messages.append((channel, stamp or now, data))
-            if self._published is not None:
-                messages.append((self.file.states, *self._published))
-                self._published = None
+            while self._published:
+                messages.append((self.file.states, *self._published.popleft()))
             if messages:
                 self.thread.add_all(now, messages)
         finally:
