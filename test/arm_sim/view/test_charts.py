@@ -52,7 +52,7 @@ def test_rolling_plots_forget_what_is_old_and_leave_out_what_is_unknown(server: 
         energy = np.array([np.nan if k < 150 else k])
         rolling.add("arm", 0.01 * k, lambda k=k, e=energy: (np.array([k]), np.zeros(1), e))
     assert rolling.draw() and not rolling.draw(60.0)
-    torque, _, total = (plot for plot, _ in rolling._charts._handles.values())
+    total, _, torque = (plot for plot, _ in rolling._charts._handles.values())
     np.testing.assert_allclose(torque.data[0], 1.0 + 0.1 * np.arange(10))
     np.testing.assert_allclose(torque.data[1], 100.0 + 10.0 * np.arange(10))
     np.testing.assert_allclose(total.data[0], 1.5 + 0.1 * np.arange(5))

@@ -113,10 +113,10 @@ def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) ->
     bench.step(50)
     assert (left.state.step, right.state.step) == (50, 100)
     assert bench._status.content == "t = 0.100 s, paused"
-    kinds = "torque [N m]", "error [rad]", "energy [J]"
+    kinds = "energy [J]", "error [rad]", "torque [N m]"
     curves = bench._charts._charts._curves
     assert list(curves) == [f"{name}: {kind}" for name in ("left", "right") for kind in kinds]
-    torque, error = (curves[f"left: {kind}"][1] for kind in kinds[:2])
+    _, error, torque = (curves[f"left: {kind}"][1] for kind in kinds)
     np.testing.assert_allclose(torque[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)
     assert not error.any()  # nothing is to be followed
     bench.choose(SLIDERS)

@@ -197,7 +197,7 @@ class RecordedMotion(Contents):
 
     @cached_property
     def second_run(self) -> SecondRun:
-        """All of the motion, run again by other means; some four times the cost of the run.
+        """All of the motion, run again by other means; about four times the cost of the run.
 
         Raises:
             InvalidInput: If the motion is of a robot or of no known scene, or not of whole ticks.

@@ -182,7 +182,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("mimic joints", followers, f"{counted(followers, 'joint')} of others", "none"),
         _part("locked joints", False, "", f"{locked} eliminated" if locked else "none"),
         _part("energies", False, "", "computed on demand"),
-        _part("check by a second run", False, "", "on demand, some four times a run"),
+        _part("check by a second run", False, "", "on demand, about four times a run"),
     )
 
 

@@ -104,9 +104,8 @@ class RollingCharts:
             self._titles[arm] = {
                 f"{of}torque [N m]": names, f"{of}error [rad]": names, f"{of}energy [J]": energies
             }  # fmt: skip
-        self._charts = Charts(
-            server, dict(x for each in self._titles.values() for x in each.items())
-        )
+        tabs = [x for each in self._titles.values() for x in each.items()]
+        self._charts = Charts(server, dict(sorted(tabs)))  # energy first, which is never flat
 
     def add(self, arm: str, time: float, values: Callable[[], Sequence[Array]]) -> None:
         """Add what ``values`` returns for each plot, if the last point is old enough."""
