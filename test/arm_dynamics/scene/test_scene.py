@@ -14,7 +14,6 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.exceptions import NotAssignable
 from arm_dynamics.scene.friction import Sides
 from arm_dynamics.scene.schema import Joint
-from arm_dynamics.scene.spring import JointSpring
 
 URDF = models.FOLDER / "planar_3r.urdf"
 
@@ -119,24 +118,14 @@ def joint1(common: dict[str, Any], own: dict[str, Any]) -> Joint:
 
 
 def test_only_what_is_said_of_a_joint_takes_the_place_of_what_is_said_of_all() -> None:
-    """Not the defaults of keys that are not there."""
+    """Not the defaults of keys that are not there, and not a key without a value."""
     geared = {"gear_ratio": 50.0, "rotor_inertia": 1e-4}
     actuator = joint1({"actuator": geared}, {"actuator": {"rotor_inertia": 2e-4}}).actuator
     assert actuator is not None
     assert (actuator.gear_ratio, actuator.rotor_inertia) == (50.0, 2e-4)
-
-
-def test_null_takes_from_a_joint_what_is_said_of_all() -> None:
-    none = {"spring": None, "limits": {"effort": None}, "friction": {"coulomb": None}}
-    common = {"spring": {"stiffness": 2.0}, "limits": {"effort": 3.0, "lower": -1.0}}
-    found = joint1({**common, "friction": {"coulomb": 1.0, "viscous": 2.0}}, none)
-    assert found.spring is None
-    assert (found.limits.effort, found.limits.lower) == (None, -1.0)
-    assert (found.friction.coulomb, found.friction.viscous) == (None, 2.0)
-    table = {"friction": {"table": POINTS}}
-    assert joint1(table, {"friction": {"coulomb": None}}).friction.table is not None
-    assert joint1(table, {"friction": {"table": None}}).friction.table is None
-    assert joint1(none, common).spring == JointSpring(stiffness=2.0)
+    empty = {"armature": None, "limits": {"effort": None}}
+    found = joint1({"armature": 0.5, "limits": {"effort": 3.0}}, empty)
+    assert (found.armature, found.limits.effort) == (0.5, 3.0)
 
 
 POINTS = {"speed": [0, 1], "torque": [0.5, 0.2]}

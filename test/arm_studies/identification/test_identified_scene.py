@@ -155,14 +155,6 @@ def test_what_drives_bring_is_not_written_twice():
     assert found.joints["shoulder"].armature == 0.7  # unchanged
 
 
-def test_what_null_takes_from_a_joint_stays_away():
-    scene = load_scene("two_link").model_dump(exclude_unset=True, mode="json")
-    scene["joints"] = {"*": {"spring": {"stiffness": 2.0}}, "elbow": {"spring": None}}
-    found, *_ = written(scene)
-    assert found.joint("shoulder").spring.stiffness == 2.0
-    assert found.joint("elbow").spring is None
-
-
 def test_followers_have_no_friction_of_their_own():
     urdf = Path(models.__file__).with_name("gripper.urdf")
     scene, notes, model = written({"robot": {"urdf": str(urdf)}})

@@ -208,8 +208,8 @@ class Scene(Part):
         robot: The robot.
         gravity: Gravity in the world frame in [m/s²].
         joints: Settings of joints by name; ``"*"`` applies to all, and a joint's own entry
-            overrides it, number by number (``null`` takes a key away), and tables as a whole: a
-            table replaces the coefficients that it contains, and they replace a table.
+            overrides it, number by number, and tables as a whole: a table replaces the
+            coefficients that it contains, and they replace a table.
         links: Inertias of links by name, in place of those of the URDF.
         payloads: Rigid bodies attached to frames.
         springs: Springs between points of two frames.
@@ -277,10 +277,13 @@ class Scene(Part):
         if common is None or own is None:
             return own or common or Joint()
         try:
-            below, above = (part.model_dump(exclude_unset=True) for part in (common, own))
-            return Joint.model_validate(_overlay(below, above))
+            return Joint.model_validate(_overlay(_given(common), _given(own)))
         except ValidationError as error:
             raise _refused(error, ("joints", name)) from None
+
+
+def _given(part: Part) -> dict[str, Any]:
+    return part.model_dump(exclude_unset=True, exclude_none=True)
 
 
 _TABLES = ("table", "position", "load")
@@ -290,8 +293,7 @@ _IN_TABLES = {*IN_TABLE, "stiffness"}
 
 
 def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    given = {key for key, value in above.items() if value is not None}
-    replaced = _IN_TABLES if "table" in given else {"table"} if _IN_TABLES & given else set()
+    replaced = _IN_TABLES if "table" in above else {"table"} if _IN_TABLES & set(above) else set()
     merged = {key: value for key, value in below.items() if key not in replaced}
     for key, value in above.items():
         parts = isinstance(value, dict) and isinstance(merged.get(key), dict)

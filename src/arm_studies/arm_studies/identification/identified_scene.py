@@ -127,17 +127,17 @@ def _joint(
 ) -> dict[str, Any]:
     """A joint's entry of the scene with what was identified of it."""
     name = model.joint_names[j]
-    entry = model.scene.joint(name).model_dump(exclude_unset=True, mode="json")
+    entry = model.scene.joint(name).model_dump(exclude_unset=True, exclude_none=True, mode="json")
     if fit is not None:
         before = entry.get("friction", {})
         kept = {key: value for key, value in before.items() if key not in REPLACED}
         entry["friction"] = kept | _friction(name, model, j, fit, notes)
-        if before.get("table"):
+        if "table" in before:
             notes.append(f"'{name}': its table of friction is replaced by coefficients")
     if np.isfinite(armature):
         drive = model.drives[j]
         entry["armature"] = max(armature - (drive.armature if drive else 0.0), 0.0)
-    gear = entry.get("actuator") or {}
+    gear = entry.get("actuator", {})
     if fit is not None and gear.get("efficiency", 1.0) != 1.0:
         entry["actuator"] = {**gear, "efficiency": 1.0}
         notes.append(f"'{name}': the identified friction includes the losses of the gear")
