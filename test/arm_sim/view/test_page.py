@@ -71,8 +71,8 @@ def test_a_scene_runs_pauses_steps_and_resets(
     page.click("Run")
     page.until(lambda: panda.state.time > 0.2, "time to pass")
     assert abs(panda.state.q - panda.model.q0).max() < 1e-6  # its weight is carried
-    weight = f"{panda.dynamics.gravity(panda.model.q0)[3]:.4g}"
-    page.until(lambda: page.handle.get_by_text(weight).count(), "its torque in the legend")
+    height = f"{panda.dynamics.energy(panda.model.q0, panda.model.v0)[1]:.4g}"
+    page.until(lambda: page.handle.get_by_text(height).count(), "its energy in the legend")
     fall = panda.state.time
     let_fall(view)
     page.until(lambda: panda.state.time > fall + 0.2, "time to pass")
