@@ -59,7 +59,11 @@ def computed_torque(
         raise InvalidInput(f"model = {model!r}; an ArmModel is expected, such as dynamics.model")
     law = ComputedTorque(Dynamics(model), bandwidth, damping_ratio, dt)
     numbers = np.concatenate(law.tuning)
-    rows = lambda times: np.array([[*_row(sample(t)), *numbers] for t in times])  # noqa: E731
+
+    def rows(times: Array) -> Array:
+        motion = np.array([_row(sample(t)) for t in times]).reshape(len(times), 3 * model.n)
+        return np.hstack([motion, np.tile(numbers, (len(times), 1))])
+
     return CompiledControl(command_function(law, model), rows)
 
 
