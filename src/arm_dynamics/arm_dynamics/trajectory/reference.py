@@ -227,10 +227,9 @@ class Trajectory:
             motion[:3] = self.at(np.array([t], float))[:, 0]
             motion[3] = self._torques_at(t)
         else:
-            used = self.times, self.polynomials, self.ends, self.torques, motion
-            # A third of the time of .ctypes.data, and of the call.
-            *places, to = (None if x is None else x.__array_interface__["data"][0] for x in used)
-            code.sample(motion.shape[1], len(self.times) - 1, *places, t, to)
+            used = self.times, self.polynomials, self.ends, self.torques
+            places = (None if x is None else x.ctypes.data for x in used)
+            code.sample(motion.shape[1], len(self.times) - 1, *places, t, motion.ctypes.data)
         motion.setflags(write=False)
         q, v, a, tau = motion
         return Reference(q, v, a, None if self.torques is None else tau)
