@@ -110,23 +110,26 @@ static void sticking_force(double W[3][3], const double* c, double* r) {
   }
 }
 
-/* Component of w_t perpendicular to the sliding direction, times the grip. */
-static double perpendicular(double W[3][3], const double* c, double mu, double angle) {
-  const double d0 = cos(angle), d1 = sin(angle), grip = grip_of(W, mu, d0, d1);
-  const double w1 = grip * c[1] - c[0] * (W[1][0] - mu * (W[1][1] * d0 + W[1][2] * d1));
-  const double w2 = grip * c[2] - c[0] * (W[2][0] - mu * (W[2][1] * d0 + W[2][2] * d1));
-  return d0 * w2 - d1 * w1;
+/* w_t under the force with which the contact slides in a direction, times the grip. */
+static void sliding_motion(double W[3][3], const double* c, double mu, double d0, double d1, double w[2]) {
+  const double grip = grip_of(W, mu, d0, d1);
+  for (int i = 0; i < 2; ++i) w[i] = grip * c[1 + i] - c[0] * (W[1 + i][0] - mu * (W[1 + i][1] * d0 + W[1 + i][2] * d1));
 }
 
-/* Its derivative by the angle. */
+/* Its component perpendicular to the sliding direction. */
+static double perpendicular(double W[3][3], const double* c, double mu, double angle) {
+  const double d0 = cos(angle), d1 = sin(angle);
+  double w[2];
+  sliding_motion(W, c, mu, d0, d1, w);
+  return d0 * w[1] - d1 * w[0];
+}
+
+/* The derivative of that by the angle. */
 static double perpendicular_slope(double W[3][3], const double* c, double mu, double angle) {
-  const double d0 = cos(angle), d1 = sin(angle), grip = grip_of(W, mu, d0, d1), change = mu * (W[0][1] * d1 - W[0][2] * d0);
+  const double d0 = cos(angle), d1 = sin(angle), change = mu * (W[0][1] * d1 - W[0][2] * d0);
   double w[2], turned[2];
-  for (int i = 0; i < 2; ++i) {
-    const double* row = W[1 + i];
-    w[i] = grip * c[1 + i] - c[0] * (row[0] - mu * (row[1] * d0 + row[2] * d1));
-    turned[i] = change * c[1 + i] - c[0] * mu * (row[1] * d1 - row[2] * d0);
-  }
+  sliding_motion(W, c, mu, d0, d1, w);
+  for (int i = 0; i < 2; ++i) turned[i] = change * c[1 + i] - c[0] * mu * (W[1 + i][1] * d1 - W[1 + i][2] * d0);
   return d0 * (turned[1] - w[0]) - d1 * (turned[0] + w[1]);
 }
 
@@ -146,7 +149,6 @@ static double root_of(double (*function)(double W[3][3], const double* c, double
 /* The root in an interval, if there is one: its force if that is a solution, and the best so far. */
 static void try_interval(double W[3][3], const double* c, double mu, double low, double high, double f_low, double f_high,
                          double* best, answer_t* answer) {
-  const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
   if (f_low != 0.0 && !(f_low * f_high < 0.0)) return;
   const double root = f_low == 0.0 ? low : root_of(perpendicular, W, c, mu, low, high, f_low);
   const double d0 = cos(root), d1 = sin(root), grip = grip_of(W, mu, d0, d1);
@@ -159,7 +161,7 @@ static void try_interval(double W[3][3], const double* c, double mu, double low,
     for (int j = 0; j < 3; ++j) w += W[i][j] * trial.force[j];
     along += trial.direction[i - 1] * w;
   }
-  if (along * trial.force[0] > *best && along >= -1e-12 * largest) {
+  if (along * trial.force[0] > *best && along >= -1e-12 * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
     *best = along * trial.force[0];
     *answer = trial;
   }
