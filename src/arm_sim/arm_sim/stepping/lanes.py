@@ -73,11 +73,11 @@ def lanes_source(
 def alike(plant: Plant, choice: Choice) -> bool:
     """Whether all arms take the same steps away from stops: smooth, without error control."""
     smooth = choice.tolerance is None and not (plant.free or plant).eventful
-    return smooth and not switches_unseen(plant)
+    return smooth and not has_unmonitored_switches(plant)
 
 
-def switches_unseen(plant: Plant) -> bool:
-    """Whether something switches at which lanes of arms away from their stops do not look."""
+def has_unmonitored_switches(plant: Plant) -> bool:
+    """Whether drives or cords switch, which lanes of arms away from their stops do not monitor."""
     return plant.free is not None and plant.layout.switches > 0
 
 

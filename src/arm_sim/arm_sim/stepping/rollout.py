@@ -26,8 +26,8 @@ from arm_sim.stepping.lanes import (
     ADDRESS,
     NUMBER,
     built_of_lanes,
+    has_unmonitored_switches,
     natural_width,
-    switches_unseen,
     ticks_of_lanes,
     widths,
 )
@@ -81,7 +81,7 @@ class Rollouts:
         # compute the motions without events, and the engine of one arm does the rest.
         self._smooth = plant.free or plant
         together = not self._smooth.eventful or choice.tolerance is None
-        together &= not switches_unseen(plant)
+        together &= not has_unmonitored_switches(plant)
         self._in_registers = together and backend != "vm"
         self._controlled = choice.tolerance is not None and not self._smooth.eventful
         self._libraries: dict[int, Compiled | None] = {}

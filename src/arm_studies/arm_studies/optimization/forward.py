@@ -20,7 +20,7 @@ from arm_sim.stepping.lanes import (
     ADDRESS,
     NUMBER,
     built_of_lanes,
-    switches_unseen,
+    has_unmonitored_switches,
     ticks_of_lanes,
     widths,
 )
@@ -126,7 +126,7 @@ class Forward:
     @cached_property
     def _library(self) -> Compiled | None:
         """Compiled code, for many lanes without events; None where Python steps arms alone."""
-        alone = self._choice.tolerance is not None or switches_unseen(self._plant)
+        alone = self._choice.tolerance is not None or has_unmonitored_switches(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
         types = [ADDRESS, NUMBER, *[ADDRESS] * 8, NUMBER, ADDRESS, NUMBER]
