@@ -21,7 +21,7 @@ static void scale_friction(const scene_t* scene, cones_t* cones, double part) {
 static int solve_contacts(const scene_t* scene, cones_t* cones, answer_t* answers) {
   static const int sweeps[2] = {20, 200}; /* sweeps before Newton's method is tried, and tried again */
   double r[MC + 1];
-  int found = 0;
+  int solved = 0;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
   scale_friction(scene, cones, 1.0);
   for (int k = 0; k < 2; ++k)
@@ -29,7 +29,7 @@ static int solve_contacts(const scene_t* scene, cones_t* cones, answer_t* answer
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
   for (int part = 0; part <= CONTINUED; ++part) {
     scale_friction(scene, cones, (double)part / CONTINUED);
-    found = sweep(scene, cones, r, sweeps[0], answers) || newton(scene, cones, r, answers);
+    solved = sweep(scene, cones, r, sweeps[0], answers) || newton(scene, cones, r, answers);
   }
-  return found;
+  return solved;
 }

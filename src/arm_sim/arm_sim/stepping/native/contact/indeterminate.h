@@ -66,8 +66,8 @@ typedef struct {
 #define INDETERMINATE (4 * PARTS + FORCES + 1)
 
 static indeterminate_t indeterminate_of(const scene_t* scene, double* numbers) {
-  indeterminate_t found = {numbers, numbers + PARTS, numbers + PARTS + FORCES + 1, numbers + 2 * PARTS + FORCES + 1};
-  return found;
+  indeterminate_t sets = {numbers, numbers + PARTS, numbers + PARTS + FORCES + 1, numbers + 2 * PARTS + FORCES + 1};
+  return sets;
 }
 
 /* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`; `basic` receives the column of
@@ -116,42 +116,42 @@ static void scale_columns(const scene_t* scene, const statics_t* statics, const 
 }
 
 /* Number the sets of parts that share self-stresses. */
-static void find_sets(const scene_t* scene, stresses_t* found) {
-  int* set = found->set;
-  found->sets = 0;
+static void find_sets(const scene_t* scene, stresses_t* stresses) {
+  int* set = stresses->set;
+  stresses->sets = 0;
   for (int i = 0; i < PARTS; ++i) set[i] = 0;
-  for (int j = 0; j < found->count; ++j) {
-    const int number = found->of[j] = ++found->sets;
+  for (int j = 0; j < stresses->count; ++j) {
+    const int number = stresses->of[j] = ++stresses->sets;
     for (int i = 0; i < FORCES; ++i) {
       const int other = set[part_of(scene, i)];
-      if (found->stress[FORCES * j + i] == 0.0 || other == number) continue;
+      if (stresses->stress[FORCES * j + i] == 0.0 || other == number) continue;
       for (int k = 0; k < PARTS && other; ++k) set[k] = set[k] == other ? number : set[k];
-      for (int k = 0; k < j && other; ++k) found->of[k] = found->of[k] == other ? number : found->of[k];
+      for (int k = 0; k < j && other; ++k) stresses->of[k] = stresses->of[k] == other ? number : stresses->of[k];
       set[part_of(scene, i)] = number;
     }
   }
 }
 
 /* Self-stresses: a basis of the combinations of reactions that move nothing. */
-static void find_stresses(const scene_t* scene, const statics_t* statics, const part_t* parts, stresses_t* found) {
+static void find_stresses(const scene_t* scene, const statics_t* statics, const part_t* parts, stresses_t* stresses) {
   double T[NU * SHARES], size[SHARES];
   int basic[NU];
   scale_columns(scene, statics, parts, T, size);
   for (int i = 0; i < NU; ++i) basic[i] = -1;
   eliminate(NU, SHARES, T, 0, NM, basic); /* forces of constraints have no limits: they follow from the others */
   eliminate(NU, SHARES, T, NM, SHARES, basic);
-  found->count = 0;
+  stresses->count = 0;
   for (int j = NM; j < SHARES; ++j) {
     int free = size[j] > 0.0;
     for (int i = 0; i < NU; ++i) free &= basic[i] != j;
     if (!free) continue;
-    double* stress = found->stress + FORCES * found->count++;
+    double* stress = stresses->stress + FORCES * stresses->count++;
     for (int i = 0; i < FORCES; ++i) stress[i] = 0.0;
     stress[j - NM] = 1.0 / size[j];
     for (int i = 0; i < NU; ++i)
       if (basic[i] >= NM && fabs(T[SHARES * i + j]) > CANCELS) stress[basic[i] - NM] = -T[SHARES * i + j] / size[basic[i]];
   }
-  find_sets(scene, found);
+  find_sets(scene, stresses);
 }
 
 /* The limits of one set as a problem over cones; its unknowns are the amounts of its self-stresses, and one more. */
@@ -250,8 +250,8 @@ static double excess_of(const problem_t* of, const double* y) {
 }
 
 /* The least s of a set, or one that is clearly negative; the motion in which it gives way; the amounts of its self-stresses. */
-static double find_excess(const scene_t* scene, const part_t* parts, const stresses_t* from, int number,
-                          indeterminate_t* found, double* y) {
+static double find_excess(const scene_t* scene, const part_t* parts, const stresses_t* from, int number, indeterminate_t* sets,
+                          double* y) {
   double h[LIMIT_ROWS + 1], G[(LIMIT_ROWS + 1) * MOST_UNKNOWNS], z[LIMIT_ROWS + 1], unit[PARTS], amount[SHARES];
   int size[MOST_CONES], of_part[MOST_CONES], side[MOST_CONES];
   const double* stress[SHARES];
@@ -267,9 +267,9 @@ static double find_excess(const scene_t* scene, const part_t* parts, const stres
   for (int k = 0, i = 0; k < problem.cones; i += problem.size[k++]) {
     const int part = problem.part[k];
     if (part < 0) continue;
-    found->share[part] += z[i];
-    found->way[2 * part] += problem.size[k] == 3 ? z[i + 1] : problem.side[k] * z[i];
-    found->way[2 * part + 1] += problem.size[k] == 3 ? z[i + 2] : 0.0;
+    sets->share[part] += z[i];
+    sets->way[2 * part] += problem.size[k] == 3 ? z[i + 1] : problem.side[k] * z[i];
+    sets->way[2 * part + 1] += problem.size[k] == 3 ? z[i + 2] : 0.0;
   }
   return excess;
 }
@@ -290,32 +290,32 @@ static int is_beyond(const scene_t* scene, const part_t* parts, const stresses_t
 /* Find what holds together, and whether it does, where reactions of the least norm are beyond a limit; else, or if
  * `always`, everywhere. */
 static void find_indeterminate(const scene_t* scene, const statics_t* statics, const part_t* parts, int always,
-                               indeterminate_t* found) {
+                               indeterminate_t* sets) {
   int set[PARTS], of[SHARES];
   double y[SHARES + 1], stress[FORCES * SHARES];
   stresses_t stresses = {0, 0, set, of, stress};
   find_stresses(scene, statics, parts, &stresses);
-  clear(found->set, INDETERMINATE);
-  for (int i = 0; i < PARTS; ++i) found->set[i] = set[i];
+  clear(sets->set, INDETERMINATE);
+  for (int i = 0; i < PARTS; ++i) sets->set[i] = set[i];
   for (int number = 1; number <= stresses.sets; ++number) {
     const int beyond = always || is_beyond(scene, parts, &stresses, number);
-    found->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, found, y) : MOST_ROOM;
+    sets->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, sets, y) : MOST_ROOM;
   }
 }
 
 /* Change reactions of the least norm, those of contacts and then of joints, to the nearest that are within all limits, in
  * units of these; of sets that do not hold they are kept. */
 static void find_nearest(const scene_t* scene, const statics_t* statics, const part_t* parts, double* reaction) {
-  LOCAL(indeterminate_t, found, indeterminate_of, INDETERMINATE);
+  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   int set[PARTS], of[SHARES];
   double y[SHARES + 1], stress[FORCES * SHARES];
   stresses_t stresses = {0, 0, set, of, stress};
-  clear(found.set, INDETERMINATE);
+  clear(sets.set, INDETERMINATE);
   find_stresses(scene, statics, parts, &stresses);
   for (int number = 1; number <= stresses.sets; ++number) {
     double h[MOST_ROWS], G[MOST_ROWS * MOST_UNKNOWNS], z[MOST_ROWS];
     if (!is_beyond(scene, parts, &stresses, number)) continue;
-    if (find_excess(scene, parts, &stresses, number, &found, y) > HOLDS) continue;
+    if (find_excess(scene, parts, &stresses, number, &sets, y) > HOLDS) continue;
     double unit[PARTS], amount[SHARES];
     int size[MOST_CONES], of_part[MOST_CONES], side[MOST_CONES];
     const double* of_stress[SHARES];

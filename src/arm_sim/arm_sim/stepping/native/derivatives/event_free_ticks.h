@@ -42,16 +42,16 @@ static int touches(const scene_t* scene, const double* p) {
 }
 
 /* Ask the engine for the probable modes of the ticks, for steps that are made before its own. */
-static void predict_modes(const scene_t* scene, const engine_t* engine, prediction_t* tick, event_free_lanes_t* found) {
+static void predict_modes(const scene_t* scene, const engine_t* engine, prediction_t* tick, event_free_lanes_t* lanes) {
   long long of_lane[LANES];
-  found->held = 0;
+  lanes->held = 0;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->predict(engine->scene, tick + j);
     tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not predicted */
-    found->held |= !all_moves(scene, tick[j].p + NP);
+    lanes->held |= !all_moves(scene, tick[j].p + NP);
   }
-  read_arms(found->p, P_LENGTH, tick->p, PREDICTION, of_lane);
+  read_arms(lanes->p, P_LENGTH, tick->p, PREDICTION, of_lane);
 }
 
 /* Whether a motion begins with the predicted numbers: it then is the predicted one. */
@@ -68,35 +68,35 @@ static void find_margins(const scene_t* scene, const real* x, const real* u, con
 /* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `event_free` is cleared for lanes that have an
  * event, or are too close to one; those lanes are not advanced. */
 static void make_event_free(const scene_t* scene, const prediction_t* tick, const real* x, const real* u,
-                            const engine_t* engine, int starts, int* event_free, event_free_lanes_t* found) {
+                            const engine_t* engine, int starts, int* event_free, event_free_lanes_t* lanes) {
   double numbers[LANES * EVENT_FREE];
   event_free_t made[LANES];
   long long of_lane[LANES], any = 0;
   real limit[NC + 1], margins[2][2];
   if (LANES > 1) memset(numbers, 0, sizeof numbers); /* of lanes that make no such tick */
-  found->held = found->closed = 0;
-  found->predicted = 1;
+  lanes->held = lanes->closed = 0;
+  lanes->predicted = 1;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     made[j] = event_free_of(scene, numbers + j * EVENT_FREE);
     event_free[j] = event_free[j] && engine->event_free_tick(engine->scene, tick + j, made + j) && is_closed(scene, made + j);
     if (!event_free[j]) continue;
     any = 1;
-    found->held |= !all_moves(scene, made[j].p + NP);
-    found->closed |= touches(scene, made[j].p);
-    found->predicted &= is_as_predicted(scene, tick + j, made + j);
+    lanes->held |= !all_moves(scene, made[j].p + NP);
+    lanes->closed |= touches(scene, made[j].p);
+    lanes->predicted &= is_as_predicted(scene, tick + j, made + j);
   }
   if (!any) return;
-  read_arms(found->p, P_LENGTH, made->p, EVENT_FREE, of_lane);
+  read_arms(lanes->p, P_LENGTH, made->p, EVENT_FREE, of_lane);
   read_arms(limit, NC, made->grip, EVENT_FREE, of_lane);
-  read_arms(found->begin, NX, made->begin, EVENT_FREE, of_lane);
-  read_arms(found->end, NX, made->end, EVENT_FREE, of_lane);
-  read_arms(found->after, NX, made->after, EVENT_FREE, of_lane);
-  find_margins(scene, found->begin, u, found, limit, margins[0]);
-  find_margins(scene, found->end, u, found, limit, margins[1]);
+  read_arms(lanes->begin, NX, made->begin, EVENT_FREE, of_lane);
+  read_arms(lanes->end, NX, made->end, EVENT_FREE, of_lane);
+  read_arms(lanes->after, NX, made->after, EVENT_FREE, of_lane);
+  find_margins(scene, lanes->begin, u, lanes, limit, margins[0]);
+  find_margins(scene, lanes->end, u, lanes, limit, margins[1]);
   for (int j = 0; j < LANES; ++j) {
     event_free[j] = event_free[j] && LANE(margins[0][starts], j) > 0.0 && LANE(margins[1][0], j) > 0.0;
     if (!event_free[j])
-      for (int i = 0; i < NX; ++i) LANE(found->after[i], j) = LANE(x[i], j);
+      for (int i = 0; i < NX; ++i) LANE(lanes->after[i], j) = LANE(x[i], j);
   }
 }

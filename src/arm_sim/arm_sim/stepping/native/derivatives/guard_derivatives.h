@@ -153,17 +153,17 @@ static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const r
     const long long i = tick->which[k];
     if (!(fabs(end.rate[i]) > GRAZING * fabs(begin.rate[i]))) return GRAZES;
   }
-  real found[NG][NV];
-  for (int k = 0; k < zero; ++k) follow_guard(scene, (int)tick->which[k + 1], tick, segment, slope, speed, found[k]);
+  real delays[NG][NV];
+  for (int k = 0; k < zero; ++k) follow_guard(scene, (int)tick->which[k + 1], tick, segment, slope, speed, delays[k]);
   for (int j = 0; j < NV; ++j) {
-    double low = found[0][j], high = low;
+    double low = delays[0][j], high = low;
     for (int k = 0; k < zero; ++k) {
-      low = fmin(low, found[k][j]);
-      high = fmax(high, found[k][j]);
-      largest = fmax(largest, fabs(found[k][j]));
+      low = fmin(low, delays[k][j]);
+      high = fmax(high, delays[k][j]);
+      largest = fmax(largest, fabs(delays[k][j]));
     }
     apart = fmax(apart, high - low);
-    delay[j] = found[0][j];
+    delay[j] = delays[0][j];
   }
   return apart > SAME_EVENT * largest ? COINCIDE : NO_REFUSAL;
 }

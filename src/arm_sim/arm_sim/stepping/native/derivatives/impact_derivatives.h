@@ -33,16 +33,16 @@ typedef struct {
 #define JUMP_DERIVATIVES (NU + 3 * NC + (NU + 3 * NC) * (GIVEN_JUMP + 3 * NC))
 
 static jump_derivatives_t jump_derivatives_of(const scene_t* scene, real* numbers) {
-  jump_derivatives_t found = {numbers, numbers + NU, numbers + NU + 3 * NC, 0, 0, 0};
-  found.by_impulse = found.by_x + NU * GIVEN_JUMP;
-  found.law = found.by_impulse + NU * 3 * NC;
-  found.law_by_impulse = found.law + 3 * NC * GIVEN_JUMP;
-  return found;
+  jump_derivatives_t solution = {numbers, numbers + NU, numbers + NU + 3 * NC, 0, 0, 0};
+  solution.by_impulse = solution.by_x + NU * GIVEN_JUMP;
+  solution.law = solution.by_impulse + NU * 3 * NC;
+  solution.law_by_impulse = solution.law + 3 * NC * GIVEN_JUMP;
+  return solution;
 }
 
-static void solve_impact(const scene_t* scene, const record_t* segment, const jump_t* jump, jump_derivatives_t* found) {
+static void solve_impact(const scene_t* scene, const record_t* segment, const jump_t* jump, jump_derivatives_t* solution) {
   CALL(scene->impact_laws, (segment->before, jump->p.tunable, jump->e, jump->f, jump->carries, jump->sticks, segment->impulse),
-       (found->v, found->speed, found->by_x, found->by_impulse, found->law, found->law_by_impulse));
+       (solution->v, solution->speed, solution->by_x, solution->by_impulse, solution->law, solution->law_by_impulse));
 }
 
 /* Restitutions that give the velocities with which joints and contacts have left. */
@@ -59,9 +59,9 @@ static void find_restitutions(const scene_t* scene, const record_t* segment, jum
 
 /* Find which contacts carry an impulse, and which of them stick. */
 static enum refusal find_parts(const scene_t* scene, const tick_t* tick, const record_t* segment,
-                               const jump_derivatives_t* found, jump_t* jump) {
+                               const jump_derivatives_t* solution, jump_t* jump) {
   for (int k = 0; k < NC; ++k) {
-    const real *r = segment->impulse + 3 * k, *s = found->speed + 3 * k;
+    const real *r = segment->impulse + 3 * k, *s = solution->speed + 3 * k;
     const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - ON_EDGE) * scene->friction[k] * r[0];
     if (carries && !sticks && hypot(s[1], s[2]) <= scene->slowest && scene->friction[k] > 0.0)
       return refuse(tick, IMPACT_ON_EDGE, k);
@@ -75,21 +75,21 @@ static enum refusal find_parts(const scene_t* scene, const tick_t* tick, const r
 static enum refusal pass_impact(const scene_t* scene, const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
   real moved[3 * NC * GIVEN_JUMP + 1], V[3 * NC * 3 * NC + 1], after[NU][NV];
   LOCAL(jump_t, jump, jump_of, JUMP);
-  LOCAL(jump_derivatives_t, found, jump_derivatives_of, JUMP_DERIVATIVES);
+  LOCAL(jump_derivatives_t, solution, jump_derivatives_of, JUMP_DERIVATIVES);
   if (segment->part < 1.0) return REDUCED_REBOUND;
   find_restitutions(scene, segment, &jump);
-  if (NC) solve_impact(scene, segment, &jump, &found);
-  const enum refusal refused = find_parts(scene, tick, segment, &found, &jump);
+  if (NC) solve_impact(scene, segment, &jump, &solution);
+  const enum refusal refused = find_parts(scene, tick, segment, &solution, &jump);
   if (refused) return refused;
-  solve_impact(scene, segment, &jump, &found);
-  solve_least(3 * NC, 3 * NC, found.law_by_impulse, V, GIVEN_JUMP, found.law, moved);
+  solve_impact(scene, segment, &jump, &solution);
+  solve_least(3 * NC, 3 * NC, solution.law_by_impulse, V, GIVEN_JUMP, solution.law, moved);
   for (int j = 0; j < GIVEN_JUMP; ++j)
     for (int i = 0; i < NU; ++i)
-      for (int k = 0; k < 3 * NC; ++k) found.by_x[j * NU + i] -= found.by_impulse[k * NU + i] * moved[j * 3 * NC + k];
+      for (int k = 0; k < 3 * NC; ++k) solution.by_x[j * NU + i] -= solution.by_impulse[k * NU + i] * moved[j * 3 * NC + k];
   memset(after, 0, sizeof after);
-  add_product(scene, NU, 2 * NU, found.by_x, (const real(*)[NV])slope, after);
+  add_product(scene, NU, 2 * NU, solution.by_x, (const real(*)[NV])slope, after);
   for (int i = 0; i < NU; ++i)
-    for (int j = 0; j < NT; ++j) after[i][NX + NU + j] += found.by_x[(2 * NU + j) * NU + i];
+    for (int j = 0; j < NT; ++j) after[i][NX + NU + j] += solution.by_x[(2 * NU + j) * NU + i];
   memcpy(slope + NU, after, sizeof after);
   return NO_REFUSAL;
 }

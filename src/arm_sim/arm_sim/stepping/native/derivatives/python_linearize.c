@@ -27,9 +27,9 @@ static PyObject* linearize(PyObject* capsule, PyObject* const* given, Py_ssize_t
   if (!slopes) return NULL;
   double* const to = PyArray_DATA((PyArrayObject*)slopes);
   PyThreadState* const thread = PyEval_SaveThread();
-  const int found = of->differentiate(of->scene, of->tangents, of->engine, x, r, of->p, of->dt, after, to);
+  const int computed = of->differentiate(of->scene, of->tangents, of->engine, x, r, of->p, of->dt, after, to);
   PyEval_RestoreThread(thread);
-  if (found) return slopes;
+  if (computed) return slopes;
   Py_DECREF(slopes);
   Py_RETURN_NONE;
 }

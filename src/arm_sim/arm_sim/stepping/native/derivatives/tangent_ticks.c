@@ -44,17 +44,17 @@ static void make_step(const scene_t* scene, group_t* group, const real* x, const
 /* Ticks without events: the number of arms that make one. The engine of one arm finds their modes, and takes the steps that are
  * made in predicted ones. `starts`: whether the beginning itself is varied. */
 static int make_event_free_ticks(const scene_t* scene, group_t* group, const engine_t* engine, int starts) {
-  LOCAL_PREDICTIONS(begun);
+  LOCAL_PREDICTIONS(of_begin);
   real place[PLACES + 1], dense[3 * NX];
   int count = 0;
-  begin_ticks(scene, group->x, group->u, group->p, &group->length, begun, place);
+  begin_ticks(scene, group->x, group->u, group->p, &group->length, of_begin, place);
   if (scene->dense_derivative) {
-    predict_modes(scene, engine, begun, &group->tick);
+    predict_modes(scene, engine, of_begin, &group->tick);
     make_step(scene, group, group->x, group->tick.p, dense);
     find_places(scene, group->next, place);
-    write_steps(scene, group->next, dense, place, begun);
+    write_steps(scene, group->next, dense, place, of_begin);
   }
-  make_event_free(scene, begun, group->x, group->u, engine, starts, group->event_free, &group->tick);
+  make_event_free(scene, of_begin, group->x, group->u, engine, starts, group->event_free, &group->tick);
   for (int j = 0; j < LANES; ++j) count += group->event_free[j];
   if (!count) return 0;
   const event_free_lanes_t* tick = &group->tick;
@@ -67,16 +67,16 @@ static int make_event_free_ticks(const scene_t* scene, group_t* group, const eng
 
 /* The first tick row by row: derivatives of weighed sums of its end. */
 static void differentiate_by_rows(const scene_t* scene, const group_t* group, const columns_t* to) {
-  column weight[NX], found[NX + NU + NT];
+  column weight[NX], derivative[NX + NU + NT];
   const column* weights[1] = {weight};
   for (int part = 0; part < 2; ++part) {
     const int start = part ? NU : 0, end = part ? NX : NU;
     for (int row = start; row < end; row += WIDTH) {
       take(weight, to->initial + start * to->count, group->of_lane, to->initial_arm, end - start, to->count, row);
       const tangents_t* by = group->tangents;
-      if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, found);
-      else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, found);
-      put_rows(found, to->columns, group->of_lane, to->columns_arm, end, NX + NU + NT, row);
+      if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, derivative);
+      else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, derivative);
+      put_rows(derivative, to->columns, group->of_lane, to->columns_arm, end, NX + NU + NT, row);
     }
   }
 }
@@ -84,21 +84,21 @@ static void differentiate_by_rows(const scene_t* scene, const group_t* group, co
 /* Columns of the state after tick k from those before it, with what is held at rest and contacts that are closed. */
 static void propagate_columns(const scene_t* scene, const group_t* group, const columns_t* to, long long k) {
   column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX], projected[NX];
-  const column *given[2] = {dx, dr}, *acts[2] = {dx, dw}, *begun[1] = {dx}, *ended[3] = {dx, moved, dw};
+  const column *of_law[2] = {dx, dr}, *of_step[2] = {dx, dw}, *of_begin[1] = {dx}, *of_end[3] = {dx, moved, dw};
   const tangents_t* by = group->tangents;
   double* reached = to->columns + k * to->columns_tick;
   for (long long c = 0; c < to->count; c += WIDTH) {
     if (k) take(dx, reached - to->columns_tick, group->of_lane, to->columns_arm, NX, to->count, c);
     else take(dx, to->initial, group->of_lane, to->initial_arm, NX, to->count, c);
     take(dr, to->held + k * to->held_tick, group->of_lane, to->held_arm, NU + NT, to->count, c);
-    by->command_jvp(group->limits, given, dw);
+    by->command_jvp(group->limits, of_law, dw);
     for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
     if (group->tick.held) {
-      by->begin_at_rest(group->at_begin, begun, projected);
+      by->begin_at_rest(group->at_begin, of_begin, projected);
       memcpy(dx, projected, sizeof projected);
     }
-    (is_in_motion(scene, group) ? by->moving_jvp : by->jvp)(group->limits + NA, acts, moved);
-    if (group->tick.closed) by->end_at_rest(group->at_end, ended, projected);
+    (is_in_motion(scene, group) ? by->moving_jvp : by->jvp)(group->limits + NA, of_step, moved);
+    if (group->tick.closed) by->end_at_rest(group->at_end, of_end, projected);
     put(group->tick.closed ? projected : moved, reached, group->of_lane, to->columns_arm, NX, to->count, c);
   }
 }

@@ -16,13 +16,13 @@ typedef struct {
 #define STEP_OF_LANES (4 * NX + NEARS)
 
 static inline step_of_lanes_t step_of_lanes_of(const scene_t* scene, real* numbers) {
-  step_of_lanes_t made = {numbers, numbers + NX, numbers + 4 * NX};
-  return made;
+  step_of_lanes_t step = {numbers, numbers + NX, numbers + 4 * NX};
+  return step;
 }
 
 /* Make a step in modes p by the functions that the engine of one arm takes; `load` are the loads at its beginning, or null. */
 static void make_steps(const scene_t* scene, const real* x, const real* u, const real* p, const real* h, const real* load,
-                       step_of_lanes_t* made) {
+                       step_of_lanes_t* step) {
   int moving = 0, moves[LANES];
   for (int j = 0; scene->moving && j < LANES; ++j) {
     double modes[MODES + 1];
@@ -30,19 +30,19 @@ static void make_steps(const scene_t* scene, const real* x, const real* u, const
     moving += moves[j] = all_moves(scene, modes);
   }
   if (moving == LANES) {
-    CALL(scene->moving_step, (x, u, p, h), (made->next, made->inside, made->inside + NX, made->inside + 2 * NX));
+    CALL(scene->moving_step, (x, u, p, h), (step->next, step->inside, step->inside + NX, step->inside + 2 * NX));
     return;
   }
-  if (load) copy(made->inside, load + LOADS - NX, NX);
-  else slope_at(scene, x, u, p, made->inside);
-  CALL(scene->step, (x, u, p, h, made->inside),
-       (made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU));
+  if (load) copy(step->inside, load + LOADS - NX, NX);
+  else slope_at(scene, x, u, p, step->inside);
+  CALL(scene->step, (x, u, p, h, step->inside),
+       (step->next, step->inside + NX, step->inside + 2 * NX, step->near, step->near + NU));
   if (!moving) return;
   real found[4 * NX];
   CALL(scene->moving_step, (x, u, p, h), (found, found + NX, found + 2 * NX, found + 3 * NX));
   for (int k = 0; k < 4 * NX; ++k)
     for (int j = 0; j < LANES; ++j)
-      if (moves[j]) LANE((k < NX ? made->next + k : made->inside + k - NX)[0], j) = LANE(found[k], j);
+      if (moves[j]) LANE((k < NX ? step->next + k : step->inside + k - NX)[0], j) = LANE(found[k], j);
 }
 
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
@@ -127,15 +127,15 @@ static real begins_event_free(const scene_t* scene, const real* x, const real* u
 /* Make the step, and find the lanes that stay clear in it; `after` receives where the contacts are after it. With internal
  * states, which may break a joint loose within the step, none does that holds one. */
 static real stays_event_free(const scene_t* scene, const real* x, const real* u, const real* h, const real* place,
-                             const real* p, const real* load, int holds, step_of_lanes_t* made, real* after) {
-  make_steps(scene, x, u, p, h, holds ? load : 0, made);
-  find_places(scene, made->next, after);
-  real event_free = remain_event_free(scene, x, made->next, made->inside, place, after, p + NP, *h);
+                             const real* p, const real* load, int holds, step_of_lanes_t* step, real* after) {
+  make_steps(scene, x, u, p, h, holds ? load : 0, step);
+  find_places(scene, step->next, after);
+  real event_free = remain_event_free(scene, x, step->next, step->inside, place, after, p + NP, *h);
   if (!holds) return event_free;
   if (NX > 2 * NU) return 0.0 * event_free;
-  event_free = event_free && varies_evenly(scene, x, made->next, made->inside, *h);
-  if (scene->near_loads) return event_free && stays_held(scene, made->near, p);
+  event_free = event_free && varies_evenly(scene, x, step->next, step->inside, *h);
+  if (scene->near_loads) return event_free && stays_held(scene, step->near, p);
   real found[LOADS + 1];
-  loads_at(scene, made->next, u, p, found);
+  loads_at(scene, step->next, u, p, found);
   return event_free && stays_held(scene, found, p);
 }

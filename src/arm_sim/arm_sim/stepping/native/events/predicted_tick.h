@@ -40,17 +40,17 @@ EXPORTED int predicted_tick(const void* of, const prediction_t* tick, double* af
 }
 
 /* The predicted tick without events: 0 if there is one, or it cannot be computed. */
-EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* found) {
+EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* result) {
   const scene_t* scene = (const scene_t*)of;
   report_t report = {0.0, 0, 0, 0};
   real numbers[RECORD];
   record_t record;
   trace_t trace = {&record, numbers, 0, 1, 0, 0, 0, 0};
-  if (make_predicted(scene, tick, &report, &trace, found->after) != NONE) return 0;
+  if (make_predicted(scene, tick, &report, &trace, result->after) != NONE) return 0;
   if (trace.count != 1 || !record.event_free || record.hit || report.time_stepped) return 0;
-  copy(found->p, record.p.tunable, P_LENGTH);
-  copy(found->grip, record.limit, NC);
-  copy(found->begin, record.begin, NX);
-  copy(found->end, record.end, NX);
-  return within_reach(scene, found->after);
+  copy(result->p, record.p.tunable, P_LENGTH);
+  copy(result->grip, record.limit, NC);
+  copy(result->begin, record.begin, NX);
+  copy(result->end, record.end, NX);
+  return within_reach(scene, result->after);
 }

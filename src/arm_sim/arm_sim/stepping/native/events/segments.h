@@ -65,9 +65,9 @@ static double advance_segment(const scene_t* scene, const real* x, segment_t* se
       if (outcome == REJECTED) continue;
       last = outcome == ENDED;
     }
-    const double known = find_violation(scene, &search, h, reached, &guards);
-    *event_free = known == 0.0;
-    const double length = *event_free ? h : end_at_event(scene, &search, known, &guards, error);
+    const double violation = find_violation(scene, &search, h, reached, &guards);
+    *event_free = violation == 0.0;
+    const double length = *event_free ? h : end_at_event(scene, &search, violation, &guards, error);
     if (length < 0.0) return -1.0;
     if (scene->adaptive) {
       if (!*event_free && !is_accurate_cut(scene, &at, reach, length, error[0] / control->tolerance)) continue;
@@ -94,19 +94,19 @@ static void find_ended_modes(const scene_t* scene, const real* x, segment_t* seg
   segment->yields = 0;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
   if (event_free || !(NC || scene->constrained)) return;
-  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   clear(sets.set, PARTS);
-  find_loads(scene, x, segment, &found);
+  find_loads(scene, x, segment, &loads);
   if (scene->indeterminate) {
     segment->yields = 1; /* an evaluation at the limit */
-    find_sets_held(scene, x, segment, &found, &sets);
+    find_sets_held(scene, x, segment, &loads, &sets);
     int any = 0;
     for (int i = 0; i < PARTS; ++i) any |= sets.set[i] != 0.0 && set_excess(segment, &sets, (int)sets.set[i]) > 0.0;
     segment->yields = any;
   }
   for (int k = 0; k < NC; ++k) {
-    const real* r = found.force + 3 * k;
+    const real* r = loads.force + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
     contact_t* contact = segment->contact + k;
     if (mode->closed == 0.0 || sets.set[NU + k] != 0.0) continue;

@@ -44,21 +44,21 @@ typedef struct {
 #define BEGINNING (P_LENGTH + PLACES + LOADS)
 
 static beginning_t beginning_of(const scene_t* scene, real* numbers) {
-  beginning_t begun = {numbers, numbers + P_LENGTH, loads_of(scene, numbers + P_LENGTH + PLACES), 0};
-  return begun;
+  beginning_t start = {numbers, numbers + P_LENGTH, loads_of(scene, numbers + P_LENGTH + PLACES), 0};
+  return start;
 }
 
 /* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. */
-static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, beginning_t* begun,
+static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, beginning_t* start,
                                real* after) {
   real place_after[PLACES + 1];
   LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
-  find_places(scene, x, begun->place);
-  const real begins = begins_event_free(scene, x, u, p, begun->place, begun->p, begun->load.load, &begun->holds);
-  if (begins == 0.0 || (begun->holds && NX > 2 * NU)) return 0;
-  const int still = begun->holds && holds_all(scene, begun->p + NP);
+  find_places(scene, x, start->place);
+  const real begins = begins_event_free(scene, x, u, p, start->place, start->p, start->load.load, &start->holds);
+  if (begins == 0.0 || (start->holds && NX > 2 * NU)) return 0;
+  const int still = start->holds && holds_all(scene, start->p + NP);
   if (!still
-      && stays_event_free(scene, x, u, &h, begun->place, begun->p, begun->load.load, begun->holds, &made, place_after) == 0.0)
+      && stays_event_free(scene, x, u, &h, start->place, start->p, start->load.load, start->holds, &made, place_after) == 0.0)
     return 0;
   copy(after, still ? x : made.next, NX);
   rest_held(scene, after);

@@ -15,7 +15,7 @@ static double drift_tolerance(const scene_t* scene, const segment_t* segment) {
 }
 
 /* Rate at which friction rotates the velocity of each sliding contact towards its direction; 0 if none slides. */
-static int turning_rates(const scene_t* scene, const real* x, const segment_t* segment, loads_t* found, geometry_t* geometry,
+static int turning_rates(const scene_t* scene, const real* x, const segment_t* segment, loads_t* loads, geometry_t* geometry,
                          double* rate) {
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   int any = 0;
@@ -24,7 +24,7 @@ static int turning_rates(const scene_t* scene, const real* x, const segment_t* s
     any |= scene->friction[k] > 0.0 && is_sliding(segment->p.contact + k);
   }
   if (!any) return 0;
-  find_loads(scene, x, segment, found);
+  find_loads(scene, x, segment, loads);
   find_geometry(scene, x, segment, geometry);
   find_inertia(scene, x, segment, &inertia);
   for (int k = 0; k < NC; ++k) {
@@ -34,7 +34,7 @@ static int turning_rates(const scene_t* scene, const real* x, const segment_t* s
     const double a = -mode->along[1], b = mode->along[0], size = hypot(geometry->speed[n + 1], geometry->speed[n + 2]);
     double mobility = a * a * AT(inertia.W, MC, n + 1, n + 1) + b * b * AT(inertia.W, MC, n + 2, n + 2);
     mobility += 2.0 * a * b * AT(inertia.W, MC, n + 1, n + 2);
-    rate[k] = scene->friction[k] * found->force[n] * mobility / fmax(size, scene->slowest);
+    rate[k] = scene->friction[k] * loads->force[n] * mobility / fmax(size, scene->slowest);
   }
   return 1;
 }
@@ -43,13 +43,13 @@ static int turning_rates(const scene_t* scene, const real* x, const segment_t* s
 static void find_turning(const scene_t* scene, const real* x, segment_t* segment) {
   if (segment->turns || !NC) return;
   double rate[NC + 1];
-  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   segment->turns = 1;
   for (int k = 0; k < NC; ++k) segment->turning[k].rate = 0.0;
-  if (!turning_rates(scene, x, segment, &found, &geometry, rate)) return;
+  if (!turning_rates(scene, x, segment, &loads, &geometry, rate)) return;
   for (int k = 0; k < NC; ++k) {
-    const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
+    const real *s = geometry.speed + 3 * k + 1, *a = loads.rate + 3 * k + 1, *along = segment->p.contact[k].along;
     const double ahead = along[0] * a[0] + along[1] * a[1], across = fabs(along[0] * a[1] - along[1] * a[0]);
     turning_t* turning = segment->turning + k;
     if (!(rate[k] > 0.0)) continue;

@@ -94,8 +94,8 @@ static double find_crossing(const scene_t* scene, const search_t* search, const 
       const double bend = 2.0 * f[1] - f[0] - f[2];
       const double way = fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
       if (way != way) continue;
-      const double found = peak_of(scene, search, guard, t, f, guards);
-      if (found > 0.0) return found;
+      const double crossing = peak_of(scene, search, guard, t, f, guards);
+      if (crossing > 0.0) return crossing;
     }
   }
   return 0.0;

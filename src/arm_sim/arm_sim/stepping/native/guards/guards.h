@@ -76,13 +76,13 @@ static double find_next(const scene_t* scene, const real* x, const segment_t* se
   double soonest = INFINITY;
   real slope[NX];
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(loads_t, loads, loads_of, LOADS);
   int apart = 0;
   for (int k = 0; k < NC; ++k) apart |= segment->p.contact[k].closed == 0.0;
   find_geometry(scene, x, segment, &geometry);
-  if (apart) find_loads(scene, x, segment, &found);
+  if (apart) find_loads(scene, x, segment, &loads);
   find_slope(scene, x, segment, slope);
-  const guarded_t at = {x, segment, 0, 0.0, geometry, found, 0.0};
+  const guarded_t at = {x, segment, 0, 0.0, geometry, loads, 0.0};
   for (int i = 0; i < GUARD_LAWS; ++i)
     if (guard_laws[i].arrival) soonest = fmin(soonest, guard_laws[i].arrival(scene, &at, slope));
   return ARRIVAL_MARGIN * soonest;

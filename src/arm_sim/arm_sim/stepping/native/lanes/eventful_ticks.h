@@ -11,10 +11,10 @@
 #define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
 /* Steps from the beginnings of ticks, and where the contacts are after them. */
-static void write_steps_of_lanes(const scene_t* scene, const step_of_lanes_t* made, const real* place, prediction_t* tick) {
-  write_steps(scene, made->next, made->inside, place, tick);
+static void write_steps_of_lanes(const scene_t* scene, const step_of_lanes_t* step, const real* place, prediction_t* tick) {
+  write_steps(scene, step->next, step->inside, place, tick);
   if (!scene->near_loads) return;
-  write_arms(tick->near, PREDICTION, made->near, NEARS, LANES);
+  write_arms(tick->near, PREDICTION, step->near, NEARS, LANES);
   for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
 }
 
@@ -24,17 +24,17 @@ static void write_steps_of_lanes(const scene_t* scene, const step_of_lanes_t* ma
 static int predict_event_free(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* h,
                               const real* place, int used, prediction_t* tick, real* next, real* done) {
   real p[P_LENGTH + 1], after[PLACES + 1], load[LOADS + 1];
-  LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
+  LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   int others = 0, left = 0, holds;
   const real event_free = begins_event_free(scene, x, u, tunable, place, p, load, &holds);
   for (int j = 0; j < used; ++j) others += LANE(event_free, j) == 0.0;
   if (2 * others > used) return others;
-  *done = event_free && stays_event_free(scene, x, u, h, place, p, load, holds, &made, after);
-  for (int i = 0; i < NX; ++i) next[i] = made.next[i];
+  *done = event_free && stays_event_free(scene, x, u, h, place, p, load, holds, &step, after);
+  for (int i = 0; i < NX; ++i) next[i] = step.next[i];
   rest_held(scene, next);
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
   if (!left) return 0;
-  write_steps_of_lanes(scene, &made, after, tick);
+  write_steps_of_lanes(scene, &step, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < P_LENGTH && LANE(event_free, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
   return others;
@@ -46,7 +46,7 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
   const long long stride = PREDICTION;
   long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
   real p[P_LENGTH + 1], load[LOADS], place[PLACES + 1], inertia[INERTIA + 1], anchor[2 * NC + 1], closed[2 * NU];
-  LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
+  LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->predict(engine->scene, tick + j);
@@ -59,16 +59,16 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
     loads_at(scene, x, u, p, load);
     write_arms(tick->loads, stride, load, LOADS, LANES);
   }
-  make_steps(scene, x, u, p, h, rests ? load : 0, &made);
-  find_places(scene, made.next, place);
-  write_steps_of_lanes(scene, &made, place, tick);
+  make_steps(scene, x, u, p, h, rests ? load : 0, &step);
+  find_places(scene, step.next, place);
+  write_steps_of_lanes(scene, &step, place, tick);
   if (slides) {
     CALL(scene->contact_inertia, (x, u, p), (inertia, inertia + MC * MC, inertia + MC * MC + MC * NU));
     write_arms(tick->inertia, stride, inertia, INERTIA, LANES);
   }
   if (closes) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
-    CALL(scene->contact_close, (made.next, p, anchor), (closed));
+    CALL(scene->contact_close, (step.next, p, anchor), (closed));
     write_arms(tick->closed, stride, closed, 2 * NU, LANES);
   }
 }

@@ -17,7 +17,7 @@ static void find_statics(const scene_t* scene, const real* x, const segment_t* s
 }
 
 /* What is held, with its reactions of the least norm and its limits. */
-static void find_parts(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found,
+static void find_parts(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads,
                        const statics_t* balance, part_t* parts) {
   for (int i = 0; i < NU; ++i) {
     const int side = ND ? at_stop(scene, x, i) : 0;
@@ -35,17 +35,17 @@ static void find_parts(const scene_t* scene, const real* x, const segment_t* seg
     part->most = INFINITY;
     part->fraction = stick_limit(scene, segment, k);
     part->sticks = part->held && mode->sticks != 0.0;
-    for (int i = 0; i < 3; ++i) part->force[i] = found->force[3 * k + i];
+    for (int i = 0; i < 3; ++i) part->force[i] = loads->force[3 * k + i];
   }
 }
 
 /* Which parts hold together, and whether they do. */
-static void find_sets_held(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found,
+static void find_sets_held(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads,
                            indeterminate_t* sets) {
   LOCAL(statics_t, balance, statics_of, STATICS);
   part_t parts[PARTS];
   find_statics(scene, x, segment, &balance);
-  find_parts(scene, x, segment, found, &balance, parts);
+  find_parts(scene, x, segment, loads, &balance, parts);
   find_indeterminate(scene, &balance, parts, segment->yields, sets);
 }
 

@@ -13,11 +13,11 @@
 
 /* Torques of compliant stops (at least the penetration), by which contact is detected, on both sides of all joints. */
 static void find_pressures(const scene_t* scene, const real* x, double met[2][NU], double push[2][NU]) {
-  real found[2 * NU];
-  CALL(scene->pressures, (x), (found));
+  real pressure[2 * NU];
+  CALL(scene->pressures, (x), (pressure));
   for (int i = 0; i < NQ; ++i)
     for (int side = 0; side < 2; ++side) {
-      push[side][i] = found[NU * side + i];
+      push[side][i] = pressure[NU * side + i];
       met[side][i] = fmin(push[side][i], side ? x[i] - scene->soft_stop[1][i] : scene->soft_stop[0][i] - x[i]);
     }
 }

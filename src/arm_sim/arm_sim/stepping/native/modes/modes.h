@@ -24,15 +24,15 @@
 #define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
 
 /* Excess of the torque on a joint at rest over the capacity of friction and its stop: not positive if they hold it. */
-static double joint_excess(const scene_t* scene, const real* x, const loads_t* found, int joint) {
-  const double load = found->load[joint];
+static double joint_excess(const scene_t* scene, const real* x, const loads_t* loads, int joint) {
+  const double load = loads->load[joint];
   const int side = at_stop(scene, x, joint);
   return (side ? -side * load : fabs(load)) - scene->static_level[joint];
 }
 
 /* Violation of the limits of its force by a contact: not positive if satisfied. */
-static double force_excess(const scene_t* scene, const segment_t* segment, const loads_t* found, int k) {
-  const real* r = found->force + 3 * k;
+static double force_excess(const scene_t* scene, const segment_t* segment, const loads_t* loads, int k) {
+  const real* r = loads->force + 3 * k;
   const contact_mode_t* mode = segment->p.contact + k;
   if (mode->closed == 0.0) return 0.0;
   if (r[0] < 0.0) return -r[0];
@@ -40,8 +40,8 @@ static double force_excess(const scene_t* scene, const segment_t* segment, const
 }
 
 /* Violation of the laws by the acceleration of a contact that opens, or starts to slide. */
-static double rate_excess(const segment_t* segment, const loads_t* found, int k, double fastest) {
-  const real* a = found->rate + 3 * k;
+static double rate_excess(const segment_t* segment, const loads_t* loads, int k, double fastest) {
+  const real* a = loads->rate + 3 * k;
   const contact_mode_t* mode = segment->p.contact + k;
   if (mode->closed == 0.0) return segment->contact[k].touching != 0.0 ? -a[0] / fastest - SLACK : 0.0;
   if (mode->sticks != 0.0 || segment->contact[k].slides != 0.0) return 0.0;
@@ -50,27 +50,27 @@ static double rate_excess(const segment_t* segment, const loads_t* found, int k,
 }
 
 /* Whether reactions of the least norm are beyond a limit. */
-static int anything_beyond(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found) {
+static int anything_beyond(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads) {
   int any = segment->yields;
-  for (int k = 0; k < NC; ++k) any |= force_excess(scene, segment, found, k) > 0.0;
-  for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0 && joint_excess(scene, x, found, i) > 0.0;
+  for (int k = 0; k < NC; ++k) any |= force_excess(scene, segment, loads, k) > 0.0;
+  for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0 && joint_excess(scene, x, loads, i) > 0.0;
   return any;
 }
 
 /* The entry with the largest, or just the first, violation: a contact, or NC plus a joint; -1 if there is none. `set`
  * receives the number of the set to which the violated limit belongs, or 0. */
-static int find_infeasible(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found, int first,
+static int find_infeasible(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads, int first,
                            indeterminate_t* sets, int* set) {
-  const double heaviest = 1.0 + largest_of(found->force, MC), fastest = 1.0 + largest_of(found->rate, MC);
+  const double heaviest = 1.0 + largest_of(loads->force, MC), fastest = 1.0 + largest_of(loads->rate, MC);
   const real* d = segment->p.direction;
   double most = 0.0;
   int worst = -1, resting = 0;
   for (int i = 0; i < NU + NC; ++i) sets->set[i] = 0;
-  if (scene->indeterminate && anything_beyond(scene, x, segment, found)) find_sets_held(scene, x, segment, found, sets);
+  if (scene->indeterminate && anything_beyond(scene, x, segment, loads)) find_sets_held(scene, x, segment, loads, sets);
   for (int k = 0; k < NC; ++k) {
     const int number = (int)sets->set[NU + k];
-    const double beyond = number ? set_excess(segment, sets, number) : force_excess(scene, segment, found, k) / heaviest;
-    const double excess = beyond > 0.0 ? beyond : rate_excess(segment, found, k, fastest);
+    const double beyond = number ? set_excess(segment, sets, number) : force_excess(scene, segment, loads, k) / heaviest;
+    const double excess = beyond > 0.0 ? beyond : rate_excess(segment, loads, k, fastest);
     if (excess > most) {
       most = excess;
       worst = k;
@@ -79,14 +79,14 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
   }
   for (int i = 0; i < ND; ++i) resting |= rests(scene, x, i);
   if (!resting) return worst;
-  const real* a = found->slope + NU;
+  const real* a = loads->slope + NU;
   const double quickest = 1.0 + largest_of(a, NU), level = largest_of(scene->static_level, NU),
                highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(scene, x, i)) continue;
     const int number = (int)sets->set[i];
     const double excess = number        ? set_excess(segment, sets, number)
-                          : d[i] == 0.0 ? joint_excess(scene, x, found, i) / highest
+                          : d[i] == 0.0 ? joint_excess(scene, x, loads, i) / highest
                                         : -d[i] * a[i] / quickest - SLACK;
     if (excess > most) {
       most = excess;
@@ -112,23 +112,23 @@ static void let_slip(answer_t* answer, const double* force) {
 }
 
 /* Change the entry to a mode that satisfies the laws while the others are unchanged: 0 if none does. */
-static int pivot(const scene_t* scene, const real* x, segment_t* segment, const loads_t* found, int entry) {
+static int pivot(const scene_t* scene, const real* x, segment_t* segment, const loads_t* loads, int entry) {
   if (entry >= NC) {
     const int joint = entry - NC, turns = scene->constrained && segment->turned[joint] == 0.0 && !at_stop(scene, x, joint);
     real* d = segment->p.direction + joint;
     segment->turned[joint] = *d != 0.0 && turns;
-    *d = *d == 0.0 ? sign_of(found->load[joint]) : turns ? -*d : 0.0;
+    *d = *d == 0.0 ? sign_of(loads->load[joint]) : turns ? -*d : 0.0;
     return 1;
   }
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   double block[3][3], c[3];
-  const real* r = found->force + 3 * entry;
+  const real* r = loads->force + 3 * entry;
   const contact_t* contact = segment->contact + entry;
   contact_mode_t* mode = segment->p.contact + entry;
   find_inertia(scene, x, segment, &inertia);
   own_block(scene, inertia.W, entry, block);
   for (int i = 0; i < 3; ++i)
-    c[i] = found->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
+    c[i] = loads->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
   answer_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
                                   contact->slides != 0.0 ? contact->given : 0);
   if (answer.state == UNSOLVABLE) return 0;
@@ -196,15 +196,15 @@ static int anything_rests(const scene_t* scene, const real* x, const segment_t* 
 
 /* Whether friction closes a sliding contact faster than its normal force opens it. One whose normal force moves nothing, since
  * a stop bears it, does not. */
-static int any_jams(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found) {
+static int any_jams(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads) {
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   int any = 0;
-  for (int k = 0; k < NC; ++k) any |= is_sliding(segment->p.contact + k) && !(found->grip[k] > 0.0);
+  for (int k = 0; k < NC; ++k) any |= is_sliding(segment->p.contact + k) && !(loads->grip[k] > 0.0);
   if (!any) return 0;
   find_inertia(scene, x, segment, &inertia);
   any = 0;
   for (int k = 0; k < NC; ++k)
-    any |= is_sliding(segment->p.contact + k) && !(found->grip[k] > 0.0) && AT(inertia.W, MC, 3 * k, 3 * k) > 0.0;
+    any |= is_sliding(segment->p.contact + k) && !(loads->grip[k] > 0.0) && AT(inertia.W, MC, 3 * k, 3 * k) > 0.0;
   return any;
 }
 
@@ -212,7 +212,7 @@ static int any_jams(const scene_t* scene, const real* x, const segment_t* segmen
  * last resort where pivoting cycles between joints and contacts. */
 static int try_all(const scene_t* scene, const real* x, segment_t* segment) {
   int resting[NU], count = 0, combinations = 1;
-  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   for (int i = 0; i < ND; ++i)
     if (rests(scene, x, i)) resting[count++] = i;
@@ -223,30 +223,30 @@ static int try_all(const scene_t* scene, const real* x, segment_t* segment) {
       for (int i = 0, rest = number; i < count; ++i, rest /= 3)
         segment->p.direction[resting[i]] = rest % 3 == 2 ? -1.0 : rest % 3;
       solve_all_contacts(scene, x, segment, with_static);
-      find_loads(scene, x, segment, &found);
-      if (find_infeasible(scene, x, segment, &found, 0, &sets, &set) < 0 && !any_jams(scene, x, segment, &found)) return 1;
+      find_loads(scene, x, segment, &loads);
+      if (find_infeasible(scene, x, segment, &loads, 0, &sets, &set) < 0 && !any_jams(scene, x, segment, &loads)) return 1;
     }
   return 0;
 }
 
 /* Find the modes of all contacts and joints: 0 if none satisfies the laws, or the motion is not unique (Painlevé 1895). */
 static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
-  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   segment->turns = 0;
   guess_modes(scene, x, segment, geometry);
   if (!anything_rests(scene, x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {
     for (int k = 0; k < PIVOTS; ++k) {
-      find_loads(scene, x, segment, &found);
+      find_loads(scene, x, segment, &loads);
       int set = 0;
-      const int entry = find_infeasible(scene, x, segment, &found, k >= WORST_FIRST, &sets, &set);
-      if (entry < 0) return !any_jams(scene, x, segment, &found);
+      const int entry = find_infeasible(scene, x, segment, &loads, k >= WORST_FIRST, &sets, &set);
+      if (entry < 0) return !any_jams(scene, x, segment, &loads);
       if (scene->indeterminate && set) {
         if (!release_parts(scene, x, segment, &sets, set, 0)) release_parts(scene, x, segment, &sets, set, 1);
         continue;
       }
-      if (!pivot(scene, x, segment, &found, entry)) break;
+      if (!pivot(scene, x, segment, &loads, entry)) break;
     }
     if (NC && attempt < 2) solve_all_contacts(scene, x, segment, attempt == 0);
   }
@@ -269,14 +269,14 @@ EXPORTED long long find_modes(const scene_t* scene, const real* x, const real* u
  * and then of joints, to the nearest within all limits. */
 EXPORTED void share_reactions(const scene_t* scene, const real* x, const real* u, const real* p, double* change) {
   LOCAL_TICK(segment, u);
-  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(statics_t, balance, statics_of, STATICS);
   part_t parts[PARTS];
   copy(segment.p.tunable, p, P_LENGTH);
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
   if (!scene->indeterminate) return;
-  find_loads(scene, x, &segment, &found);
+  find_loads(scene, x, &segment, &loads);
   find_statics(scene, x, &segment, &balance);
-  find_parts(scene, x, &segment, &found, &balance, parts);
+  find_parts(scene, x, &segment, &loads, &balance, parts);
   find_nearest(scene, &balance, parts, change);
 }

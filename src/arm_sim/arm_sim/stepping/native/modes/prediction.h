@@ -18,8 +18,8 @@
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
 
 /* Where the contacts are. */
-static inline void find_places(const scene_t* scene, const real* x, real* found) {
-  if (NC) CALL(scene->contact_geometry, (x), (found, found + MC, found + 2 * MC));
+static inline void find_places(const scene_t* scene, const real* x, real* places) {
+  if (NC) CALL(scene->contact_geometry, (x), (places, places + MC, places + 2 * MC));
 }
 
 /* Whether every joint slides and every contact is apart, in modes after the tunable numbers. */
@@ -114,5 +114,5 @@ typedef struct {
   const void* scene; /* of one arm: the first argument of each */
   void (*predict)(const void* scene, prediction_t* tick);
   int (*predicted_tick)(const void* scene, const prediction_t* tick, double* after);
-  int (*event_free_tick)(const void* scene, const prediction_t* tick, event_free_t* found);
+  int (*event_free_tick)(const void* scene, const prediction_t* tick, event_free_t* result);
 } engine_t;

@@ -146,11 +146,11 @@ static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory,
 }
 
 static void find_geometry(const scene_t* scene, const real* x, const segment_t* segment, geometry_t* geometry) {
-  const prediction_t* known = segment->predicted;
+  const prediction_t* prediction = segment->predicted;
   if (!NC) return;
   const double* answer = 0;
-  if (known && same(x, known->x, 2 * NU)) answer = known->geometry;
-  else if (known && same(x, known->after, 2 * NU)) answer = known->geometry_after;
+  if (prediction && same(x, prediction->x, 2 * NU)) answer = prediction->geometry;
+  else if (prediction && same(x, prediction->after, 2 * NU)) answer = prediction->geometry_after;
   memory_t* memory = segment->memory;
   for (int i = 0; !answer && i < STATES && i < memory->states; ++i)
     if (same(x, memory->x[i], 2 * NU)) answer = memory->geometry[i].place;
@@ -164,46 +164,46 @@ static void find_geometry(const scene_t* scene, const real* x, const segment_t* 
 
 /* The numbers of the loads at x if they are known; else null. */
 static const real* known_loads(const scene_t* scene, const real* x, const segment_t* segment) {
-  const prediction_t* known = segment->predicted;
+  const prediction_t* prediction = segment->predicted;
   const memory_t* memory = segment->memory;
-  if (is_predicted(scene, segment) && known->rests && same(x, known->x, NX)) return known->loads;
+  if (is_predicted(scene, segment) && prediction->rests && same(x, prediction->x, NX)) return prediction->loads;
   if (!memory->loaded || !same(x, memory->loads_x, NX)) return 0;
   return same(segment->p.direction, memory->loads_in, MODES) ? memory->loads.load : 0;
 }
 
-static void keep_loads(const scene_t* scene, const real* x, const real* modes, memory_t* memory, const loads_t* found) {
+static void keep_loads(const scene_t* scene, const real* x, const real* modes, memory_t* memory, const loads_t* loads) {
   memory->loaded = 1;
-  copy(memory->loads.load, found->load, LOADS);
+  copy(memory->loads.load, loads->load, LOADS);
   copy(memory->loads_x, x, NX);
   copy(memory->loads_in, modes, MODES);
 }
 
-static void find_loads(const scene_t* scene, const real* x, const segment_t* segment, loads_t* found) {
+static void find_loads(const scene_t* scene, const real* x, const segment_t* segment, loads_t* loads) {
   const real* known = known_loads(scene, x, segment);
   memory_t* memory = segment->memory;
   if (known) {
-    copy(found->load, known, LOADS);
+    copy(loads->load, known, LOADS);
     return;
   }
   memory->work += scene->loads_cost;
-  loads_at(scene, x, segment->u, segment->p.tunable, found->load);
-  keep_loads(scene, x, segment->p.direction, memory, found);
+  loads_at(scene, x, segment->u, segment->p.tunable, loads->load);
+  keep_loads(scene, x, segment->p.direction, memory, loads);
 }
 
 static void find_inertia(const scene_t* scene, const real* x, const segment_t* segment, inertia_t* inertia) {
-  const prediction_t* known = segment->predicted;
+  const prediction_t* prediction = segment->predicted;
   segment->memory->work += scene->inertia_cost;
   if (!NC) return;
-  if (is_predicted(scene, segment) && known->slides && same(x, known->x, NX)) {
-    copy(inertia->W, known->inertia, INERTIA);
+  if (is_predicted(scene, segment) && prediction->slides && same(x, prediction->x, NX)) {
+    copy(inertia->W, prediction->inertia, INERTIA);
     return;
   }
   CALL(scene->contact_inertia, (x, segment->u, segment->p.tunable), (inertia->W, inertia->B, inertia->free));
 }
 
 static void find_slope(const scene_t* scene, const real* x, const segment_t* segment, real* slope) {
-  const real* found = known_loads(scene, x, segment);
-  const real* answer = found ? found + LOADS - NX : 0;
+  const real* loads = known_loads(scene, x, segment);
+  const real* answer = loads ? loads + LOADS - NX : 0;
   /* Steps in motion are of other functions. */
   if (!scene->moving && is_predicted(scene, segment) && same(x, segment->predicted->x, NX))
     answer = segment->predicted->inside;

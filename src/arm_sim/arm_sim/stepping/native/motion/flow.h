@@ -27,7 +27,7 @@ typedef int describes_t(const scene_t* scene, const real* x, const real* u, cons
 /* Motion over h from x under u by sub-steps under error control; `watch` may be null. */
 static int flow_controlled(const scene_t* scene, equation_t* attempt, describes_t* watch, const real* x, const real* u,
                            const real* p, double h, control_t* c, real* after) {
-  control_t found = *c;
+  control_t counted = *c;
   substeps_t at = first_substep(h, c->step);
   real next[NX], error, error_q, trial;
   copy(after, x, NX);
@@ -35,19 +35,19 @@ static int flow_controlled(const scene_t* scene, equation_t* attempt, describes_
     trial = next_length(&at, h);
     if (watch && !watch(scene, after, u, 0, trial)) return 0;
     CALL(attempt, (after, u, p, &trial), (next, &error, &error_q));
-    ++found.attempts;
+    ++counted.attempts;
     const enum outcome outcome = control_step(scene, &at, h, error / c->tolerance, within_reach(scene, next));
     if (outcome == STEP_TOO_SMALL) break;
     if (outcome == REJECTED) continue;
     if (watch && !watch(scene, after, u, next, trial)) return 0;
     copy(after, next, NX);
-    found.error += error_q;
+    counted.error += error_q;
     if (outcome != ENDED) continue;
-    found.step = at.step;
-    *c = found;
+    counted.step = at.step;
+    *c = counted;
     return 1;
   }
-  if (!watch) *c = found; /* else the tick is made by other means */
+  if (!watch) *c = counted; /* else the tick is made by other means */
   return 0;
 }
 
