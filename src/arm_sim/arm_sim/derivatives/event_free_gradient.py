@@ -21,8 +21,8 @@ from arm_sim.derivatives.motion import Motion
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.tangents.event_free_ticks import EventFreeTick
 from arm_sim.integrators.adjoints import build_adjoint
-from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_step
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian

@@ -29,8 +29,8 @@ from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.motion import Motion, naming
 from arm_sim.derivatives.rollout_change import initial_slope
 from arm_sim.derivatives.tangents import LONGEST
-from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant

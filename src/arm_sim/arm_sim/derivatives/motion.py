@@ -20,8 +20,8 @@ from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
-from arm_sim.integrators.methods import build_attempt
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_attempt
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach

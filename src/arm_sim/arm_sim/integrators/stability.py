@@ -16,8 +16,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.integrators.methods import Method, build_step
+from arm_sim.integrators.methods import Method
 from arm_sim.integrators.response import Response
+from arm_sim.integrators.steps import build_step
 from arm_sim.integrators.tableaux import Tableau
 
 # Growth per step that is an error of low order and no instability, such as that of Euler's method

@@ -15,8 +15,8 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source

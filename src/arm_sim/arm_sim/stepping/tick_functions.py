@@ -7,8 +7,8 @@ from functools import partial
 
 import casadi as ca
 
-from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_attempt, build_step
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.slopes import scaled_jacobian
 
