@@ -64,11 +64,11 @@ class TickPart:
     def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
         """See ``Part``."""
         nx, n = len(weight), tau.shape[1]
-        by_x, by_r, more = np.split(weight @ self.slope, (nx, nx + n))
+        by_x, by_r, by_p_here = np.split(weight @ self.slope, (nx, nx + n))
         by_tau[self.tick] = by_r
-        by_p += more
-        found: Array = by_x + g[self.tick]
-        return found
+        by_p += by_p_here
+        gradient: Array = by_x + g[self.tick]
+        return gradient
 
 
 @dataclass(frozen=True)
@@ -76,27 +76,29 @@ class EventFreePart:
     """Ticks without events.
 
     Attributes:
-        of: What differentiates them.
+        gradients: What differentiates them.
         first: Number of the first tick.
         kept: What is kept of each, a row for each.
     """
 
-    of: EventFreeGradients
+    gradients: EventFreeGradients
     first: int
     kept: Array
 
     def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
         """See ``Part``."""
-        own, found = slice(self.first, self.first + len(self.kept)), weight.copy()
-        weights, to = np.ascontiguousarray(g[own]), np.empty((len(self.kept), tau.shape[1]))
-        code = self.of.code
+        ticks, gradient = slice(self.first, self.first + len(self.kept)), weight.copy()
+        weights = np.ascontiguousarray(g[ticks])
+        by_commands = np.empty((len(self.kept), tau.shape[1]))
+        code = self.gradients.code
         assert code is not None
         code.engine.event_free_gradient(
-            code.scene, address(self.kept), address(tau[own]), self.of.length, len(self.kept),
-            address(weights), address(found), address(to), address(by_p),
+            code.scene, address(self.kept), address(tau[ticks]), self.gradients.length,
+            len(self.kept), address(weights), address(gradient), address(by_commands),
+            address(by_p),
         )  # fmt: skip
-        by_tau[own] = to
-        return found
+        by_tau[ticks] = by_commands
+        return gradient
 
 
 class EventFreeGradients:
@@ -145,15 +147,15 @@ class EventFreeGradients:
         kept, after = np.empty((most, self._kept)), np.empty(self._nx)
         x = np.ascontiguousarray(motion.x)
         assert self.code is not None
-        done = self.code.engine.event_free_motion(
+        ticks = self.code.engine.event_free_motion(
             self.code.scene, pointer(x), pointer(ahead), pointer(motion.p),
             ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
             ctypes.c_int(first == 0), pointer(kept), pointer(after),
         )  # fmt: skip
-        if not done:
+        if not ticks:
             return []
-        motion.go_on(after, done)
-        return [EventFreePart(self, first, kept[:done])]
+        motion.go_on(after, ticks)
+        return [EventFreePart(self, first, kept[:ticks])]
 
 
 def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:

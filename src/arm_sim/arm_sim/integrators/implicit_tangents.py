@@ -21,7 +21,7 @@ import casadi as ca
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.plant.slopes import Slopes
 
-Symbolic = ca.MX | ca.SX
+type Symbolic = ca.MX | ca.SX
 
 
 class _Part(NamedTuple):

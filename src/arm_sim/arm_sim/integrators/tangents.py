@@ -161,7 +161,8 @@ def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -
     by_before, by_after, by_p = (
         kept.matrix(ca.jacobian(projected, by)) for by in (before, after, p[list(tuned), :])
     )
-    onto = ca.Function("onto_constraints", [before, after, p], [projected, kept.values], {"cse": True})
+    results = [projected, kept.values]
+    onto = ca.Function("onto_constraints", [before, after, p], results, {"cse": True})
 
     x, u, p, h = (advance.mx_in(i) for i in range(4))
     moved, c, *inside = advance(x, u, p, h)

@@ -13,9 +13,9 @@ from arm_dynamics.arrays import Array
 
 def pointer(array: Array) -> ctypes.c_void_p:
     """Address of an array for a C function; it keeps the array alive."""
-    found = ctypes.c_void_p(address(array))
-    vars(found)["array"] = array
-    return found
+    place = ctypes.c_void_p(address(array))
+    vars(place)["array"] = array
+    return place
 
 
 def address(array: NDArray[Any]) -> int:

@@ -14,7 +14,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper
 from arm_sim.stepping.addresses import address
-from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, strides
+from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import (
     ADDRESS,
@@ -24,6 +24,7 @@ from arm_sim.stepping.lanes import (
     ticks_of_lanes,
     widths,
 )
+from arm_sim.stepping.strided import strides
 from arm_studies.optimization.backward import OWN, Policy
 
 
