@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -34,21 +33,6 @@ STRETCH = 1024
 """Ticks that are made in one call."""
 
 
-class Part(Protocol):
-    """Some ticks of a motion."""
-
-    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """Gradient by the state at the beginning of the part.
-
-        Args:
-            weight: That by the state at its end, shape (nx,).
-            tau: Commands of the whole motion, shape (ticks, n).
-            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
-            by_tau: Receives gradients by commands, shape (ticks, n).
-            by_p: Gradients by parameters, which are added to, shape (np,).
-        """
-
-
 @dataclass(frozen=True)
 class TickPart:
     """One tick, by its derivatives.
@@ -62,13 +46,20 @@ class TickPart:
     slope: Array
 
     def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """See ``Part``."""
+        """Gradient by the state at the beginning of the part.
+
+        Args:
+            weight: That by the state at its end, shape (nx,).
+            tau: Commands of the whole motion, shape (ticks, n).
+            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
+            by_tau: Receives gradients by commands, shape (ticks, n).
+            by_p: Gradients by parameters, which are added to, shape (np,).
+        """
         nx, n = len(weight), tau.shape[1]
         by_x, by_r, by_p_here = np.split(weight @ self.slope, (nx, nx + n))
         by_tau[self.tick] = by_r
         by_p += by_p_here
-        gradient: Array = by_x + g[self.tick]
-        return gradient
+        return np.asarray(by_x + g[self.tick])
 
 
 @dataclass(frozen=True)
@@ -86,7 +77,7 @@ class EventFreePart:
     kept: Array
 
     def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """See ``Part``."""
+        """As of ``TickPart``."""
         ticks, gradient = slice(self.first, self.first + len(self.kept)), weight.copy()
         weights = np.ascontiguousarray(g[ticks])
         by_commands = np.empty((len(self.kept), tau.shape[1]))
@@ -99,6 +90,10 @@ class EventFreePart:
         )  # fmt: skip
         by_tau[ticks] = by_commands
         return gradient
+
+
+type Part = TickPart | EventFreePart
+"""Some ticks of a motion."""
 
 
 class EventFreeGradients:

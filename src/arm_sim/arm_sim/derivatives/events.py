@@ -241,10 +241,6 @@ class EventfulTicks:
         _numbers(slopes, matrix.size)[:] = matrix.ravel(order="F")
 
     def _source(self, width: int) -> str:
-        sizes = {"nt": len(self._tuned), "ng": len(guard_names(self._plant))}
-        return lanes_source(self._plant, self._choice, self._functions(), width, sizes)
-
-    def _functions(self) -> list[ca.Function]:
         plant, tuned = self._plant, self._tuned
         functions = [acting(plant), slope_of_loads(plant), *guard_functions(plant, tuned)]
         functions += [function for name, function in plant.events.items() if name in ENGINE]
@@ -255,7 +251,8 @@ class EventfulTicks:
             functions.append(mobility_across(plant))
         if plant.points or plant.model.stops.rigid.any():
             functions.append(impact_function(plant, tuned))
-        return functions
+        sizes = {"nt": len(tuned), "ng": len(guard_names(plant))}
+        return lanes_source(plant, self._choice, functions, width, sizes)
 
 
 def acting(plant: Plant) -> ca.Function:

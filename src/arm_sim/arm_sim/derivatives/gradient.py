@@ -34,12 +34,11 @@ from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address
+from arm_sim.stepping.addresses import address, repeated
 from arm_sim.stepping.arm_table import ArmTable, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widths
 from arm_sim.stepping.rollout import Batch
-from arm_sim.stepping.strided import repeated
 from arm_sim.stepping.threads import share
 
 
@@ -62,8 +61,8 @@ class RolloutGradient:
     @property
     def parameters(self) -> dict[str, Array]:
         """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size)."""
-        tunable = self._parameters
-        return {name: tunable.of(name, self._by_p.T).T for name in tunable.names}
+        by_p = self._by_p.T
+        return {name: self._parameters.of(name, by_p).T for name in self._parameters.names}
 
 
 @frozen
@@ -143,9 +142,8 @@ class Gradients:
             SimulationDiverged: If a tick cannot be computed; likewise.
         """
         arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
-        gradients = ArgumentGradients(
-            np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape)
-        )
+        shapes = batch.x0.shape, (arms, ticks, n), batch.p.shape
+        gradients = ArgumentGradients(*map(np.zeros, shapes))
         width, code = self._library(lanes)
         eventful = list(range(arms))
         if code is not None:

@@ -32,10 +32,10 @@ from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
+from arm_sim.stepping.addresses import repeated
 from arm_sim.stepping.lanes import natural_width, widths
 from arm_sim.stepping.python_step import unanswered
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.strided import repeated
 
 
 @sealed
@@ -196,8 +196,7 @@ class Linearizer(TickDerivatives):
         """
         dx, dr = np.ascontiguousarray(dx), np.ascontiguousarray(dr)
         arm = self._held_arms(x[None], r[None], ticks, dx[:, None], dr[:, None])
-        product: Array = self.carried(arm, threads=1, lanes=1, side=side)[0, 0, :, 0]
-        return product
+        return np.asarray(self.carried(arm, threads=1, lanes=1, side=side)[0, 0, :, 0])
 
     def carried(
         self,

@@ -133,18 +133,15 @@ class NonsmoothPoints:
     def nonsmooth(self) -> ca.Function:
         """(x, r) -> 1 where ``reason`` has one, else 0."""
         x, r = ca.SX.sym("x", self._plant.nx), ca.SX.sym("r", self._n)
-        return ca.Function("nonsmooth", [x, r], [self._begins_nonsmooth(x, r)], {"cse": True})
-
-    def _begins_nonsmooth(self, x: ca.SX, r: ca.SX) -> ca.SX:
-        kink = self.rests_bent(x)
+        kink, command = self.rests_bent(x), r
         if self._weight is not None:
-            r = r + self._weight(x[: self._n])
+            command = r + self._weight(x[: self._n])
         for kind, limit in self._limits.items():
             for i in np.flatnonzero(np.isfinite(limit)).tolist():
-                beside = ca.fabs(ca.fabs(r[i]) - limit[i])
+                beside = ca.fabs(ca.fabs(command[i]) - limit[i])
                 moves = x[self._n + i] != 0 if kind is UNLOADED else 1
                 kink = ca.logic_or(kink, ca.logic_and(beside <= ROUNDING * limit[i], moves))
-        return kink
+        return ca.Function("nonsmooth", [x, r], [kink], {"cse": True})
 
     def arms(self, x: Array, r: Array) -> list[int]:
         """Arms with such a kink.
@@ -167,8 +164,7 @@ class NonsmoothPoints:
 def sided(plant: Plant) -> Flags:
     """Joints whose viscous friction differs by direction, with no dry friction, shape (n,)."""
     friction = plant.model.friction
-    flags: Flags = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
-    return flags
+    return np.asarray((friction.viscous.skew != 0.0) & (friction.level == 0.0))
 
 
 def _limits(plant: Plant) -> dict[str, Array]:

@@ -77,7 +77,7 @@ def one_sided(
         near, far = (place.moved(entry, side * k * NEAR, tuned) for k in (1, 2))
         first, second = (slope(point)[:, entry] for point in (near, far))
         column, scale = 2.0 * first - second, 1.0 + abs(first).max()
-        step = _step(place, near)
+        step = (near.x - place.x).sum() + (near.r - place.r).sum() + (near.p - place.p).sum()
         jump = abs(after(near) - begin - 0.5 * step * (column + first)).max()
         rounding = ROUNDING * (1.0 + abs(begin).max())
         if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:
@@ -87,8 +87,3 @@ def one_sided(
             )
         columns.append(column)
     return np.column_stack(columns)
-
-
-def _step(place: TickPoint, near: TickPoint) -> float:
-    """The distance between two places that differ in one entry."""
-    return float((near.x - place.x).sum() + (near.r - place.r).sum() + (near.p - place.p).sum())

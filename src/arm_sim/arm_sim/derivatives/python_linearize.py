@@ -44,5 +44,4 @@ def python_linearize(tangents: Tangents, plant: Plant, p: Array, dt: float) -> L
         engine and ctypes.addressof(engine), address(p), dt,
     )  # fmt: skip
     source, kept = _FOLDER / "python_linearize.c", (code, engine, p)
-    linearize: Linearize = function_of_structure(source, arguments, plant.model.n, plant.nz, kept)
-    return linearize
+    return function_of_structure(source, arguments, plant.model.n, plant.nz, kept)

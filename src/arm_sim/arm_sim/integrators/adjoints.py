@@ -96,16 +96,14 @@ def _staged(
     for i in used:
         y[i] = x + h * weighed_sum(tableau.a[i], k, x)
         k[i] = slope(y[i])
-    gradients: dict[int, Gradients] = {}
+    stages: dict[int, Gradients] = {}
     for i in reversed(used):
         by_slope = tableau.b[i] * weight
-        for j, (by_y, _, _) in gradients.items():
+        for j, (by_y, _, _) in stages.items():
             if i < len(tableau.a[j]) and tableau.a[j][i]:
                 by_slope = by_slope + tableau.a[j][i] * by_y
-        gradients[i] = pull(y[i], k[i], h * by_slope)
-    by_x, by_u, by_p = (
-        sum(terms[1:], terms[0]) for terms in zip(*gradients.values(), strict=True)
-    )
+        stages[i] = pull(y[i], k[i], h * by_slope)
+    by_x, by_u, by_p = (sum(terms[1:], terms[0]) for terms in zip(*stages.values(), strict=True))
     return weight + by_x, by_u, by_p
 
 

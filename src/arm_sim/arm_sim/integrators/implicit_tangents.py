@@ -14,14 +14,13 @@ one direction, so that J is never differentiated as a matrix.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import casadi as ca
 
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.plant.slopes import Slopes
-
-type Symbolic = ca.MX | ca.SX
 
 
 class _Part(NamedTuple):
@@ -34,46 +33,10 @@ class _Part(NamedTuple):
         rate: Δq / h.
     """
 
-    slopes: Symbolic
-    bend: Symbolic
-    by_length: Symbolic
-    rate: Symbolic
-
-
-class _Division(NamedTuple):
-    """Coefficients of a division of the step into parts of equal length, with the factors of A."""
-
-    factors: Symbolic
-    parts: list[_Part]
-
-
-class _Coefficients(NamedTuple):
-    """What the derivative of a step consists of: its length, J_q, and its divisions."""
-
-    h: Symbolic
-    J_q: Symbolic
-    divisions: list[_Division]
-
-    def vector(self) -> Symbolic:
-        """All of them, one below the other."""
-        entries = [self.h, self.J_q]
-        for factors, parts in self.divisions:
-            entries.append(factors)
-            for part in parts:
-                entries += part
-        return ca.vertcat(*entries)
-
-    def symbols(self) -> _Coefficients:
-        """Symbols in place of the expressions."""
-
-        def symbol(expression: Symbolic) -> ca.SX:
-            return ca.SX.sym("c", expression.shape[0])
-
-        divisions = [
-            _Division(symbol(factors), [_Part(*map(symbol, part)) for part in parts])
-            for factors, parts in self.divisions
-        ]
-        return _Coefficients(symbol(self.h), symbol(self.J_q), divisions)
+    slopes: ca.MX
+    bend: ca.MX
+    by_length: ca.MX
+    rate: ca.MX
 
 
 def implicit_tangent(
@@ -95,23 +58,23 @@ def implicit_tangent(
     J_q, J_w = implicit.jacobian(rhs, n).call([x, u, p])
     factor = implicit.factored(n, J_w.sparsity(), J_q.sparsity())
     solve = implicit.solved(n, factor.sparsity_out(0), J_q.sparsity())
-    coefficients, row = _Coefficients(h, _entries(J_q), []), list[ca.MX]()
-    for j, count in enumerate(implicit.PARTS):
-        length, moved, parts = h / count, ca.MX.zeros(x.shape[0]), list[_Part]()
+    coefficients, row = [h, _entries(J_q)], list[ca.MX]()
+    for j, parts in enumerate(implicit.PARTS):
+        length, moved = h / parts, ca.MX.zeros(x.shape[0])
         LU = factor(J_q, J_w, length)
-        for _ in range(count):
+        coefficients.append(_entries(LU))
+        for _ in range(parts):
             y = x + moved
             slope, c = rhs(y, u, p), slopes.coefficients(y, u, p)[1]
             change = solve(LU, J_q, y, slope, length)
             by_length = slope[n:] + J_w @ change[n:] + 2.0 * (J_q @ change[:n])
-            parts.append(_Part(c, bend(x, u, p, change), by_length, change[:n] / length))
+            coefficients += _Part(c, bend(x, u, p, change), by_length, change[:n] / length)
             moved = moved + change
-        coefficients.divisions.append(_Division(_entries(LU), parts))
         row = implicit.extrapolated(row, moved, j)
-    results = [x + row[-1], ca.densify(coefficients.vector())]
+    results = [x + row[-1], ca.densify(ca.vertcat(*coefficients))]
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
-    patterns = J_q.sparsity(), factor.sparsity_out(0)
-    return advance, _propagation(slopes, n, coefficients.symbols(), *patterns)
+    symbols = [ca.SX.sym("c", block.shape[0]) for block in coefficients]
+    return advance, _propagation(slopes, n, symbols, J_q.sparsity(), factor.sparsity_out(0))
 
 
 def _entries(matrix: ca.MX) -> ca.MX:
@@ -128,18 +91,21 @@ def _bending(rhs: ca.Function, n: int, tuned: Sequence[int]) -> ca.Function:
 
 
 def _propagation(
-    slopes: Slopes, n: int, c: _Coefficients, of_q: ca.Sparsity, of_LU: ca.Sparsity
+    slopes: Slopes, n: int, c: Sequence[ca.SX], of_q: ca.Sparsity, of_LU: ca.Sparsity
 ) -> ca.Function:
-    """Function (c, dx, dw, dh) -> dx at the end."""
+    """Function (c, dx, dw, dh) -> dx at the end.
+
+    The blocks of c are h and J_q, then for each division of the step LU and its ``_Part``s.
+    """
     dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
     dh, nx = ca.SX.sym("dh"), dx.shape[0]
-    m, J_q, row = nx - n, ca.SX(of_q, c.J_q), list[ca.SX]()
-    order = implicit.pivots(n, m, False)
-    for j, (factors, parts) in enumerate(c.divisions):
-        length, dlength, moved = c.h / len(parts), dh / len(parts), ca.SX(nx, 1)
-        LU = ca.SX(of_LU, factors)
-        for part in parts:
-            dy = dx + moved
+    m, blocks, row = nx - n, iter(c), list[ca.SX]()
+    h, J_q, order = next(blocks), ca.SX(of_q, next(blocks)), implicit.pivots(n, m, False)
+    for j, parts in enumerate(implicit.PARTS):
+        length, dlength, moved = h / parts, dh / parts, ca.SX(nx, 1)
+        LU = ca.SX(of_LU, next(blocks))
+        for _ in range(parts):
+            part, dy = _Part(*islice(blocks, len(_Part._fields))), dx + moved
             dg = slopes.carried(part.slopes, dy, dw)[n:]
             bent = ca.reshape(part.bend, m, -1) @ ca.vertcat(dx, dw)
             d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bent) + dlength * part.by_length
@@ -147,4 +113,4 @@ def _propagation(
             dq = dlength * part.rate + length * (dy[n : 2 * n] + d[:n])
             moved = moved + ca.vertcat(dq, d)
         row = implicit.extrapolated(row, moved, j)
-    return ca.Function("propagate", [c.vector(), dx, dw, dh], [dx + row[-1]], {"cse": True})
+    return ca.Function("propagate", [ca.vertcat(*c), dx, dw, dh], [dx + row[-1]], {"cse": True})

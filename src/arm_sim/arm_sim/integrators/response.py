@@ -171,7 +171,9 @@ class _Parts:
         rows = ConstraintRows(self._plant.model)
         pairs = zip(rows.names, rows.constraints, strict=True)
         lasting = {name for name, constraint in pairs if not constraint.switchable}
-        Z = _motions(rows.stacked(q, 0.0 * q, lasting).jacobian)
+        _, sizes, basis = np.linalg.svd(rows.stacked(q, 0.0 * q, lasting).jacobian)
+        rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+        Z = basis[rank:].T  # velocities that the constraints allow
         return np.asarray(Z @ np.linalg.solve(Z.T @ M @ Z, Z.T))
 
     def _states(self, q: Array) -> Array:
@@ -183,13 +185,6 @@ class _Parts:
             if state.kind is StateKind.MOTOR_POSITION and drive and drive.coupling:
                 z[k] += drive.coupling.backlash
         return z
-
-
-def _motions(A: Array) -> Array:
-    """Basis of the velocities with A v = 0, shape (n, …)."""
-    _, sizes, rows = np.linalg.svd(A)
-    rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
-    return np.asarray(rows[rank:].T)
 
 
 def _padded(by_q: Array, by_v: Array, nx: int) -> Array:

@@ -106,8 +106,7 @@ def build_attempt(
     if project is not None:
         after, gap, gap_v = _projected(project, n, step.x, after, slope.p)
         error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
-    output = _continuous_output(step, slope) if dense else []
-    results = [after, error, error_q, *output]
+    results = [after, error, error_q, *(_continuous_output(step, slope) if dense else ())]
     return ca.Function(name, slope.arguments, results, {"cse": True})
 
 
@@ -134,11 +133,11 @@ class _Slopes:
 
     def __init__(self, rhs: ca.Function, loads: ca.Function | None) -> None:
         self._rhs, self._loads = rhs, loads
-        self.x, self.u, self.p, self.h = _symbols(rhs)
+        self.x, self.u, self.p = (ca.MX.sym(s, rhs.size1_in(i)) for i, s in enumerate("xup"))
+        self.h = ca.MX.sym("h")
         self.first = None if loads is None else ca.MX.sym("first", self.x.shape[0])
-        self.arguments = [self.x, self.u, self.p, self.h]
-        if self.first is not None:
-            self.arguments.append(self.first)
+        first = [] if self.first is None else [self.first]
+        self.arguments = [self.x, self.u, self.p, self.h, *first]
         self.loads = dict[int, list[ca.MX]]()
 
     def __call__(self, stage: int, y: ca.MX) -> ca.MX:
@@ -239,11 +238,6 @@ def _projected(
     return ca.vertcat(projected, after[2 * n :]), gap, gap_v
 
 
-def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
-    return x, u, p, ca.MX.sym("h")
-
-
 def _semi_implicit(slope: ca.MX, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
     """Step v first, then q with the new v."""
     after = x + h * slope
@@ -260,9 +254,8 @@ def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
     if estimates == 2:
         # Hairer's blend: near the order-5 estimate, damped where the order-3 one is far larger.
         worst = worst * worst / ca.sqrt(worst * worst + 0.01 * norms[1] * norms[1] + 1e-300)
-    return ca.Function(
-        "measure", [before, after, *errors], [worst, _largest(ca.fabs(errors[0][:n]))]
-    )
+    results = [worst, _largest(ca.fabs(errors[0][:n]))]
+    return ca.Function("measure", [before, after, *errors], results)
 
 
 def _largest(values: ca.SX) -> ca.SX:

@@ -98,10 +98,8 @@ def _staged(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> Pair:
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
     dx, dw, dh = _changes(slopes)
-    h, s, t = (ca.SX.sym(name, *shape) for name, shape in (
-        ("h", (1, 1)), ("k", (dx.shape[0], len(used))),
-        ("c", (slopes.coefficients.size1_out(1), len(used))),
-    ))  # fmt: skip
+    h, s = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0], len(used))
+    t = ca.SX.sym("c", slopes.coefficients.size1_out(1), len(used))
     slope = {i: s[:, place] for place, i in enumerate(used)}
     dk: dict[int, ca.SX] = {}
     rows = (*tableau.a, tableau.b)
@@ -161,8 +159,7 @@ def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -
     by_before, by_after, by_p = (
         kept.matrix(ca.jacobian(projected, by)) for by in (before, after, p[list(tuned), :])
     )
-    results = [projected, kept.values]
-    onto = ca.Function("onto_constraints", [before, after, p], results, {"cse": True})
+    onto = ca.Function("onto", [before, after, p], [projected, kept.values], {"cse": True})
 
     x, u, p, h = (advance.mx_in(i) for i in range(4))
     moved, c, *inside = advance(x, u, p, h)

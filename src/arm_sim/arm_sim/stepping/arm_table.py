@@ -8,10 +8,9 @@ from itertools import compress
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.header import Header
-from arm_sim.stepping.addresses import address
+from arm_sim.stepping.addresses import address, strides
 from arm_sim.stepping.engine import NATIVE
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.strided import strides
 
 
 class Engine(ctypes.Structure):

@@ -205,8 +205,8 @@ def _costs(
     factor = 1 if choice.tolerance is None else PATIENCE
     parts = plant.model.n + 3 * len(plant.points)
     most = max(MOST_OPERATIONS * factor, LEAST_WORK * step * max(factor, parts))
-    budget = {"most_work": most, "step_cost": step}
-    return budget | {member: costs.get(name, 0) for member, name in COSTS.items()}
+    members = {member: costs.get(name, 0) for member, name in COSTS.items()}
+    return {"most_work": most, "step_cost": step} | members
 
 
 def _numbers(plant: Plant) -> Mapping[str, Array]:

@@ -28,7 +28,9 @@ def unanswered(*_: object) -> None:
     """No result: it is left to Python."""
 
 
-def function_of_structure(source: Path, structure: Any, n: int, nz: int, kept: object) -> Any:
+def function_of_structure(
+    source: Path, structure: Any, n: int, nz: int, kept: object
+) -> Callable[..., Any]:
     """A Python function in C, bound to a structure; ``unanswered`` where it cannot be compiled.
 
     Args:
@@ -43,12 +45,12 @@ def function_of_structure(source: Path, structure: Any, n: int, nz: int, kept: o
     except (KernelError, OSError) as error:
         _log.info("calls from Python are slower: %s", error)
         return unanswered
-    return make(byref(structure), n, nz, State, kept)
+    function: Callable[..., Any] = make(byref(structure), n, nz, State, kept)
+    return function
 
 
 def python_step(arm: Arm | None, n: int, nz: int) -> PythonStep:
     """The tick of an arm with n joints and nz internal states; None on the virtual machine."""
     if arm is None:
         return unanswered
-    step: PythonStep = function_of_structure(NATIVE / "arm/python_step.c", arm, n, nz, arm)
-    return step
+    return function_of_structure(NATIVE / "arm/python_step.c", arm, n, nz, arm)

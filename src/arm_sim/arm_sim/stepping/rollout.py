@@ -19,7 +19,7 @@ from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address
+from arm_sim.stepping.addresses import address, repeated
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import (
@@ -32,7 +32,6 @@ from arm_sim.stepping.lanes import (
     widths,
 )
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.strided import repeated
 from arm_sim.stepping.threads import share
 
 # Ticks of all arms from which code for error control or events side by side saves more time than

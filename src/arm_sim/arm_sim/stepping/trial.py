@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import postures
 from arm_sim.integrators.selection import Choice
@@ -52,12 +51,8 @@ def _starts(plant: Plant) -> Iterator[Array]:
         return
     rng = np.random.default_rng(model.n)
     for q in postures(model, POSTURES):
-        v = rng.uniform(-1.0, 1.0, model.n) * _speeds(model)
+        v = rng.uniform(-1.0, 1.0, model.n) * np.minimum(model.velocity_limit, SPEED)
         yield np.concatenate([q, v, plant.laws.initial(q, v)])
-
-
-def _speeds(model: ArmModel) -> Array:
-    return np.minimum(model.velocity_limit, SPEED)
 
 
 def _error(fine: Stepper, coarse: Stepper, x: Array, ticks: int, n: int, order: int) -> float:

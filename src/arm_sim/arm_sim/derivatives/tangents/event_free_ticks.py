@@ -50,8 +50,7 @@ class EventFreeTick:
             moved = function(c, *changes)
             gradients = [ca.densify(ca.jtimes(moved, by, weight, True)) for by in changes]
             if name == "end_adjoint":
-                by_p = gradients[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
-                gradients[2] = by_p
+                gradients[2] = gradients[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
             adjoints.append(ca.Function(name, [c, weight], gradients, {"cse": True}))
         return tuple(adjoints)
 

@@ -123,12 +123,9 @@ def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
     """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
     n, kept = plant.model.n, Kept()
-    begin, end, p = (ca.SX.sym(name, size) for name, size in (
-        ("begin", plant.nx), ("end", plant.nx), ("p", plant.rhs.size1_in(2)),
-    ))  # fmt: skip
-    dbegin, dend, dw = (ca.SX.sym(name, size) for name, size in (
-        ("dbegin", plant.nx), ("dend", plant.nx), ("dw", n + len(tuned)),
-    ))  # fmt: skip
+    names = ("begin", "end", "dbegin", "dend")
+    begin, end, dbegin, dend = (ca.SX.sym(name, plant.nx) for name in names)
+    p, dw = ca.SX.sym("p", plant.rhs.size1_in(2)), ca.SX.sym("dw", n + len(tuned))
     moved = dend
     if contact := plant.mechanics.contact:
         before, after = begin[: 2 * n], end[: 2 * n]

@@ -21,11 +21,10 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address, pointer
+from arm_sim.stepping.addresses import address, pointer, strides
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widths
-from arm_sim.stepping.strided import strides
 from arm_sim.stepping.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
