@@ -16,7 +16,7 @@ from samples import sampled
 import models
 from arm_dynamics import InvalidInput
 from arm_sim import Simulator
-from arm_sim.integrators.methods import METHODS, build_step
+from arm_sim.integrators import METHODS, build_step
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping import Modes
 from complex_step import EPSILON, evaluated, seeded

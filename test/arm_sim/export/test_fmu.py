@@ -22,7 +22,7 @@ from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import Simulator
 from arm_sim.export import DERIVATIVES, export
-from arm_sim.export.fmu import mockup
+from arm_sim.export.fmu import archive
 from tolerances import FINITE_DIFF
 
 TICKS = 200
@@ -390,7 +390,7 @@ def test_an_export_that_cannot_have_units_writes_nothing(
 ) -> None:
     with pytest.raises(InvalidInput, match="fmu = True with tick = False"):
         export(scene("smooth"), tmp_path / "no", tick=False, fmu=True)
-    monkeypatch.setattr(mockup, "find_compiler", lambda: None)
+    monkeypatch.setattr(archive, "find_compiler", lambda: None)
     with pytest.raises(CompilerMissing, match="no C compiler"):
         export(scene("smooth"), tmp_path / "no", terms=(), fmu=True)
     assert not list(tmp_path.iterdir())

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from arm_sim.integrators import METHODS, build_step
 from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end
-from arm_sim.integrators.methods import METHODS, build_step
 from arm_sim.integrators.tableaux import (
     DOP853,
     DORMAND_PRINCE,

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from arm_sim.integrators.methods import METHODS, build_attempt
+from arm_sim.integrators import METHODS, build_attempt
 from tolerances import assert_close
 
 A = np.array([[0.0, 1.0, 0.0], [-30.0, -2.0, 5.0], [1.0, -40.0, -60.0]])

@@ -11,7 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, load_scene
-from arm_sim.integrators.methods import METHODS, build_attempt, build_step
+from arm_sim.integrators import METHODS, build_attempt, build_step
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.events import Modes
 from tolerances import ALGEBRA, STAGE_AT_END, assert_close

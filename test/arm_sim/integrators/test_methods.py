@@ -15,7 +15,7 @@ import pytest
 import models
 from arm_dynamics.codegen.kernel import operations
 from arm_sim import Simulator
-from arm_sim.integrators.methods import METHODS, build_step
+from arm_sim.integrators import METHODS, build_step
 from arm_sim.plant.plant import Plant
 from tolerances import ORDER
 

@@ -11,7 +11,7 @@ import pytest
 from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
-from arm_sim.integrators.methods import METHODS, build_attempt, build_step
+from arm_sim.integrators import METHODS, build_attempt, build_step
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from models.large import mobile, snake

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warning of steps of fixed length that answer other than the motion to small disturbances."""
+"""Warning of steps of fixed length whose derivatives differ from those of the motion."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ _log = logging.getLogger(__name__)
 
 
 class CoarseSteps:
-    """Says so at the beginning, or later of states in which transmissions stiffen.
+    """Warns at the beginning, or later of states in which transmissions stiffen.
 
     Attributes:
-        rate: The fastest rate by state, while it remains to be looked at; else None.
+        rate: The fastest rate in [1/s] as function of the state, until it has caused a warning;
+            None where it need not be watched.
     """
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
         self._plant, self._choice = plant, choice
-        self.rate = rate_by_state(plant) if self._begin() else None
+        self.rate = rate_by_state(plant) if self._warn_at_start() else None
 
-    def look(self, x: Array) -> None:
-        """Look at states, shape (b, nx)."""
+    def check(self, x: Array) -> None:
+        """Warn if a rate at one of these states, shape (b, nx), is too fast."""
         if self.rate and self._warn(max(map(self.rate, x))):
             self.rate = None
 
-    def _begin(self) -> bool:
-        """Whether states have to be looked at."""
+    def _warn_at_start(self) -> bool:
+        """Warn of the scene as it begins; returns whether states have to be watched."""
         if self._choice.tolerance is not None:
             return False
         model = self._plant.model
@@ -44,19 +45,19 @@ class CoarseSteps:
                 "the motion: its viscous friction differs by direction",
                 model.joint_names[joint], self._choice.method.name,
             )  # fmt: skip
-        told = self._warn(fastest_rate(self._plant))
+        warned = self._warn(fastest_rate(self._plant))
         couplings = (drive.coupling for drive in model.drives if drive)
-        return not told and any(coupling and coupling.stiffening > 0.0 for coupling in couplings)
+        return not warned and any(coupling and coupling.stiffening > 0.0 for coupling in couplings)
 
     def _warn(self, rate: float) -> bool:
-        """Say it of what answers at a rate in [1/s]; return whether that is so."""
+        """Warn if what moves at a rate in [1/s] is resolved too coarsely; return whether."""
         method, dt = self._choice.method, self._choice.dt
-        off = local_error(method, rate, dt)
-        if not off > self._plant.model.scene.sim.accuracy:
+        error = local_error(method, rate, dt)
+        if not error > self._plant.model.scene.sim.accuracy:
             return False
         _log.warning(
             "derivatives are those of %s in steps of dt = %g s: for what answers in %.2g s they "
             "differ from the motion's by %.1g; a tolerance, or a smaller dt, reduces that",
-            method.name, dt, 1.0 / rate, min(off, 1.0),
+            method.name, dt, 1.0 / rate, min(error, 1.0),
         )  # fmt: skip
         return True

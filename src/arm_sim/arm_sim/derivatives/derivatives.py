@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of a scene's ticks and rollouts, as users ask for them."""
+"""Derivatives of a scene's ticks and rollouts, for users."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ class Derivatives:
     @built_once
     def gradients(self) -> Gradients:
         """Gradients of functions of many arms' states."""
-        every = tuple(range(len(self._plant.parameters.nominal)))
-        return Gradients(self._plant, self._choice, self.linearizer(every), self._backend)
+        all_entries = tuple(range(len(self._plant.parameters.nominal)))
+        return Gradients(self._plant, self._choice, self.linearizer(all_entries), self._backend)
 
     @overload
     def linearize(
@@ -132,7 +132,7 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slope = linearizer(x, command, ticks, one_side(side))
-        A, B, *parts = self._parted(slope, places)
+        A, B, *parts = self._split(slope, places)
         return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
 
     def jvp(
@@ -271,7 +271,7 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
-        A, B, *parts = self._parted(slopes, places)
+        A, B, *parts = self._split(slopes, places)
         return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
 
     def rollout_jvp(
@@ -369,8 +369,8 @@ class Derivatives:
             )
         if self._plant.nz:
             weights = np.pad(weights, ((0, 0), (0, 0), (0, self._plant.nz)))
-        found = self.gradients.run(batch, weights, threads, lanes, one_side(side))
-        return gradient_of(self._plant, batch, found, np.shape(tau))
+        gradients = self.gradients.run(batch, weights, threads, lanes, one_side(side))
+        return gradient_of(self._plant, batch, gradients, np.shape(tau))
 
     def _point(self, state: State, tau: ArrayLike, ticks: int) -> tuple[Array, Array]:
         """Point at which a tick is differentiated: x and the command, validated."""
@@ -387,7 +387,7 @@ class Derivatives:
             return {}
         return self._plant.parameters.places((by,) if isinstance(by, str) else tuple(by))
 
-    def _parted(self, slope: Array, places: dict[str, tuple[int, ...]]) -> list[Array]:
+    def _split(self, slope: Array, places: dict[str, tuple[int, ...]]) -> list[Array]:
         """Derivatives by state, torque and quantities, from all of them side by side."""
         sizes = self._plant.nx, self._plant.model.n, *map(len, places.values())
         return np.split(slope, np.cumsum(sizes)[:-1], axis=-1)

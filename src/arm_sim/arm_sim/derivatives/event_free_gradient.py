@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -21,8 +20,8 @@ from arm_sim.derivatives.motion import Motion
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.tangents.event_free_ticks import EventFreeTick
 from arm_sim.integrators.adjoints import build_adjoint
-from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_step
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
@@ -32,21 +31,6 @@ from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 
 STRETCH = 1024
 """Ticks that are made in one call."""
-
-
-class Part(Protocol):
-    """Some ticks of a motion."""
-
-    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """Gradient by the state at the beginning of the part.
-
-        Args:
-            weight: That by the state at its end, shape (nx,).
-            tau: Commands of the whole motion, shape (ticks, n).
-            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
-            by_tau: Receives gradients by commands, shape (ticks, n).
-            by_p: Gradients by parameters, which are added to, shape (np,).
-        """
 
 
 @dataclass(frozen=True)
@@ -62,13 +46,20 @@ class TickPart:
     slope: Array
 
     def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """See ``Part``."""
+        """Gradient by the state at the beginning of the part.
+
+        Args:
+            weight: That by the state at its end, shape (nx,).
+            tau: Commands of the whole motion, shape (ticks, n).
+            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
+            by_tau: Receives gradients by commands, shape (ticks, n).
+            by_p: Gradients by parameters, which are added to, shape (np,).
+        """
         nx, n = len(weight), tau.shape[1]
-        by_x, by_r, more = np.split(weight @ self.slope, (nx, nx + n))
+        by_x, by_r, by_p_here = np.split(weight @ self.slope, (nx, nx + n))
         by_tau[self.tick] = by_r
-        by_p += more
-        found: Array = by_x + g[self.tick]
-        return found
+        by_p += by_p_here
+        return np.asarray(by_x + g[self.tick])
 
 
 @dataclass(frozen=True)
@@ -76,27 +67,33 @@ class EventFreePart:
     """Ticks without events.
 
     Attributes:
-        of: What differentiates them.
+        gradients: What differentiates them.
         first: Number of the first tick.
         kept: What is kept of each, a row for each.
     """
 
-    of: EventFreeGradients
+    gradients: EventFreeGradients
     first: int
     kept: Array
 
     def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """See ``Part``."""
-        own, found = slice(self.first, self.first + len(self.kept)), weight.copy()
-        weights, to = np.ascontiguousarray(g[own]), np.empty((len(self.kept), tau.shape[1]))
-        code = self.of.code
+        """As of ``TickPart``."""
+        ticks, gradient = slice(self.first, self.first + len(self.kept)), weight.copy()
+        weights = np.ascontiguousarray(g[ticks])
+        by_commands = np.empty((len(self.kept), tau.shape[1]))
+        code = self.gradients.code
         assert code is not None
         code.engine.event_free_gradient(
-            code.scene, address(self.kept), address(tau[own]), self.of.length, len(self.kept),
-            address(weights), address(found), address(to), address(by_p),
+            code.scene, address(self.kept), address(tau[ticks]), self.gradients.length,
+            len(self.kept), address(weights), address(gradient), address(by_commands),
+            address(by_p),
         )  # fmt: skip
-        by_tau[own] = to
-        return found
+        by_tau[ticks] = by_commands
+        return gradient
+
+
+type Part = TickPart | EventFreePart
+"""Some ticks of a motion."""
 
 
 class EventFreeGradients:
@@ -145,15 +142,15 @@ class EventFreeGradients:
         kept, after = np.empty((most, self._kept)), np.empty(self._nx)
         x = np.ascontiguousarray(motion.x)
         assert self.code is not None
-        done = self.code.engine.event_free_motion(
+        ticks = self.code.engine.event_free_motion(
             self.code.scene, pointer(x), pointer(ahead), pointer(motion.p),
             ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
             ctypes.c_int(first == 0), pointer(kept), pointer(after),
         )  # fmt: skip
-        if not done:
+        if not ticks:
             return []
-        motion.go_on(after, done)
-        return [EventFreePart(self, first, kept[:done])]
+        motion.go_on(after, ticks)
+        return [EventFreePart(self, first, kept[:ticks])]
 
 
 def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:

@@ -37,7 +37,7 @@ from arm_sim.stepping.lanes import ADDRESS, built_of_lanes, lanes_source
 
 # Segments of a tick, and steps of all of them, for which there is room.
 MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
-# Functions of the engine that are asked for again.
+# Functions of the engine that derivatives need as well.
 ENGINE = ("loads", "statics", "contact_geometry")
 
 _DERIVATIVES = NATIVE / "derivatives"
@@ -137,7 +137,9 @@ class EventfulTicks:
         rooms = address(self._records), address(self._numbers), address(self._steps)
         self._trace = TickTrace(*rooms, len(self._records), len(self._steps))
         self._guards = guard_names(plant)
-        self._which, self._memory = np.zeros(1 + len(self._guards), np.int64), Lock()
+        # The number of guards for which a tick is refused, and which they are.
+        self._refused = np.zeros(1 + len(self._guards), np.int64)
+        self._memory = Lock()
 
     def tick(
         self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
@@ -169,26 +171,28 @@ class EventfulTicks:
         after = np.empty(self._plant.nx)
         x, r, p = (np.ascontiguousarray(array) for array in (place.x, place.r, place.p))
         with self._memory:  # of one tick at a time
-            why = self._code.engine.differentiate(
+            refusal = self._code.engine.differentiate(
                 self._code.scene, ctypes.byref(self._helpers), address(x), address(r), address(p),
                 self._choice.dt,
                 None if control is None else ctypes.byref(control), strict, begins,
-                ctypes.byref(self._trace), address(self._which), address(after), slope,
+                ctypes.byref(self._trace), address(self._refused), address(after), slope,
             )  # fmt: skip
             error, self._error = self._error, None
             if error is not None:
                 raise error
-            if why:
-                self._refuse(REFUSALS[why])
+            if refusal:
+                self._refuse(REFUSALS[refusal])
         return after
 
-    def _refuse(self, why: str) -> None:
-        if why == "DIVERGES":
+    def _refuse(self, reason: str) -> None:
+        """Raise the error of a refusal, by its name in C."""
+        if reason == "DIVERGES":
             raise diverged(self._choice)
-        guards, count = self._guards, len(self._plant.points)
-        names = guards[2 * count :] if why in OF_JOINTS else guards
-        who = ", ".join(names[i] for i in self._which[1 : 1 + self._which[0]])
-        message = UNKNOWN if why == "GRAZES" and not who else MESSAGES[why].format(who)
+        names, (count, *places) = self._guards, self._refused.tolist()
+        if reason in OF_JOINTS:
+            names = names[2 * len(self._plant.points) :]
+        guards = ", ".join(names[i] for i in places[:count])
+        message = UNKNOWN if reason == "GRAZES" and not guards else MESSAGES[reason].format(guards)
         raise NotDifferentiable(f"linearize: {message}")
 
     def _callbacks(self, engine: Compiled) -> Helpers:
@@ -216,32 +220,27 @@ class EventfulTicks:
         return called
 
     def _step(
-        self, _: int, __: int, x: int, u: int, p: int, h: int, given: int, count: int,
-        after: int, columns: int,
+        self, _: int, __: int, x: int, u: int, p: int, h: int, columns: int, count: int,
+        after: int, moved: int,
     ) -> None:  # fmt: skip
         """A step whose derivative is too long to be compiled, or taken in parts."""
         plant = self._plant
         nx, n = plant.nx, plant.model.n
         rows = nx + n + len(self._tuned) + 1
-        found = self._tangents.step(
+        state, changes = self._tangents.step(
             _numbers(x, nx), _numbers(u, n), _numbers(p, plant.rhs.size1_in(2)),
-            float(_numbers(h, 1)[0]), _numbers(given, rows, count),
+            float(_numbers(h, 1)[0]), _numbers(columns, rows, count),
         )  # fmt: skip
-        _numbers(after, nx)[:], _numbers(columns, nx, count)[:] = found
+        _numbers(after, nx)[:], _numbers(moved, nx, count)[:] = state, changes
 
     def _close(self, end: int, p: int, begin: int, slopes: int) -> None:
         """Derivatives of the closing of contacts that a coarse step has left open."""
         n, modes = 2 * self._plant.model.n, self._plant.rhs.size1_in(2)
-        given = _numbers(end, n), _numbers(p, modes), _numbers(begin, n)
-        found = np.array(self._rest.closed(*given))
-        _numbers(slopes, found.size)[:] = found.ravel(order="F")
+        arguments = _numbers(end, n), _numbers(p, modes), _numbers(begin, n)
+        matrix = np.array(self._rest.closed(*arguments))
+        _numbers(slopes, matrix.size)[:] = matrix.ravel(order="F")
 
     def _source(self, width: int) -> str:
-        functions = self._functions()
-        more = {"nt": len(self._tuned), "ng": len(guard_names(self._plant))}
-        return lanes_source(self._plant, self._choice, functions, width, more)
-
-    def _functions(self) -> list[ca.Function]:
         plant, tuned = self._plant, self._tuned
         functions = [acting(plant), slope_of_loads(plant), *guard_functions(plant, tuned)]
         functions += [function for name, function in plant.events.items() if name in ENGINE]
@@ -252,7 +251,8 @@ class EventfulTicks:
             functions.append(mobility_across(plant))
         if plant.points or plant.model.stops.rigid.any():
             functions.append(impact_function(plant, tuned))
-        return functions
+        sizes = {"nt": len(tuned), "ng": len(guard_names(plant))}
+        return lanes_source(plant, self._choice, functions, width, sizes)
 
 
 def acting(plant: Plant) -> ca.Function:
@@ -266,5 +266,5 @@ def acting(plant: Plant) -> ca.Function:
 def _numbers(place: int, *shape: int) -> Array:
     """Numbers at an address, row by row."""
     count = int(np.prod(shape))
-    found: Any = (ctypes.c_double * count).from_address(place)
-    return np.frombuffer(found).reshape(shape)
+    memory: Any = (ctypes.c_double * count).from_address(place)
+    return np.frombuffer(memory).reshape(shape)

@@ -29,13 +29,13 @@ from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.motion import Motion, naming
 from arm_sim.derivatives.rollout_change import initial_slope
 from arm_sim.derivatives.tangents import LONGEST
-from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address
-from arm_sim.stepping.arm_table import ArmTable, Marks, repeated
+from arm_sim.stepping.addresses import address, repeated
+from arm_sim.stepping.arm_table import ArmTable, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widths
 from arm_sim.stepping.rollout import Batch
@@ -56,12 +56,13 @@ class RolloutGradient:
     v0: Array
     tau: Array
     _by_p: Array
-    _known: Parameters
+    _parameters: Parameters
 
     @property
     def parameters(self) -> dict[str, Array]:
         """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size)."""
-        return {name: self._known.of(name, self._by_p.T).T for name in self._known.names}
+        by_p = self._by_p.T
+        return {name: self._parameters.of(name, by_p).T for name in self._parameters.names}
 
 
 @frozen
@@ -80,24 +81,27 @@ class ArgumentGradients:
 
 
 def gradient_of(
-    plant: Plant, batch: Batch, found: ArgumentGradients, shape: tuple[int, ...]
+    plant: Plant, batch: Batch, gradients: ArgumentGradients, shape: tuple[int, ...]
 ) -> RolloutGradient:
     """Gradients by the arguments of a rollout, from those by initial states and all torques.
 
     Args:
         plant: The scene's equations.
         batch: The arms.
-        found: Gradients.
-        shape: Of the torques as they were given.
+        gradients: By initial states and all torques.
+        shape: Of the torques in the arguments.
     """
-    n, by_x = plant.model.n, found.by_x
+    n, by_x = plant.model.n, gradients.by_x
     by_start = by_x[:, : 2 * n].copy()
     if plant.nz:
         for arm, x in enumerate(batch.x0):
             by_start[arm] += by_x[arm, 2 * n :] @ initial_slope(plant, x[: 2 * n])
-    by_tau = found.by_tau if len(shape) == 3 else found.by_tau.sum(axis=1)
-    by_tau = by_tau.sum(axis=0) if len(shape) == 1 else by_tau
-    return RolloutGradient(by_start[:, :n], by_start[:, n:], by_tau, found.by_p, plant.parameters)
+    by_tau, by_p = gradients.by_tau, gradients.by_p
+    if len(shape) < 3:
+        by_tau = by_tau.sum(axis=1)
+    if len(shape) == 1:
+        by_tau = by_tau.sum(axis=0)
+    return RolloutGradient(by_start[:, :n], by_start[:, n:], by_tau, by_p, plant.parameters)
 
 
 @sealed
@@ -138,18 +142,17 @@ class Gradients:
             SimulationDiverged: If a tick cannot be computed; likewise.
         """
         arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
-        found = ArgumentGradients(
-            np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape)
-        )
+        shapes = batch.x0.shape, (arms, ticks, n), batch.p.shape
+        gradients = ArgumentGradients(*map(np.zeros, shapes))
         width, code = self._library(lanes)
         eventful = list(range(arms))
         if code is not None:
-            eventful = self._side_by_side(code, width, batch, g, found, threads)
+            eventful = self._side_by_side(code, width, batch, g, gradients, threads)
             kinks = self._linearizer.nonsmooth.arms(batch.x0, batch.tau[:, : batch.steps])
             eventful = sorted({*eventful, *kinks})
         for arm in eventful:
-            self._tick_by_tick(batch, g, found, arm, side)
-        return found
+            self._tick_by_tick(batch, g, gradients, arm, side)
+        return gradients
 
     def prepare(self) -> None:
         """Compile what motions need, unless that is done."""
@@ -178,12 +181,12 @@ class Gradients:
         batch = Batch(x[None], commands, p[None], ticks, np.empty((1, len(x))))
         g = np.zeros((1, ticks + 1, len(x)))
         g[0, -1] = weights
-        found = self.run(batch, g, threads=1, lanes=1, side=side)
-        return found.by_x[0], found.by_tau[0].sum(axis=0)
+        gradients = self.run(batch, g, threads=1, lanes=1, side=side)
+        return gradients.by_x[0], gradients.by_tau[0].sum(axis=0)
 
     def _side_by_side(
-        self, code: Compiled, width: int, batch: Batch, g: Array, found: ArgumentGradients,
-        threads: int | None,
+        self, code: Compiled, width: int, batch: Batch, g: Array,
+        gradients: ArgumentGradients, threads: int | None,
     ) -> list[int]:  # fmt: skip
         """Gradients of all arms; returns the arms that meet stops or diverge."""
         marks, tau = Marks(len(batch.x0)), batch.tau[:, : batch.steps]
@@ -193,16 +196,17 @@ class Gradients:
             motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
             code.engine.rollout_gradient(
                 code.scene, ctypes.byref(arms), first, last, address(g), address(motion),
-                address(found.by_x), address(found.by_tau), address(found.by_p),
+                address(gradients.by_x), address(gradients.by_tau), address(gradients.by_p),
             )  # fmt: skip
 
         share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
         return marks.of(0, len(batch.x0))
 
     def _tick_by_tick(
-        self, batch: Batch, g: Array, found: ArgumentGradients, arm: int, side: int | None
+        self, batch: Batch, g: Array, gradients: ArgumentGradients, arm: int, side: int | None
     ) -> None:
         """The gradient of one arm: through its events by the derivatives of their ticks."""
+        by_tau, by_p = gradients.by_tau[arm], gradients.by_p[arm]
         motion = Motion(self._linearizer, batch.x0[arm], batch.p[arm], side)
         tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
         while motion.ticks < batch.steps:
@@ -210,10 +214,10 @@ class Gradients:
             if (tick := motion.ticks) < batch.steps:
                 with naming(arm, len(batch.x0), tick):
                     parts.append(TickPart(tick, motion.slope(tau[tick])))
-        weight, found.by_p[arm] = g[arm, -1].copy(), 0.0
+        weight, by_p[:] = g[arm, -1].copy(), 0.0
         for part in reversed(parts):
-            weight = part.back(weight, tau, g[arm], found.by_tau[arm], found.by_p[arm])
-        found.by_x[arm] = weight
+            weight = part.back(weight, tau, g[arm], by_tau, by_p)
+        gradients.by_x[arm] = weight
 
     @built_once
     def _event_free(self) -> EventFreeGradients | None:
@@ -221,8 +225,8 @@ class Gradients:
         engine, nonsmooth = self._linearizer.engine, self._linearizer.nonsmooth
         if not engine or self._backend == "vm":
             return None
-        made = EventFreeGradients(nonsmooth, engine, self._plant, self._choice)
-        return made if made.code else None
+        gradients = EventFreeGradients(nonsmooth, engine, self._plant, self._choice)
+        return gradients if gradients.code else None
 
     def _library(self, lanes: int | None) -> tuple[int, Compiled | None]:
         same = alike(self._plant, self._choice)

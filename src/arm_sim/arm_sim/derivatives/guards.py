@@ -57,18 +57,18 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
         their normal force up to which contacts stick.
     """
     n, rhs = plant.model.n, plant.rhs
-    given = _symbols(plant)
-    x, u, p, _ = given
-    values, sizes = _guards(plant, *given)
+    arguments = _symbols(plant)
+    x, u, p, _ = arguments
+    values, sizes = _guards(plant, *arguments)
     slope = rhs(x, u, p)
-    active = _active(plant, given, values, sizes)
-    found = [values, sizes, ca.jtimes(values, x, slope), active, slope[n : 2 * n]]
+    active = _active(plant, arguments, values, sizes)
+    results = [values, sizes, ca.jtimes(values, x, slope), active, slope[n : 2 * n]]
     weights = ca.MX.sym("weights", values.shape[0])
     by_x, by_u, by_p = (ca.jtimes(values, by, weights, True) for by in (x, u, p))
     by_w = ca.vertcat(by_u, by_p[list(tuned)]) if tuned else by_u
     functions = [
-        expanded("guards", given, found),
-        expanded("guard_gradient", [*given, weights], [by_x, by_w]),
+        expanded("guards", arguments, results),
+        expanded("guard_gradient", [*arguments, weights], [by_x, by_w]),
     ]
     if plant.layout.switches:
         x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
@@ -78,10 +78,10 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
     return tuple(functions)
 
 
-def expanded(name: str, given: Sequence[ca.MX], found: Sequence[ca.MX]) -> ca.Function:
+def expanded(name: str, arguments: Sequence[ca.MX], results: Sequence[ca.MX]) -> ca.Function:
     """A function of scalar operations with dense results."""
-    dense = [ca.densify(part) for part in found]
-    return ca.Function(name, given, dense).expand(name, {"cse": True})
+    dense = [ca.densify(result) for result in results]
+    return ca.Function(name, arguments, dense).expand(name, {"cse": True})
 
 
 def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
@@ -105,20 +105,20 @@ def clearance(plant: Plant, held: bool) -> ca.Function:
         CasADi function (x, u, p, limit) -> the smallest active guard less ``FAR`` times its terms.
         Where it is positive, no guard is zero or a boundary.
     """
-    given = _symbols(plant)
-    values, sizes = _guards(plant, *given, held)
-    active = _active(plant, given, values, sizes)
+    arguments = _symbols(plant)
+    values, sizes = _guards(plant, *arguments, held)
+    active = _active(plant, arguments, values, sizes)
     far = ca.if_else(active > 0, ca.fabs(values) - FAR * sizes, 1)
-    return ca.Function("clearance", given, [ca.mmin(far)]).expand()
+    return ca.Function("clearance", arguments, [ca.mmin(far)]).expand()
 
 
-def _active(plant: Plant, given: Sequence[ca.MX], values: ca.MX, sizes: ca.MX) -> ca.MX:
+def _active(plant: Plant, arguments: Sequence[ca.MX], values: ca.MX, sizes: ca.MX) -> ca.MX:
     """1 for guards that are active in the modes, else 0.
 
     A switch that compares nothing is not, as the engagement of teeth within their backlash: it is
     zero, and remains so.
     """
-    x, u, p, _ = given
+    x, u, p, _ = arguments
     count = plant.layout.switches
     active, switches = _watched(plant, p), slice(values.shape[0] - count, None)
     varies = ca.jacobian(values[switches], ca.vertcat(x, u)) if count else ca.MX(0, 1)
@@ -161,9 +161,9 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool
         load, force, *_ = function["loads"](x, u, p)
     if held and plant.mechanics.contact:
         heaviest = _heaviest(force, *function["contact_inertia"](x, u, p))
-    whole = x[: 2 * n]
-    geometry = plant.mechanics.contact.geometry(whole) if plant.mechanics.contact else ()
-    push = function["pressures"](whole) if plant.layout.pressed else ca.MX(2 * n, 1)
+    qv = x[: 2 * n]
+    geometry = plant.mechanics.contact.geometry(qv) if plant.mechanics.contact else ()
+    push = function["pressures"](qv) if plant.layout.pressed else ca.MX(2 * n, 1)
     guards = [
         *_contact_guards(force, heaviest, geometry, contacts, limit, _fastest(x, n)),
         *_joint_guards(plant, x, load, direction),

@@ -27,7 +27,7 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
     """
     n, nc = plant.model.n, len(plant.points)
     modes = plant.rhs.numel_in(2)
-    x, p, e, f, carries, sticks, impulse = given = [
+    x, p, e, f, carries, sticks, impulse = arguments = [
         ca.MX.sym(name, size)
         for name, size in (
             ("x", 2 * n), ("p", modes), ("e", n), ("f", nc),
@@ -42,24 +42,25 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
     if contact := plant.mechanics.contact:
         speed_before, speed_after = (contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
         residual = _residuals(plant, speed_before, speed_after, f, (carries, sticks), impulse)
-    found = [after, speed_after]
+    results = [after, speed_after]
     for y in (after, residual):
-        found.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
-        found.append(ca.jacobian(y, impulse))
-    return expanded("impact_laws", given, found)
+        results.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
+        results.append(ca.jacobian(y, impulse))
+    return expanded("impact_laws", arguments, results)
 
 
 def _residuals(
     plant: Plant, before: ca.MX, after: ca.MX, f: ca.MX, modes: tuple[ca.MX, ca.MX], impulse: ca.MX
 ) -> ca.MX:
     """Residuals of all contacts, by velocities before and after."""
-    found: list[ca.MX] = []
+    (carries, sticks), residuals = modes, list[ca.MX]()
     for k, point in enumerate(plant.points):
-        here = slice(3 * k, 3 * k + 3)
-        restitution_residual = after[here.start] + f[k] * before[here.start]
-        own = after[here], impulse[here], restitution_residual, modes[0][k], modes[1][k]
-        found += _contact_residual(*own, point.friction)
-    return ca.vertcat(*found)
+        rows = slice(3 * k, 3 * k + 3)
+        restitution_residual = after[rows.start] + f[k] * before[rows.start]
+        residuals += _contact_residual(
+            after[rows], impulse[rows], restitution_residual, carries[k], sticks[k], point.friction
+        )
+    return ca.vertcat(*residuals)
 
 
 def _contact_residual(

@@ -32,7 +32,7 @@ from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
-from arm_sim.stepping.arm_table import repeated
+from arm_sim.stepping.addresses import repeated
 from arm_sim.stepping.lanes import natural_width, widths
 from arm_sim.stepping.python_step import unanswered
 from arm_sim.stepping.stepper import Stepper
@@ -49,7 +49,7 @@ class Linearizer(TickDerivatives):
     ) -> None:  # fmt: skip
         super().__init__(plant, choice, stepper, backend, tuned)
         self._coarse_steps = CoarseSteps(plant, choice)
-        self._of_speed = dict[float, Tangents]()  # with smooth friction
+        self._smoothed = dict[float, Tangents]()  # by the speed that regularizes friction
 
     def __call__(self, x: Array, r: Array, ticks: int, side: int | None = None) -> Array:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
@@ -96,8 +96,8 @@ class Linearizer(TickDerivatives):
             NotDifferentiable: If a tick has no derivative.
         """
         nx, p = self._plant.nx, self._stepper.p
-        self._coarse_steps.look(x)
-        if compiled := self._uneventful:
+        self._coarse_steps.check(x)
+        if compiled := self._smooth_ticks:
             _, slopes, unfinished = compiled.slopes(x, r, p, ticks, threads, lanes)
             unfinished = self._one_by_one(unfinished, x, r[:, None], ticks)
         else:
@@ -133,7 +133,7 @@ class Linearizer(TickDerivatives):
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If there is no such derivative either, as where a motion grazes.
         """
-        if not (compiled := self._uneventful):
+        if not (compiled := self._smooth_ticks):
             return self.many(x, r, 1, threads, None)
         p = self._stepper.p
         _, slopes, unfinished = compiled.slopes(x, r, p, 1, threads, None, begins=False)
@@ -150,10 +150,10 @@ class Linearizer(TickDerivatives):
             CompilerMissing: Without compiled code.
             SimulationDiverged: If a tick cannot be computed; it names the arm.
         """
-        if speed not in self._of_speed:
+        if speed not in self._smoothed:
             plant = self._plant.variant(stops=False, sliding=True, regularization=speed)
-            self._of_speed[speed] = Tangents(plant, self._choice, self._backend, self._tuned)
-        if not (compiled := self._of_speed[speed]).native:
+            self._smoothed[speed] = Tangents(plant, self._choice, self._backend, self._tuned)
+        if not (compiled := self._smoothed[speed]).native:
             raise CompilerMissing(f"smooth derivatives need compiled code: {HOW_TO_GET_CODE}")
         after, slopes, marked = compiled.slopes(x, r, self._stepper.p, 1, threads, None)
         for arm in marked:  # also those that pass a stop, which does not act
@@ -172,9 +172,9 @@ class Linearizer(TickDerivatives):
 
     def prepare(self) -> None:
         """Compile what ticks need, unless that is done."""
-        if self.event_free is not self._uneventful:
-            self._away_from_stops.library(natural_width())
-        (self._uneventful or self._away_from_stops).library(1)
+        if self._in_lanes:
+            self._free_tangents.library(natural_width())
+        (self._smooth_ticks or self._free_tangents).library(1)
         self.prepare_events()
 
     def product(
@@ -196,8 +196,7 @@ class Linearizer(TickDerivatives):
         """
         dx, dr = np.ascontiguousarray(dx), np.ascontiguousarray(dr)
         arm = self._held_arms(x[None], r[None], ticks, dx[:, None], dr[:, None])
-        product: Array = self.carried(arm, threads=1, lanes=1, side=side)[0, 0, :, 0]
-        return product
+        return np.asarray(self.carried(arm, threads=1, lanes=1, side=side)[0, 0, :, 0])
 
     def carried(
         self,
@@ -223,7 +222,7 @@ class Linearizer(TickDerivatives):
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        if compiled := self._uneventful:
+        if compiled := self._smooth_ticks:
             columns, unfinished, *_ = compiled.columns(arms, every, threads, lanes)
             unfinished = self._one_by_one(unfinished, arms.x, arms.tau, arms.ticks)
         else:
@@ -231,20 +230,20 @@ class Linearizer(TickDerivatives):
             columns, unfinished = arms.room(every), list(range(arms.count))
         for arm in unfinished:
             with naming(arm, arms.count):
-                for k, each in enumerate(columns_of_one(self, arms, arm, side)):
-                    columns[arm, k if every else 0] = each
+                for k, moved in enumerate(columns_of_one(self, arms, arm, side)):
+                    columns[arm, k if every else 0] = moved
         return columns
 
     def _one_by_one(self, unfinished: list[int], x: Array, r: Array, ticks: int) -> list[int]:
         """Arms to be differentiated alone: those, and those with a kink, now or later."""
-        if self.event_free and self.nonsmooth.of_states and ticks > 1:
+        if self.event_free and self.nonsmooth.depends_on_states and ticks > 1:
             return list(range(len(x)))
         return sorted({*unfinished, *self.nonsmooth.arms(x, r)})
 
     @cached_property
     def python_tick(self) -> Linearize:
         """Derivatives of one tick for Python, see ``python_linearize``."""
-        compiled = None if self._coarse_steps.rate or self._tuned else self._uneventful
+        compiled = None if self._coarse_steps.rate or self._tuned else self._smooth_ticks
         if compiled is None:
             return unanswered
         return python_linearize(compiled, self._plant, self._stepper.p, self._choice.dt)

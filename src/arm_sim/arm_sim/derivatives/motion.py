@@ -20,8 +20,8 @@ from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
-from arm_sim.integrators.methods import build_attempt
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_attempt
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
@@ -68,35 +68,38 @@ class TickDerivatives:
             _ = self._events
 
     @cached_property
-    def _uneventful(self) -> Tangents | None:
-        """Compiled code for ticks that meet neither stops nor events."""
-        if alike(self._plant, self._choice) and self._away_from_stops.native:
-            return self._away_from_stops
-        return self.event_free
+    def _smooth_ticks(self) -> Tangents | None:
+        """Compiled code for ticks that meet neither stops nor events; None if there is none."""
+        return self._free_tangents if self._in_lanes else self.event_free
+
+    @cached_property
+    def _in_lanes(self) -> bool:
+        """Whether arms away from their stops are differentiated side by side."""
+        return alike(self._plant, self._choice) and self._free_tangents.native
 
     @cached_property
     def event_free(self) -> Tangents | None:
         """Compiled code for ticks without events of a scene with events."""
-        native = self.engine and self._backend != "vm" and self._of_scene.native
-        return self._of_scene if native else None
+        native = self.engine and self._backend != "vm" and self._scene_tangents.native
+        return self._scene_tangents if native else None
 
     @cached_property
-    def _away_from_stops(self) -> Tangents:
+    def _free_tangents(self) -> Tangents:
         """Derivatives of ticks and steps of the arm away from its stops."""
         if self._plant.free is None:
-            return self._of_scene
+            return self._scene_tangents
         return Tangents(self._plant.free, self._choice, self._backend, self._tuned)
 
     @built_once
-    def _of_scene(self) -> Tangents:
-        """Of all steps of the scene, in modes that are given."""
+    def _scene_tangents(self) -> Tangents:
+        """Derivatives of all steps of the scene, in modes that are arguments."""
         return Tangents(self._plant, self._choice, self._backend, self._tuned, self.engine)
 
     @cached_property
     def engine(self) -> Engine | None:
         """What finds the modes of ticks of fixed length in a scene with events."""
-        watched = self._eventful and self._choice.tolerance is None
-        return Engine.of(self._stepper) if watched else None
+        fixed_steps = self._choice.tolerance is None
+        return Engine.of(self._stepper) if self._eventful and fixed_steps else None
 
     def differentiated(
         self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
@@ -113,21 +116,21 @@ class TickDerivatives:
             SimulationDiverged: If the tick cannot be computed.
             NotDifferentiable: If it has no derivative.
         """
-        if strict and (why := self.nonsmooth.reason(place.x, place.r)):
-            raise NotDifferentiable(f"linearize: {why}")
-        compiled = None if self._eventful else self._uneventful
+        if strict and (reason := self.nonsmooth.reason(place.x, place.r)):
+            raise NotDifferentiable(f"linearize: {reason}")
+        compiled = None if self._eventful else self._smooth_ticks
         if compiled:
             x, r = place.x[None], place.r[None]
             after, slopes, lost = compiled.slopes(x, r, place.p, 1, 1, 1, begins)
             if not lost:
                 return after[0], slopes[0]
         if self._eventful:
-            found = self._events.tick(place, control, strict, begins)
+            state, slope = self._events.tick(place, control, strict, begins)
         else:
-            found = self._smooth_tick(place, control)
-        if not np.isfinite(found[1]).all():
+            state, slope = self._tick_by_steps(place, control)
+        if not np.isfinite(slope).all():
             raise NotDifferentiable(f"linearize: {UNSETTLED}{self._choice.remark}")
-        return found
+        return state, slope
 
     def on_either_side(
         self, place: TickPoint, control: SubstepControl | None, begins: bool
@@ -163,7 +166,7 @@ class TickDerivatives:
     def _entries(self) -> list[str]:
         """What a tick is differentiated by, for messages."""
         model, laws = self._plant.model, self._plant.laws
-        names = [f"the {what} of joint '{name}'" for what in ("position", "velocity")
+        names = [f"the {quantity} of joint '{name}'" for quantity in ("position", "velocity")
                  for name in model.joint_names]  # fmt: skip
         names += [f"the {name}" for name in (laws.names if laws else ())]
         names += [f"the command of joint '{name}'" for name in model.joint_names]
@@ -177,9 +180,9 @@ class TickDerivatives:
     def _events(self) -> EventfulTicks:
         engine = self._stepper.compiled
         assert engine is not None
-        return EventfulTicks(self._plant, self._choice, engine, self._of_scene, self._tuned)
+        return EventfulTicks(self._plant, self._choice, engine, self._scene_tangents, self._tuned)
 
-    def _smooth_tick(
+    def _tick_by_steps(
         self, place: TickPoint, control: SubstepControl | None
     ) -> tuple[Array, Array]:
         """State after a tick without events, step by step, and its derivatives."""
@@ -194,7 +197,7 @@ class TickDerivatives:
         held = np.eye(self._held + 1, nx + self._held, nx)  # lengths are constant
         slope, after = np.eye(nx, nx + self._held), x
         for h in self._lengths(x, u.ravel(), modes, control):
-            after, slope = self._of_scene.step(after, u, modes, h, np.vstack([slope, held]))
+            after, slope = self._scene_tangents.step(after, u, modes, h, np.vstack([slope, held]))
         if not within_reach(after):
             raise diverged(self._choice)
         by_x, by_u, by_p = np.split(slope, (nx, nx + len(r)), axis=1)
@@ -210,16 +213,16 @@ class TickDerivatives:
         """Lengths of the steps of a tick without events, which change ``control``."""
         if control is None:
             return [self._choice.dt]
-        taken, attempt = list[float](), self._attempt.call("attempt")
-        if not controlled_tick(attempt, x.copy(), u, p, self._choice.dt, control, taken):
+        lengths, attempt = list[float](), self._attempt.call("attempt")
+        if not controlled_tick(attempt, x.copy(), u, p, self._choice.dt, control, lengths):
             raise diverged(self._choice)
-        return taken
+        return lengths
 
     @built_once
     def _attempt(self) -> Kernel:
         plant, method, n = self._plant, self._choice.method, self._plant.model.n
-        more = plant.mechanics.project, partial(scaled_jacobian, plant)
-        function = build_attempt(method, plant.rhs, n, plant.laws.scale, *more)
+        project, scaled = plant.mechanics.project, partial(scaled_jacobian, plant)
+        function = build_attempt(method, plant.rhs, n, plant.laws.scale, project, scaled)
         return Kernel([function], "vm")
 
 
@@ -282,12 +285,12 @@ def columns_of_one(
             ahead = slice(k, k + most)
             part = Arms(motion.x[None], tau[None, ahead], arms.p[arm][None],
                         np.ascontiguousarray(moved)[None], held[None, ahead])  # fmt: skip
-            columns, _, after, done = event_free.columns(part, True, 1, 1, begins=k == 0)
-            yield from columns[0, : done[0]]
-            motion.go_on(after[0], int(done[0]))
-            if done[0]:
-                moved = columns[0, done[0] - 1]
-            if done[0] == most:
+            columns, _, after, (ticks,) = event_free.columns(part, True, 1, 1, begins=k == 0)
+            yield from columns[0, :ticks]
+            motion.go_on(after[0], int(ticks))
+            if ticks:
+                moved = columns[0, ticks - 1]
+            if ticks == most:
                 continue
         slope = motion.slope(tau[k := motion.ticks])
         moved = slope[:, :nx] @ moved + slope[:, nx:] @ held[k]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""NonsmoothPoints that last for a whole tick, so that no event marks them: there is no derivative.
+"""Kinks that last for a whole tick, so that no event marks them: there is no derivative.
 
 A command exactly at its limit, a lossy gear without load in motion, friction that differs by
 direction of a joint exactly at rest, and bristles that are bent there. Kinks that a motion passes
@@ -7,6 +7,8 @@ are guards, see ``guards``.
 """
 
 from __future__ import annotations
+
+from itertools import chain
 
 import casadi as ca
 import numpy as np
@@ -43,17 +45,17 @@ class NonsmoothPoints:
         self._bristles = _bristles(plant)
 
     @property
-    def of_states(self) -> bool:
+    def depends_on_states(self) -> bool:
         """Whether the commands at their limits depend on the states."""
         return self._weight is not None and bool(self._limits)
 
-    def of_commands(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
+    def commands_at_limits(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
         """Commands of joints exactly at a limit, by what limits them, or at no load of a gear.
 
         Args:
             r: Commands, shape (…, n).
             x: States under which they act, shape (…, nx); without them, commands to which the arm
-                adds its gravity compensation are not looked at, and gears are taken to move.
+                adds its gravity compensation are left out, and gears are taken to move.
 
         Returns:
             Booleans of the shape of ``r``.
@@ -62,27 +64,27 @@ class NonsmoothPoints:
             if x is None:
                 return {}
             r = r + np.array(self._weight(np.atleast_2d(x)[:, : self._n].T)).T.reshape(r.shape)
-        found = {
-            what: abs(abs(r) - limit) <= ROUNDING * limit for what, limit in self._limits.items()
+        flags = {
+            kind: abs(abs(r) - limit) <= ROUNDING * limit for kind, limit in self._limits.items()
         }
-        if UNLOADED in found and x is not None:
-            found[UNLOADED] &= x[..., self._n : 2 * self._n] != 0.0
-        return found
+        if UNLOADED in flags and x is not None:
+            flags[UNLOADED] &= x[..., self._n : 2 * self._n] != 0.0
+        return flags
 
     def at_rest(self, x: Array) -> dict[str, Flags]:
         """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
-        found = dict[str, Flags]()
+        flags = dict[str, Flags]()
         if not (self._sided.any() or len(self._bristles)):
-            return found
+            return flags
         still = x[..., self._n : 2 * self._n] == 0.0
         if self._sided.any():
-            found["friction that differs by direction"] = still & self._sided
+            flags["friction that differs by direction"] = still & self._sided
         if len(self._bristles):
             joints, places = self._bristles.T
             bent = np.zeros_like(still)
             bent[..., joints] = still[..., joints] & (x[..., places] != 0.0)
-            found["bent bristles"] = bent
-        return found
+            flags["bent bristles"] = bent
+        return flags
 
     def reason(self, x: Array, r: Array) -> str:
         """Why the tick from a state under a command has no derivative; empty if it may have one.
@@ -91,17 +93,17 @@ class NonsmoothPoints:
             x: State, shape (nx,).
             r: Command, shape (n,).
         """
-        for what, tied in self.of_commands(r, x).items():
-            if tied.any():
-                joint = int(tied.argmax())
-                name, limit = self._model.joint_names[joint], self._limits[what][joint]
-                if what is UNLOADED:
+        for kind, flags in self.commands_at_limits(r, x).items():
+            if flags.any():
+                joint = int(flags.argmax())
+                name, limit = self._model.joint_names[joint], self._limits[kind][joint]
+                if kind is UNLOADED:
                     return f"joint '{name}' moves without load, where its gear's loss has a kink"
-                return f"the command of joint '{name}' is exactly at its {what}, {limit:g}"
-        for what, tied in self.at_rest(x).items():
-            if tied.any():
-                joint = int(tied.argmax())
-                return f"joint '{self._model.joint_names[joint]}' is at rest in {what}"
+                return f"the command of joint '{name}' is exactly at its {kind}, {limit:g}"
+        for kind, flags in self.at_rest(x).items():
+            if flags.any():
+                joint = int(flags.argmax())
+                return f"joint '{self._model.joint_names[joint]}' is at rest in {kind}"
         return ""
 
     def ticks_before(self, x: Array, r: Array) -> int:
@@ -111,13 +113,15 @@ class NonsmoothPoints:
             x: State at the beginning, shape (nx,).
             r: Commands of the ticks, shape (ticks, n).
         """
-        if self.of_states:
+        if self.depends_on_states:
             return int(len(r) > 0 and not self.reason(x, r[0]))
-        tied = [np.zeros(len(r), bool), *(f.any(axis=1) for f in self.of_commands(r).values())]
-        return min(np.flatnonzero(np.any(tied, axis=0)).tolist(), default=len(r))
+        kinks = np.zeros(len(r), bool)
+        for flags in self.commands_at_limits(r).values():
+            kinks |= flags.any(axis=1)
+        return min(np.flatnonzero(kinks).tolist(), default=len(r))
 
     def rests_bent(self, x: ca.SX) -> ca.SX:
-        """Whether ``at_rest`` finds a joint: 1 if so, else 0."""
+        """1 where ``at_rest`` has a joint, else 0."""
         v, bent = x[self._n : 2 * self._n], ca.SX(0)
         for joint in np.flatnonzero(self._sided):
             bent = ca.logic_or(bent, v[int(joint)] == 0)
@@ -127,20 +131,17 @@ class NonsmoothPoints:
 
     @property
     def nonsmooth(self) -> ca.Function:
-        """(x, r) -> 1 where ``reason`` finds a kink, else 0."""
+        """(x, r) -> 1 where ``reason`` has one, else 0."""
         x, r = ca.SX.sym("x", self._plant.nx), ca.SX.sym("r", self._n)
-        return ca.Function("nonsmooth", [x, r], [self._begins_nonsmooth(x, r)], {"cse": True})
-
-    def _begins_nonsmooth(self, x: ca.SX, r: ca.SX) -> ca.SX:
-        found = self.rests_bent(x)
+        kink, command = self.rests_bent(x), r
         if self._weight is not None:
-            r = r + self._weight(x[: self._n])
-        for what, limit in self._limits.items():
+            command = r + self._weight(x[: self._n])
+        for kind, limit in self._limits.items():
             for i in np.flatnonzero(np.isfinite(limit)).tolist():
-                beside = ca.fabs(ca.fabs(r[i]) - limit[i])
-                moves = x[self._n + i] != 0 if what is UNLOADED else 1
-                found = ca.logic_or(found, ca.logic_and(beside <= ROUNDING * limit[i], moves))
-        return found
+                beside = ca.fabs(ca.fabs(command[i]) - limit[i])
+                moves = x[self._n + i] != 0 if kind is UNLOADED else 1
+                kink = ca.logic_or(kink, ca.logic_and(beside <= ROUNDING * limit[i], moves))
+        return ca.Function("nonsmooth", [x, r], [kink], {"cse": True})
 
     def arms(self, x: Array, r: Array) -> list[int]:
         """Arms with such a kink.
@@ -151,21 +152,19 @@ class NonsmoothPoints:
         """
         if not r.shape[1]:
             return []
-        tied = np.zeros(len(x), dtype=bool)
-        looks = [self.of_commands(r[:, 0], x), self.at_rest(x)]
+        kinks = np.zeros(len(x), dtype=bool)
+        by_kind = [self.commands_at_limits(r[:, 0], x), self.at_rest(x)]
         if r.shape[1] > 1:
-            looks.append(self.of_commands(r[:, 1:]))
-        for found in looks:
-            for flags in found.values():
-                tied |= flags.reshape(len(x), -1).any(axis=1)
-        return np.flatnonzero(tied).tolist()
+            by_kind.append(self.commands_at_limits(r[:, 1:]))
+        for flags in chain.from_iterable(kind.values() for kind in by_kind):
+            kinks |= flags.reshape(len(x), -1).any(axis=1)
+        return np.flatnonzero(kinks).tolist()
 
 
 def sided(plant: Plant) -> Flags:
     """Joints whose viscous friction differs by direction, with no dry friction, shape (n,)."""
     friction = plant.model.friction
-    flags: Flags = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
-    return flags
+    return np.asarray((friction.viscous.skew != 0.0) & (friction.level == 0.0))
 
 
 def _limits(plant: Plant) -> dict[str, Array]:
@@ -180,8 +179,11 @@ def _limits(plant: Plant) -> dict[str, Array]:
     if plant.torques is not None:  # torques that depend on the state have guards
         unloaded[list(set(plant.torques.jac_sparsity(0, 0).row()))] = np.inf
     limits = {"limit": model.command_limit, "current limit": current, UNLOADED: unloaded}
-    known = {what: np.where(np.isfinite(limit), limit, np.nan) for what, limit in limits.items()}
-    return {what: limit for what, limit in known.items() if np.isfinite(limit).any()}
+    return {
+        kind: np.where(np.isfinite(limit), limit, np.nan)
+        for kind, limit in limits.items()
+        if np.isfinite(limit).any()
+    }
 
 
 def _bristles(plant: Plant) -> NDArray[np.intp]:

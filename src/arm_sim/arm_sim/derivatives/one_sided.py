@@ -17,7 +17,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.exceptions import NotDifferentiable
 
-# Distance of the nearer of two places beside the given one, relative to the larger of a number
+# Distance of the nearer of two places beside the point, relative to the larger of a number
 # and 1; twice as far is the other, and the column is extrapolated from both.
 NEAR = 1e-6
 # Largest difference of the two columns, and of the tick itself from what they predict, relative.
@@ -41,10 +41,10 @@ class TickPoint:
     def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> TickPoint:
         """The place moved in one entry of (x, r, p[tuned])."""
         nx, held = len(self.x), len(self.x) + len(self.r)
-        every = np.concatenate([self.x, self.r, self.p])
+        numbers = np.concatenate([self.x, self.r, self.p])
         at = entry if entry < held else held + tuned[entry - held]
-        every[at] += distance * max(1.0, abs(every[at]))
-        return TickPoint(*np.split(every, (nx, held)))
+        numbers[at] += distance * max(1.0, abs(numbers[at]))
+        return TickPoint(*np.split(numbers, (nx, held)))
 
 
 Tick = Callable[[TickPoint], Array]
@@ -75,9 +75,9 @@ def one_sided(
     begin, columns = after(place), list[Array]()
     for entry, name in enumerate(names):
         near, far = (place.moved(entry, side * k * NEAR, tuned) for k in (1, 2))
-        first, second = (slope(each)[:, entry] for each in (near, far))
+        first, second = (slope(point)[:, entry] for point in (near, far))
         column, scale = 2.0 * first - second, 1.0 + abs(first).max()
-        step = _step(place, near)
+        step = (near.x - place.x).sum() + (near.r - place.r).sum() + (near.p - place.p).sum()
         jump = abs(after(near) - begin - 0.5 * step * (column + first)).max()
         rounding = ROUNDING * (1.0 + abs(begin).max())
         if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:
@@ -87,8 +87,3 @@ def one_sided(
             )
         columns.append(column)
     return np.column_stack(columns)
-
-
-def _step(place: TickPoint, near: TickPoint) -> float:
-    """The distance between two places that differ in one entry."""
-    return float((near.x - place.x).sum() + (near.r - place.r).sum() + (near.p - place.p).sum())

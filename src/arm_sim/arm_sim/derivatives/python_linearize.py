@@ -12,11 +12,11 @@ from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.addresses import address
 from arm_sim.stepping.engine import NATIVE, address_of
-from arm_sim.stepping.python_step import of_states, unanswered
+from arm_sim.stepping.python_step import function_of_structure, unanswered
 
 Linearize = Callable[[object, object], Array | None]
-"""Function of a state and a command: derivatives by both side by side, or None where it does not
-find them, and where the command is not an array or a list of n finite floats."""
+"""Function of a state and a command: derivatives by both side by side, or None where they are left
+to Python, and where the command is not an array or a list of n finite floats."""
 
 _FOLDER = NATIVE / "derivatives"
 
@@ -39,10 +39,9 @@ def python_linearize(tangents: Tangents, plant: Plant, p: Array, dt: float) -> L
     if (code := tangents.library(1)) is None:
         return unanswered
     engine, entry = tangents.engine, ctypes.cast(code.engine.differentiate_tick, ctypes.c_void_p)
-    given = _Arguments(
+    arguments = _Arguments(
         entry.value, code.scene.value, address_of(code.own, TANGENTS),
         engine and ctypes.addressof(engine), address(p), dt,
     )  # fmt: skip
     source, kept = _FOLDER / "python_linearize.c", (code, engine, p)
-    made: Linearize = of_states(source, given, plant.model.n, plant.nz, kept)
-    return made
+    return function_of_structure(source, arguments, plant.model.n, plant.nz, kept)

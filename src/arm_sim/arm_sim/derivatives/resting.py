@@ -15,7 +15,7 @@ from arm_sim.plant.symbols import dense_function
 
 
 def may_go_on(plant: Plant, p: ca.SX, begins: bool) -> ca.SX:
-    """Whether there may be a reason under the modes in p: 1 if so, else 0.
+    """Whether what is held may go on after a push, under the modes in p: 1 if so, else 0.
 
     A joint alone whose friction is the same at rest and as it begins to slide comes to rest again,
     whatever its load. Once it has, it is held by friction that does not vanish.
@@ -31,9 +31,9 @@ def may_go_on(plant: Plant, p: ca.SX, begins: bool) -> ca.SX:
     mode, doubt = Mode.of(contacts), ca.SX(0)
     closed = ca.sum1(mode.closed) > 0
     for joint in np.flatnonzero(friction.level > 0.0) if plant.layout.directions else ():
-        together = closed if begins else False
+        coupled = closed if begins else False
         held = direction[int(joint)] == 0
-        doubt = ca.logic_or(doubt, ca.logic_and(held, ca.logic_or(doubtful[joint], together)))
+        doubt = ca.logic_or(doubt, ca.logic_and(held, ca.logic_or(doubtful[joint], coupled)))
     for k, point in enumerate(points if begins else ()):
         if point.static_friction > point.friction > 0.0:
             doubt = ca.logic_or(doubt, mode.closed[k] * mode.sticks[k])

@@ -51,21 +51,20 @@ class _Checks:
         self.tables, self.calls = list[str](), list[str]()
 
     def at(self, k: int, q: Array, v: Array, a: Array) -> None:
-        self.tables += [
-            _table(f"{name}{k}", values) for name, values in (("q", q), ("v", v), ("a", a))
-        ]
+        for name, values in (("q", q), ("v", v), ("a", a)):
+            self.tables.append(_table(f"{name}{k}", values))
 
     def compare(self, k: int, term: Term, results: Sequence[Array]) -> None:
         tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}
-        given = [tables.get(x, "NULL") for x in term.arguments]
-        made = [f"got{i}" for i in range(len(results))]
+        inputs = [tables.get(x, "NULL") for x in term.arguments]
+        outputs = [f"got{i}" for i in range(len(results))]
         lines = [f"double got{i}[{values.size}];" for i, values in enumerate(results)]
-        lines.append(f"{self._name}_{term.name}({', '.join([*given, *made])});")
+        lines.append(f"{self._name}_{term.name}({', '.join([*inputs, *outputs])});")
         for i, values in enumerate(results):
             table = f"{term.name}_{k}" + (f"_{term.results[i]}" if i else "")
             self.tables.append(_table(table, values))
-            what = f'"{term.name}", got{i}, {table}, {values.size}'
-            lines.append(f"wrong += differs({what}, {_ROUNDING});")
+            arguments = f'"{term.name}", got{i}, {table}, {values.size}, {_ROUNDING}'
+            lines.append(f"wrong += differs({arguments});")
         self.calls.append("  {\n    " + "\n    ".join(lines) + "\n  }")
 
     def run(self, tick: Tick) -> None:
@@ -101,13 +100,13 @@ class _Checks:
         if motion.slopes is None:
             return ""
         name, sizes = self._name, [slope.size for slope in motion.slopes]
-        tables = zip("AB", motion.slopes, strict=True)
-        self.tables += [_table(f"expected_{what}", slope.ravel()) for what, slope in tables]
+        for matrix, slope in zip("AB", motion.slopes, strict=True):
+            self.tables.append(_table(f"expected_{matrix}", slope.ravel()))
         last = motion.commands.size - motion.commands.shape[1]
         checks = "".join(
-            f'    if (!code) wrong += differs("derivatives, {what}", {what}, expected_{what}, '
-            f"{size}, {_ROUNDING});\n"
-            for what, size in zip("AB", sizes, strict=True)
+            f'    if (!code) wrong += differs("derivatives, {matrix}", {matrix}, '
+            f"expected_{matrix}, {size}, {_ROUNDING});\n"
+            for matrix, size in zip("AB", sizes, strict=True)
         )
         return (
             f"    double A[{sizes[0]}], B[{sizes[1]}];\n"

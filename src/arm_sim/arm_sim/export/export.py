@@ -22,7 +22,7 @@ from arm_sim.export.expected import Expected, test_points
 from arm_sim.export.fmu import units
 from arm_sim.export.folder import check_folder, write_folder
 from arm_sim.export.names import from_title, library_name
-from arm_sim.export.terms import DERIVATIVES, TERMS, chosen, terms_of
+from arm_sim.export.terms import DERIVATIVES, TERMS, checked_names, terms_of
 from arm_sim.export.tick import Tick, tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
@@ -80,58 +80,58 @@ def export(
     """
     if not isinstance(out, str | Path):
         raise InvalidInput(f"out = {out!r}; the path of a folder is expected")
-    folder, wanted = Path(out), chosen(terms)
-    for asked, what in ((fmu, "fmu = True"), (servo, "servo = True")):
-        if asked and not tick:
-            raise InvalidInput(f"{what} with tick = False; allowed: {what} with the tick")
-    called = None if name is None else library_name(name)
+    folder, names = Path(out), checked_names(terms)
+    for option, needs_tick in (("fmu = True", fmu), ("servo = True", servo)):
+        if needs_tick and not tick:
+            raise InvalidInput(f"{option} with tick = False; allowed: {option} with the tick")
+    checked = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
-    called = called or from_title(_title(scene, model))
+    name = checked or from_title(_title(scene, model))
     for frame in frames if fmu else ():
         check_moving(model, frame)  # on any other no wrench acts
     with naming(scene):
-        slopes = any(name in DERIVATIVES for name in wanted)
-        made = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
-        files = _files(model, called, wanted, made, fmu, frames)
-    if made and slopes and not made.differentiable:
+        slopes = any(term in DERIVATIVES for term in names)
+        exported = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
+        files = _files(model, name, names, exported, fmu, frames)
+    if exported and slopes and not exported.differentiable:
         _log.warning("the tick has no derivatives: its error is controlled, with tolerance = "
                      "%g; a scene with a method of fixed steps has them",
-                     made.simulator.choice.tolerance)  # fmt: skip
+                     exported.simulator.choice.tolerance)  # fmt: skip
     write_folder(folder, files)
-    return Exported(folder, called, tuple(files))
+    return Exported(folder, name, tuple(files))
 
 
 def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
     """Name of a scene file; of a robot description that of the robot."""
-    given = Path(scene) if isinstance(scene, str | PathLike) and "<" not in str(scene) else None
-    is_scene = given is not None and given.suffix in ("", ".yaml", ".yml")
-    return given.stem if given and is_scene else model.pin.name
+    if isinstance(scene, str | PathLike) and "<" not in str(scene):
+        path = Path(scene)
+        if path.suffix in ("", ".yaml", ".yml"):
+            return path.stem
+    return str(model.pin.name)
 
 
 def _files(
     model: ArmModel,
     name: str,
-    wanted: Collection[str],
+    names: Collection[str],
     tick: Tick | None,
     fmu: bool,
     frames: Sequence[str],
 ) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
     expected, points = Expected(model), test_points(model)
-    terms = terms_of(model, wanted, frames)
+    terms = terms_of(model, names, frames)
     expected.verify(terms, points)
-    made = library.Library(name, about(name, model), model, terms, tick)
-    header, source = library.header(made), library.source(made)
-    code = {f"{name}.h": header, f"{name}.c": source}
+    lib = library.Library(name, about(name, model), model, terms, tick)
+    code = {f"{name}.h": library.header(lib), f"{name}.c": library.source(lib)}
+    build_file = (OWN / "CMakeLists.txt").read_text(encoding="utf-8")
     return {
         **code,
         **(units(name, tick, code, frames) if fmu and tick else {}),
-        f"test_{name}.c": check_program(made, expected, points),
-        "CMakeLists.txt": (OWN / "CMakeLists.txt")
-        .read_text(encoding="utf-8")
-        .replace("@NAME@", name),
-        "README.md": readme(made),
+        f"test_{name}.c": check_program(lib, expected, points),
+        "CMakeLists.txt": build_file.replace("@NAME@", name),
+        "README.md": readme(lib),
         SCENE_FILE: scene_text(model.scene, URDF_FILE),
         URDF_FILE: model.scene.robot.urdf,
     }

@@ -128,24 +128,22 @@ def comment(text: str) -> str:
 
 
 def _signature(library: Library, term: Term) -> str:
-    given = [f"const double* {x}" for x in term.arguments]
-    arguments = ", ".join([*given, *(f"double* {x}" for x in term.results)])
+    inputs = [f"const double* {x}" for x in term.arguments]
+    arguments = ", ".join([*inputs, *(f"double* {x}" for x in term.results)])
     head = f"void {library.name}_{term.name}("
     indent = " " * (len(head) if len(head) <= _COLUMNS - 40 else 4)
     return wrapped(f"{head}{arguments})", subsequent_indent=indent)
 
 
 def _definition(library: Library, term: Term, sticks: bool) -> str:
-    rests = sticks and term.name == "forward_dynamics"
-    return (
-        f"{_signature(library, term)} {{\n"
-        f"  const double* arg[] = {{{', '.join(term.arguments)}}};\n"
-        f"  double* res[] = {{{', '.join(term.results)}}};\n"
-        + (
-            f"  if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);\n  else"
-            if rests
-            else " "
-        )
-        + f" {term.function.name()}(arg, res, NULL, NULL, 0);\n"
-        "}\n"
-    )
+    call = f"{term.function.name()}(arg, res, NULL, NULL, 0);"
+    if sticks and term.name == "forward_dynamics":
+        at_rest = f"if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);"
+        call = f"{at_rest}\n  else {call}"
+    return "\n".join([
+        f"{_signature(library, term)} {{",
+        f"  const double* arg[] = {{{', '.join(term.arguments)}}};",
+        f"  double* res[] = {{{', '.join(term.results)}}};",
+        f"  {call}",
+        "}\n",
+    ])  # fmt: skip

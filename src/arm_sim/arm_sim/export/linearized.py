@@ -23,9 +23,8 @@ def derivatives_of_ticks(functions: TangentFunctions, done: set[str]) -> str:
         functions: Those of tangents.
         done: Files of which that engine is made.
     """
-    written = tangents_source(functions.of_columns, "static const")
-    text = amalgamated(f"{written}{_UNITS}", done)
-    return prefixed(text, PREFIX)
+    text = tangents_source(functions.of_columns, "static const") + _UNITS
+    return prefixed(amalgamated(text, done), PREFIX)
 
 
 def effort_slopes(plant: Plant, tunable: int) -> ca.Function:
@@ -35,7 +34,7 @@ def effort_slopes(plant: Plant, tunable: int) -> ca.Function:
     and the result are transposed, as C stores them by rows.
     """
     n, nx = plant.model.n, plant.nx
-    x, r, after = (ca.SX.sym(*each) for each in (("x", nx), ("r", n), ("y", nx)))
+    x, r, after = (ca.SX.sym(*size) for size in (("x", nx), ("r", n), ("y", nx)))
     of_after = ca.SX.sym("slopes", nx + n + tunable, nx)
     u = actuation(plant)(x, r)
     effort = plant.torques(after, u)[0] if plant.torques else u

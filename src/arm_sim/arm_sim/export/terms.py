@@ -21,7 +21,7 @@ from arm_dynamics.exceptions import choices
 from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.terms import table
 from arm_dynamics.terms.arm import Expressions
-from arm_dynamics.terms.compiled import function
+from arm_dynamics.terms.compiled import function as terms_function
 from arm_dynamics.terms.table import Entry
 from arm_sim.export.names import of_frames
 from arm_sim.plant.bilateral import Bilateral
@@ -65,7 +65,7 @@ class Term:
         return tuple(self.function.name_in())
 
 
-def chosen(names: Collection[str]) -> tuple[str, ...]:
+def checked_names(names: Collection[str]) -> tuple[str, ...]:
     """Check names of terms and derivatives; returns them in the order of the header.
 
     Raises:
@@ -84,7 +84,7 @@ def terms_of(model: ArmModel, names: Collection[str], frames: Sequence[str]) -> 
 
     Args:
         model: The arm.
-        names: Terms and derivatives, as ``chosen`` returns them.
+        names: Terms and derivatives, as ``checked_names`` returns them.
         frames: Frames whose poses and Jacobians are wanted; the first also without its name.
 
     Raises:
@@ -97,13 +97,14 @@ def _of_joints(model: ArmModel, names: Collection[str]) -> Iterator[Term]:
     for entry in (entry for entry in table.TERMS if not entry.which):
         slopes = f"{entry.name}_derivatives"
         if entry.name in names or slopes in names:
-            whole = _function(model, entry, entry.name)
+            function = _function(model, entry, entry.name)
         if entry.name in names:
-            yield Term(entry.name, _about(entry), whole, (entry.symbol,), entry)
+            yield Term(entry.name, _about(entry), function, (entry.symbol,), entry)
         if slopes in names:
             about = f"Derivatives of {entry.name} by {{}}, {{}} and {{}}, each n x n, row by row."
-            results = tuple(f"d{entry.symbol}_d{x}" for x in whole.name_in())
-            yield Term(slopes, about.format(*whole.name_in()), _derivatives(whole), results)
+            results = tuple(f"d{entry.symbol}_d{x}" for x in function.name_in())
+            about = about.format(*function.name_in())
+            yield Term(slopes, about, _derivatives(function), results)
     if table.INVERSE.name in names:
         yield Term("computed_torque", _FOLLOWING, law_in_c(model), ("tau",))
 
@@ -114,10 +115,10 @@ def _of_frames(model: ArmModel, frames: Sequence[str]) -> Iterator[Term]:
         check_frame(model, frames[k], model.frame_names)
         for entry in (entry for entry in table.TERMS if entry.which):
             # CasADi refuses names such as tool__tip.
-            made = _function(model, entry, f"{entry.name}_{k}", frames[k])
+            function = _function(model, entry, f"{entry.name}_{k}", frames[k])
             for suffix in ("", f"_{part}")[k > 0 :]:
                 name, about = f"{entry.name}{suffix}", _about(entry, frames[k])
-                yield Term(name, about, made, (entry.symbol,), entry, (frames[k],))
+                yield Term(name, about, function, (entry.symbol,), entry, (frames[k],))
 
 
 def _function(model: ArmModel, entry: Entry, name: str, *which: str) -> ca.Function:
@@ -125,17 +126,18 @@ def _function(model: ArmModel, entry: Entry, name: str, *which: str) -> ca.Funct
     if entry is table.FORWARD and model.scene.bilateral:
         return _constrained(model)
     arm = Expressions(model, SteadyFriction.of(model))
-    parts = function(arm, model.n, f"parts_{name}", [(entry, which)])
-    given, made = parts.sx_in(), ca.vertcat(*parts.call(parts.sx_in(), True, False))
-    return ca.Function(f"term_{name}", given, [made], parts.name_in(), ["o0"], {"cse": True})
+    parts = terms_function(arm, model.n, f"parts_{name}", [(entry, which)])
+    arguments = parts.sx_in()
+    result = ca.vertcat(*parts.call(arguments, True, False))
+    return ca.Function(f"term_{name}", arguments, [result], parts.name_in(), ["o0"], {"cse": True})
 
 
-def _derivatives(whole: ca.Function) -> ca.Function:
-    given, names = whole.sx_in(), [f"o{i}" for i in range(whole.n_in())]
-    made = whole(*given)
-    slopes = [ca.densify(ca.jacobian(made, x).T) for x in given]
-    name = f"{whole.name()}_derivatives"
-    return ca.Function(name, given, slopes, whole.name_in(), names, {"cse": True})
+def _derivatives(function: ca.Function) -> ca.Function:
+    arguments, names = function.sx_in(), [f"o{i}" for i in range(function.n_in())]
+    result = function(*arguments)
+    slopes = [ca.densify(ca.jacobian(result, x).T) for x in arguments]
+    name = f"{function.name()}_derivatives"
+    return ca.Function(name, arguments, slopes, function.name_in(), names, {"cse": True})
 
 
 def _constrained(model: ArmModel) -> ca.Function:
@@ -145,15 +147,16 @@ def _constrained(model: ArmModel) -> ca.Function:
     joints = Joints(model, s, Options(stops=False))
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
     a = Bilateral(model, s, joints).accelerations(s.tau - bias)
-    slides = ca.DM.ones(joints.direction.shape[0])
-    apart = ca.DM.zeros(joints.contacts.shape[0])
-    nominal = ca.vertcat(ca.DM(parameters.nominal), slides, apart)
-    found = ca.Function("a", [s.q, s.v, s.tau, joints.p], [a], {"cse": True})
-    q, v, tau = given = [ca.SX.sym(x, model.n) for x in ("q", "v", "tau")]
-    free = tau - arm.lost(v, q, tau) - arm.rigid.spring(q, v)
-    made = ca.densify(found(q, v, free, nominal))
+    accelerations = ca.Function("a", [s.q, s.v, s.tau, joints.p], [a], {"cse": True})
+    # Tunable numbers as in the scene; all joints slide, and no contact is closed.
+    sliding, apart = ca.DM.ones(joints.direction.shape[0]), ca.DM.zeros(joints.contacts.shape[0])
+    p = ca.vertcat(ca.DM(parameters.nominal), sliding, apart)
+    names = ["q", "v", "tau"]
+    q, v, tau = (ca.SX.sym(name, model.n) for name in names)
+    load = tau - arm.lost(v, q, tau) - arm.rigid.spring(q, v)
+    results = [ca.densify(accelerations(q, v, load, p))]
     name = f"term_{table.FORWARD.name}"
-    return ca.Function(name, given, [made], ["q", "v", "tau"], ["o0"], {"cse": True})
+    return ca.Function(name, [q, v, tau], results, names, ["o0"], {"cse": True})
 
 
 def _about(entry: Entry, *which: str) -> str:

@@ -5,8 +5,9 @@ A method states its order, its source and whether it estimates its own error. De
 and not on events or on how steps are run.
 """
 
-from arm_sim.integrators.methods import METHODS, Method, build_attempt, build_step, build_tick
+from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.integrators.selection import Choice, choose
+from arm_sim.integrators.steps import build_attempt, build_step, build_tick
 from arm_sim.integrators.tableaux import Tableau
 
 __all__ = [

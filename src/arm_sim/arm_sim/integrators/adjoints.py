@@ -16,8 +16,9 @@ import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import nystrom
-from arm_sim.integrators.methods import Method, Scaled, build_step
-from arm_sim.integrators.nystrom import Back, Parts, Slope
+from arm_sim.integrators.methods import Method
+from arm_sim.integrators.nystrom import Gradients, Pullback, Slope
+from arm_sim.integrators.steps import Scaled, build_step
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 from arm_sim.integrators.tangents import stages_used
 
@@ -52,9 +53,9 @@ def build_adjoint(
     def slope(y: ca.MX) -> ca.MX:
         return rhs(y, u, p)
 
-    def back(y: ca.MX, k: ca.MX, by: ca.MX) -> Parts:
-        found: Parts = pullback(y, u, p, k, by)
-        return found
+    def pull(y: ca.MX, k: ca.MX, gradient: ca.MX) -> Gradients:
+        gradients: Gradients = pullback(y, u, p, k, gradient)
+        return gradients
 
     if project is not None and method.name != "implicit":
         after = build_step(method, rhs, n)(x, u, p, h)
@@ -64,11 +65,11 @@ def build_adjoint(
         by_x, by_u, by_p = (ca.jtimes(after, by, weight, True) for by in (x, u, p))
         by_p = by_p[:tunable]
     elif method.tableau is None:
-        by_x, by_u, by_p = _semi_implicit(slope, back, n, x, h, after_weight)
+        by_x, by_u, by_p = _semi_implicit(slope, pull, n, x, h, after_weight)
     elif method.tableau.positions:
-        by_x, by_u, by_p = nystrom.adjoint(method.tableau, slope, back, n, x, h, after_weight)
+        by_x, by_u, by_p = nystrom.adjoint(method.tableau, slope, pull, n, x, h, after_weight)
     else:
-        by_x, by_u, by_p = _staged(method.tableau, slope, back, x, h, after_weight)
+        by_x, by_u, by_p = _staged(method.tableau, slope, pull, x, h, after_weight)
     results = [by_x + direct, by_u, by_p]
     return ca.Function("adjoint", [x, u, p, h, weight], results, {"cse": True})
 
@@ -78,35 +79,38 @@ def _projected(
 ) -> tuple[ca.MX, ca.MX]:
     """The weight of a step's end before its projection, and what x adds through that directly."""
     end = ca.MX.sym("end", 2 * n)
-    found = project(x[: 2 * n], end, p)[0]
-    back = [ca.jtimes(found, by, weight[: 2 * n], True) for by in (x, end)]
-    taken = ca.Function("taken", [x, end, p, weight], back)
-    direct, moved = taken(x, after[: 2 * n], p, weight)
-    return ca.vertcat(moved, weight[2 * n :]), direct
+    projected = project(x[: 2 * n], end, p)[0]
+    gradients = [ca.jtimes(projected, by, weight[: 2 * n], True) for by in (x, end)]
+    gradients_at = ca.Function("projection_gradients", [x, end, p, weight], gradients)
+    by_x, by_end = gradients_at(x, after[: 2 * n], p, weight)
+    return ca.vertcat(by_end, weight[2 * n :]), by_x
 
 
 def _staged(
-    tableau: Tableau, slope: Slope, back: Back, x: ca.MX, h: ca.MX, weight: ca.MX
-) -> Parts:
+    tableau: Tableau, slope: Slope, pull: Pullback, x: ca.MX, h: ca.MX, weight: ca.MX
+) -> Gradients:
+    """Explicit Runge-Kutta methods, λ_i from the last stage to the first."""
     used = stages_used(tableau)
     y: dict[int, ca.MX] = {}
     k: dict[int, ca.MX] = {}
     for i in used:
         y[i] = x + h * weighed_sum(tableau.a[i], k, x)
         k[i] = slope(y[i])
-    parts: dict[int, Parts] = {}
+    stages: dict[int, Gradients] = {}
     for i in reversed(used):
-        known = tableau.b[i] * weight
-        for j in parts:
+        by_slope = tableau.b[i] * weight
+        for j, (by_y, _, _) in stages.items():
             if i < len(tableau.a[j]) and tableau.a[j][i]:
-                known = known + tableau.a[j][i] * parts[j][0]
-        parts[i] = back(y[i], k[i], h * known)
-    by_x, by_u, by_p = (sum(each[1:], each[0]) for each in zip(*parts.values(), strict=True))
+                by_slope = by_slope + tableau.a[j][i] * by_y
+        stages[i] = pull(y[i], k[i], h * by_slope)
+    by_x, by_u, by_p = (sum(terms[1:], terms[0]) for terms in zip(*stages.values(), strict=True))
     return weight + by_x, by_u, by_p
 
 
-def _semi_implicit(slope: Slope, back: Back, n: int, x: ca.MX, h: ca.MX, weight: ca.MX) -> Parts:
+def _semi_implicit(
+    slope: Slope, pull: Pullback, n: int, x: ca.MX, h: ca.MX, weight: ca.MX
+) -> Gradients:
     """Positions advance with the new velocities, so they do not depend on the derivative of q."""
     moved = ca.vertcat(weight[:n], weight[n : 2 * n] + h * weight[:n], weight[2 * n :])
-    by_x, by_u, by_p = back(x, slope(x), ca.vertcat(ca.MX.zeros(n), h * moved[n:]))
+    by_x, by_u, by_p = pull(x, slope(x), ca.vertcat(ca.MX.zeros(n), h * moved[n:]))
     return moved + by_x, by_u, by_p

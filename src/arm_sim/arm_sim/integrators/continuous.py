@@ -18,6 +18,7 @@ from arm_dynamics.arrays import Array
 from arm_sim.integrators.tableaux import Tableau
 
 HIGHEST = 6
+"""Order up to which conditions are tried."""
 SOLVED = 1e-9
 """Residual of order conditions that are satisfied."""
 
@@ -32,7 +33,7 @@ def stage_at_end(tableau: Tableau) -> int | None:
 
 
 def needs_slope_at_end(tableau: Tableau) -> bool:
-    """Whether the derivative at the end of the step, which error control is worth, is no stage."""
+    """Whether a method under error control has no stage at the end of its step."""
     return bool(tableau.errors) and tableau.a[-1] != tableau.b[: len(tableau.a) - 1]
 
 
@@ -45,19 +46,19 @@ def middle_weights(tableau: Tableau) -> tuple[float, ...]:
     rows = [*tableau.a, tableau.b] if needs_slope_at_end(tableau) else list(tableau.a)
     stages = len(rows)
     a = np.array([[*row, *[0.0] * (stages - len(row))] for row in rows])
-    known: list[float] = []
     conditions: list[Array] = []
-    found = np.zeros(stages)
+    values: list[float] = []
+    weights = np.zeros(stages)
     for order in range(1, HIGHEST + 1):
         for tree in _trees(order):
             conditions.append(_weight(tree, a))
-            known.append(0.5**order / _density(tree))
-        matrix, wanted = np.array(conditions), np.array(known)
-        weights = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
-        if abs(matrix @ weights - wanted).max() > SOLVED:
+            values.append(0.5**order / _density(tree))
+        matrix, right = np.array(conditions), np.array(values)
+        solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        if abs(matrix @ solution - right).max() > SOLVED:
             break
-        found = weights
-    return tuple(found.tolist())
+        weights = solution
+    return tuple(weights.tolist())
 
 
 @cache

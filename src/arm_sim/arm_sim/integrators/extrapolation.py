@@ -68,9 +68,9 @@ def extrapolated_step(
         row = extrapolated(row, moved, j)
     estimate = row[-1] - row[-2]
     if x.shape[0] > 2 * n:
-        surprise = _surprise(rhs(x + row[0], u, p), slopes)
-        still = ca.MX.zeros(x.shape[0])
-        error = solve(factor(J_q, J_w, h, *H), J_q, still, surprise, h, *H)
+        deviation = _deviation(rhs(x + row[0], u, p), slopes)
+        at_rest = ca.MX.zeros(x.shape[0])
+        error = solve(factor(J_q, J_w, h, *H), J_q, at_rest, deviation, h, *H)
         estimate = ca.fmax(ca.fabs(estimate), ca.fabs(error))
     return x + row[-1], estimate, x + 2.0 * halfway[4] - halfway[2]
 
@@ -84,7 +84,7 @@ def extrapolated(above: list[ca.MX], moved: ca.MX, j: int) -> list[ca.MX]:
     return row
 
 
-def _surprise(end: ca.MX, slopes: list[ca.MX]) -> ca.MX:
+def _deviation(end: ca.MX, slopes: list[ca.MX]) -> ca.MX:
     """Derivative at the end less the cubic through those at the beginnings of the four parts.
 
     A model with states may have a kink: bristles reverse with the sign of a velocity. In the last
@@ -143,22 +143,21 @@ def solved(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) 
     x, slope = ca.SX.sym("x", n + m), ca.SX.sym("f", n + m)
     H = [ca.SX.sym("H", pattern) for pattern in scale]
     v, order = x[n : 2 * n], pivots(n, m, bool(H))
-    d = h * ((H[0] @ slope[n:] if H else slope[n:]) + h * (Q @ v))
-
-    d = substituted(LU, d, order)
+    right = h * ((H[0] @ slope[n:] if H else slope[n:]) + h * (Q @ v))
+    d = substituted(LU, right, order)
     arguments, moved = [LU, Q, x, slope, h, *H], ca.vertcat(h * (v + d[:n]), d)
     return ca.Function("solve", arguments, [moved], {"cse": True})
 
 
-def substituted(LU: ca.SX, d: ca.SX, order: list[int]) -> ca.SX:
-    """Solution of a system whose factors are in one matrix, eliminated in an order."""
-    d = ca.SX(d)
+def substituted(LU: ca.SX, right: ca.SX, order: list[int]) -> ca.SX:
+    """Solution for a right side, of a system whose factors ``LU`` were eliminated in an order."""
+    d = ca.SX(right)
 
-    def known(i: int, others: list[int]) -> ca.SX:
-        return sum((LU[i, j] * d[j] for j in others if LU.has_nz(i, j)), ca.SX(0.0))
+    def eliminated(i: int, columns: list[int]) -> ca.SX:
+        return sum((LU[i, j] * d[j] for j in columns if LU.has_nz(i, j)), ca.SX(0.0))
 
     for step, i in enumerate(order):
-        d[i] = d[i] - known(i, order[:step])
+        d[i] = d[i] - eliminated(i, order[:step])
     for step, i in reversed(list(enumerate(order))):
-        d[i] = (d[i] - known(i, order[step + 1 :])) / LU[i, i]
+        d[i] = (d[i] - eliminated(i, order[step + 1 :])) / LU[i, i]
     return d

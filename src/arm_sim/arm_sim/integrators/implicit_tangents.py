@@ -14,11 +14,29 @@ one direction, so that J is never differentiated as a matrix.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
+from typing import NamedTuple
 
 import casadi as ca
 
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.plant.slopes import Slopes
+
+
+class _Part(NamedTuple):
+    """Coefficients of one part of a step.
+
+    Attributes:
+        slopes: Those of the derivative of f at its beginning, see ``Slopes``.
+        bend: Derivatives of J Δ by x and by what is held, column by column.
+        by_length: g + J_w d + 2 J_q Δq.
+        rate: Δq / h.
+    """
+
+    slopes: ca.MX
+    bend: ca.MX
+    by_length: ca.MX
+    rate: ca.MX
 
 
 def implicit_tangent(
@@ -40,23 +58,23 @@ def implicit_tangent(
     J_q, J_w = implicit.jacobian(rhs, n).call([x, u, p])
     factor = implicit.factored(n, J_w.sparsity(), J_q.sparsity())
     solve = implicit.solved(n, factor.sparsity_out(0), J_q.sparsity())
-    kept, row = [h, _entries(J_q)], list[ca.MX]()
+    coefficients, row = [h, _entries(J_q)], list[ca.MX]()
     for j, parts in enumerate(implicit.PARTS):
         length, moved = h / parts, ca.MX.zeros(x.shape[0])
         LU = factor(J_q, J_w, length)
-        kept.append(_entries(LU))
+        coefficients.append(_entries(LU))
         for _ in range(parts):
             y = x + moved
             slope, c = rhs(y, u, p), slopes.coefficients(y, u, p)[1]
             change = solve(LU, J_q, y, slope, length)
             by_length = slope[n:] + J_w @ change[n:] + 2.0 * (J_q @ change[:n])
-            kept += [c, bend(x, u, p, change), by_length, change[:n] / length]
+            coefficients += _Part(c, bend(x, u, p, change), by_length, change[:n] / length)
             moved = moved + change
         row = implicit.extrapolated(row, moved, j)
-    results = [x + row[-1], ca.densify(ca.vertcat(*kept))]
+    results = [x + row[-1], ca.densify(ca.vertcat(*coefficients))]
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
-    patterns = J_q.sparsity(), factor.sparsity_out(0), bend
-    return advance, _stretch(slopes, n, advance.size1_out(1), *patterns)
+    symbols = [ca.SX.sym("c", block.shape[0]) for block in coefficients]
+    return advance, _propagation(slopes, n, symbols, J_q.sparsity(), factor.sparsity_out(0))
 
 
 def _entries(matrix: ca.MX) -> ca.MX:
@@ -72,31 +90,27 @@ def _bending(rhs: ca.Function, n: int, tuned: Sequence[int]) -> ca.Function:
     return ca.Function("bend", [x, u, p, d], [bent], {"cse": True})
 
 
-def _stretch(
-    slopes: Slopes, n: int, count: int, of_q: ca.Sparsity, of_LU: ca.Sparsity, bend: ca.Function
+def _propagation(
+    slopes: Slopes, n: int, c: Sequence[ca.SX], of_q: ca.Sparsity, of_LU: ca.Sparsity
 ) -> ca.Function:
-    """Function (c, dx, dw, dh) -> dx at the end."""
+    """Function (c, dx, dw, dh) -> dx at the end.
+
+    The blocks of c are h and J_q, then for each division of the step LU and its ``_Part``s.
+    """
     dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
-    dh, c, nx = ca.SX.sym("dh"), ca.SX.sym("c", count), dx.shape[0]
-    m, place = nx - n, 0
-
-    def taken(size: int) -> ca.SX:
-        nonlocal place
-        place += size
-        return c[place - size : place]
-
-    h, order, row = taken(1), implicit.pivots(n, m, False), list[ca.SX]()
-    J_q = ca.SX(of_q, taken(of_q.nnz()))
+    dh, nx = ca.SX.sym("dh"), dx.shape[0]
+    m, blocks, row = nx - n, iter(c), list[ca.SX]()
+    h, J_q, order = next(blocks), ca.SX(of_q, next(blocks)), implicit.pivots(n, m, False)
     for j, parts in enumerate(implicit.PARTS):
         length, dlength, moved = h / parts, dh / parts, ca.SX(nx, 1)
-        LU = ca.SX(of_LU, taken(of_LU.nnz()))
+        LU = ca.SX(of_LU, next(blocks))
         for _ in range(parts):
-            dy = dx + moved
-            dg = slopes.carried(taken(slopes.coefficients.size1_out(1)), dy, dw)[n:]
-            bent = ca.reshape(taken(bend.size1_out(0)), m, -1) @ ca.vertcat(dx, dw)
-            d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bent) + dlength * taken(m)
+            part, dy = _Part(*islice(blocks, len(_Part._fields))), dx + moved
+            dg = slopes.carried(part.slopes, dy, dw)[n:]
+            bent = ca.reshape(part.bend, m, -1) @ ca.vertcat(dx, dw)
+            d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bent) + dlength * part.by_length
             d = implicit.substituted(LU, d, order)
-            dq = dlength * taken(n) + length * (dy[n : 2 * n] + d[:n])
+            dq = dlength * part.rate + length * (dy[n : 2 * n] + d[:n])
             moved = moved + ca.vertcat(dq, d)
         row = implicit.extrapolated(row, moved, j)
-    return ca.Function("propagate", [c, dx, dw, dh], [dx + row[-1]], {"cse": True})
+    return ca.Function("propagate", [ca.vertcat(*c), dx, dw, dh], [dx + row[-1]], {"cse": True})

@@ -21,11 +21,12 @@ import casadi as ca
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 
 Rates = Sequence[ca.MX] | Mapping[int, ca.SX]
-Parts = tuple[ca.MX, ca.MX, ca.MX]
+Gradients = tuple[ca.MX, ca.MX, ca.MX]
+"""By x, u and p."""
 Slope = Callable[[ca.MX], ca.MX]
 """x' at a state."""
-Back = Callable[[ca.MX, ca.MX, ca.MX], Parts]
-"""Gradients by x, u and p of x' at a state, of that slope and a weight of it."""
+Pullback = Callable[[ca.MX, ca.MX, ca.MX], Gradients]
+"""Gradients at a state, from x' there and the gradient by x'."""
 
 
 def slopes(
@@ -36,17 +37,17 @@ def slopes(
 
     ``alone`` gives that of a stage which shares its position with no other.
     """
-    found: list[ca.MX] = []
-    twins = _at_one_position(rhs, n)
-    while (i := len(found)) < len(tableau.a):
-        y = stage(tableau, i, found, x, h, n)
+    slopes: list[ca.MX] = []
+    pair = _at_one_position(rhs, n)
+    while (i := len(slopes)) < len(tableau.a):
+        y = stage(tableau, i, slopes, x, h, n)
         if not _shares(tableau, i):
-            found.append(alone(i, y))
+            slopes.append(alone(i, y))
             continue
         row = tableau.a[i + 1]
-        begun = x + h * weighed_sum(row[:i], found, x) if any(row[:i]) else x
-        found += twins.call([y, begun, h * row[i], u, p])
-    return found
+        before = x + h * weighed_sum(row[:i], slopes, x) if any(row[:i]) else x
+        slopes += pair.call([y, before, h * row[i], u, p])
+    return slopes
 
 
 def stage(tableau: Tableau, i: int, slopes: Sequence[ca.MX], x: ca.MX, h: ca.MX, n: int) -> ca.MX:
@@ -82,8 +83,8 @@ def tangent(
 
 
 def adjoint(
-    tableau: Tableau, slope: Slope, back: Back, n: int, x: ca.MX, h: ca.MX, weight: ca.MX
-) -> Parts:
+    tableau: Tableau, slope: Slope, pull: Pullback, n: int, x: ca.MX, h: ca.MX, weight: ca.MX
+) -> Gradients:
     """The transposed derivative of a step, see ``adjoints``."""
     k: list[ca.MX] = []
     y: list[ca.MX] = []
@@ -96,10 +97,10 @@ def adjoint(
     for i in reversed(range(len(k))):
         rate = _gathered(rows, i, weights)
         velocity = h * (rate[n : 2 * n] + h * _gathered(positions, i, weights)[:n])
-        known = ca.vertcat(ca.MX.zeros(n), velocity, h * rate[2 * n :])
-        weights[i], more_u, more_p = back(y[i], k[i], known)
+        by_slope = ca.vertcat(ca.MX.zeros(n), velocity, h * rate[2 * n :])
+        weights[i], stage_by_u, stage_by_p = pull(y[i], k[i], by_slope)
         by_x = by_x + weights[i] + _carried(tableau.a[i], weights[i], h, n)
-        by_u, by_p = by_u + more_u, by_p + more_p
+        by_u, by_p = by_u + stage_by_u, by_p + stage_by_p
     return by_x, by_u, by_p
 
 
@@ -116,14 +117,15 @@ def _at_one_position(rhs: ca.Function, n: int) -> ca.Function:
     x, s = ca.SX.sym("x", y.shape[0]), ca.SX.sym("s")
     first = rhs(y, u, p)
     second = rhs(ca.vertcat(y[:n], (x + s * first)[n:]), u, p)
-    both = [ca.densify(first), ca.densify(second)]
-    return ca.Function("at_one_position", [y, x, s, u, p], both, {"cse": True})
+    results = [ca.densify(first), ca.densify(second)]
+    return ca.Function("at_one_position", [y, x, s, u, p], results, {"cse": True})
 
 
-def _gathered(rows: Sequence[Sequence[float]], i: int, back: Mapping[int, ca.MX]) -> ca.MX:
+def _gathered(rows: Sequence[Sequence[float]], i: int, weights: Mapping[int, ca.MX]) -> ca.MX:
     """Gradients of the later stages and of the result, times their weights of stage i."""
-    users = [j for j in back if i < len(rows[j]) and rows[j][i]]
-    return sum((rows[j][i] * back[j] for j in users), ca.MX.zeros(back[max(back)].shape[0]))
+    users = [j for j in weights if i < len(rows[j]) and rows[j][i]]
+    zeros = ca.MX.zeros(weights[max(weights)].shape[0])
+    return sum((rows[j][i] * weights[j] for j in users), zeros)
 
 
 def _carried(row: Sequence[float], weight: ca.MX, h: ca.MX, n: int) -> ca.MX:

@@ -3,8 +3,8 @@
 
 Forces that act within milliseconds decide which method a scene needs: friction, springs, compliant
 stops, drives. Gravity and inertial forces are slower, and left out. The same forces move a light
-joint faster, and a joint is lighter in some postures than in others, so the arm is looked at in
-several places of its range.
+joint faster, and a joint is lighter in some postures than in others, so several postures are
+sampled.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FRICTION, SPRINGS, STOPS, LAWS = (
     "friction stops", "a spring moves", "a stop throws back", "its drive moves"
 )  # fmt: skip
 # Postures besides the initial one, and the number of joints, cubed, that all of them may have: an
-# arm of many joints is looked at in fewer.
+# arm of many joints is sampled in fewer.
 POSTURES, MOST_WORK = 32, 100_000
 # Size of a combination of constraint rows, relative to the largest, that is zero.
 DEPENDENT = 1e-9
@@ -97,29 +97,29 @@ def responses(plant: Plant) -> list[Response]:
     parts = _Parts(plant)
     if not parts:
         return []
-    found = list[Response]()
-    for place, q in enumerate(_places(plant.model)):
+    results = list[Response]()
+    for place, q in enumerate(_postures(plant.model)):
         try:
-            found += parts.at(q, begins=place == 0)
+            results += parts.at(q, begins=place == 0)
         except np.linalg.LinAlgError:
             continue
-    return found
+    return results
 
 
 def rate_by_state(plant: Plant) -> Callable[[Array], float]:
     """The fastest rate of a scene in [1/s] as function of the state, where springs may stiffen."""
     parts, n = _Parts(plant), plant.model.n
-    return lambda x: max(each.fastest for each in parts.at(x[:n], False, x[2 * n :]))
+    return lambda x: max(r.fastest for r in parts.at(x[:n], False, x[2 * n :]))
 
 
-def _places(model: ArmModel) -> Array:
-    """Positions where the arm is looked at, the initial ones first, shape (k, n)."""
+def _postures(model: ArmModel) -> Array:
+    """Sampled positions, the initial ones first, shape (k, n)."""
     count = 0 if model.scene.bilateral else min(POSTURES, MOST_WORK // model.n**3)
     return np.vstack([model.q0, postures(model, count)])
 
 
 class _Parts:
-    """The parts of a scene that push joints where they are displaced, or move."""
+    """The parts of a scene that push joints when these are displaced, or move."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant, self._dynamics = plant, Dynamics(plant.model)
@@ -171,7 +171,9 @@ class _Parts:
         rows = ConstraintRows(self._plant.model)
         pairs = zip(rows.names, rows.constraints, strict=True)
         lasting = {name for name, constraint in pairs if not constraint.switchable}
-        Z = _motions(rows.stacked(q, 0.0 * q, lasting).jacobian)
+        _, sizes, basis = np.linalg.svd(rows.stacked(q, 0.0 * q, lasting).jacobian)
+        rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+        Z = basis[rank:].T  # velocities that the constraints allow
         return np.asarray(Z @ np.linalg.solve(Z.T @ M @ Z, Z.T))
 
     def _states(self, q: Array) -> Array:
@@ -185,17 +187,10 @@ class _Parts:
         return z
 
 
-def _motions(A: Array) -> Array:
-    """Basis of the velocities with A v = 0, shape (n, …)."""
-    _, sizes, rows = np.linalg.svd(A)
-    rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
-    return np.asarray(rows[rank:].T)
-
-
 def _padded(by_q: Array, by_v: Array, nx: int) -> Array:
     """Slopes of torques that internal states do not change, shape (n, nx)."""
-    both = np.hstack([by_q, by_v])
-    return np.pad(both, ((0, 0), (0, nx - both.shape[1])))
+    slopes = np.hstack([by_q, by_v])
+    return np.pad(slopes, ((0, 0), (0, nx - slopes.shape[1])))
 
 
 def _spring_slopes(model: ArmModel) -> ca.Function:
@@ -212,6 +207,6 @@ def _law_slopes(plant: Plant) -> ca.Function:
     n, nz = plant.model.n, plant.nz
     q, v, z = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("z", nz)
     flow, x = plant.laws.equations(q, v, z, ca.SX(n, 1)), ca.vertcat(q, v, z)
-    both = [ca.jacobian(part, x) for part in (flow.torque, flow.slope)]
-    slopes = ca.Function("slopes", [q, v, z], both)
+    by_x = [ca.jacobian(part, x) for part in (flow.torque, flow.slope)]
+    slopes = ca.Function("slopes", [q, v, z], by_x)
     return ca.Function("laws", [q, z], slopes(q, 0.0, z))

@@ -102,7 +102,7 @@ def choose(
         return _implicit(plant, dt, tolerance, reason, share)
     if name == "auto":
         return _automatic(plant, dt, tolerance)
-    return _chosen(plant, METHODS[name], dt, tolerance)
+    return _named(plant, METHODS[name], dt, tolerance)
 
 
 def _tick(dt: float) -> float:
@@ -116,7 +116,7 @@ def _tick(dt: float) -> float:
     return dt
 
 
-def _chosen(plant: Plant, method: Method, dt: float, tolerance: float | None) -> Choice:
+def _named(plant: Plant, method: Method, dt: float, tolerance: float | None) -> Choice:
     """The choice of a method by its name."""
     name = method.name
     if tolerance is not None and not method.adaptive:
@@ -131,33 +131,33 @@ def _chosen(plant: Plant, method: Method, dt: float, tolerance: float | None) ->
 
 
 def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
-    found = responses(plant)
-    if plant.nz or _swings(found, dt):
-        return _controlled(plant, dt, tolerance, found)
+    sampled = responses(plant)
+    if plant.nz or _swings(sampled, dt):
+        return _controlled(plant, dt, tolerance, sampled)
     if cause := _varies(plant, dt):
-        return _controlled(plant, dt, tolerance, found, cause)
-    bounds = (STIFF if response.begins else STIFF_ELSEWHERE for response in found)
-    if any(response.fastest * dt > bound for response, bound in zip(found, bounds, strict=True)):
+        return _controlled(plant, dt, tolerance, sampled, cause)
+    bounds = (STIFF if response.begins else STIFF_ELSEWHERE for response in sampled)
+    if any(response.fastest * dt > bound for response, bound in zip(sampled, bounds, strict=True)):
         if any(plant.model.friction.tables):  # slopes at the start say little about others
-            return _controlled(plant, dt, tolerance, found)
-        stiff = f"stiff: {_fastest(plant, found)}"
+            return _controlled(plant, dt, tolerance, sampled)
+        stiff = f"stiff: {_fastest(plant, sampled)}"
         instead = _implicit(plant, dt, None, f"{stiff}; {MISSED}")
         return Choice(METHODS["implicit"], dt, tolerance, stiff, instead)
     if tolerance is None:
-        instead = _controlled(plant, dt, None, found, MISSED)
+        instead = _controlled(plant, dt, None, sampled, MISSED)
         return Choice(METHODS["rk4"], dt, None, "the scene is not stiff", instead)
     return Choice(METHODS["dop853"], dt, tolerance, "not stiff, error control: the highest order")
 
 
 def _controlled(
-    plant: Plant, dt: float, tolerance: float | None, found: list[Response], cause: str = ""
+    plant: Plant, dt: float, tolerance: float | None, sampled: list[Response], cause: str = ""
 ) -> Choice:
     """A method with error control."""
-    if any(response.fastest * dt > QUICK_STIFF for response in found):
-        reason = f"stiff, error control: {_fastest(plant, found)}"
+    if any(response.fastest * dt > QUICK_STIFF for response in sampled):
+        reason = f"stiff, error control: {_fastest(plant, sampled)}"
         return _implicit(plant, dt, tolerance, reason)
-    what = cause or ("drives with internal states" if plant.nz else _fastest(plant, found))
-    reason = f"{what}: error control, the highest order"
+    cause = cause or ("drives with internal states" if plant.nz else _fastest(plant, sampled))
+    reason = f"{cause}: error control, the highest order"
     tolerance = tolerance or _substep_tolerance(plant, SHARE)
     return Choice(METHODS["dop853"], dt, tolerance, reason)
 
@@ -201,11 +201,11 @@ def _varies(plant: Plant, dt: float) -> str:
     return f"falling friction speeds a joint up in {1.0 / rate:.2g} s ('{joint}')"
 
 
-def _swings(found: list[Response], dt: float) -> bool:
+def _swings(sampled: list[Response], dt: float) -> bool:
     """Whether a spring or a stop moves a joint faster than steps of fixed length resolve."""
     return any(
         response.cause(mode)[0] in (SPRINGS, STOPS)
-        for response in found
+        for response in sampled
         for mode in np.flatnonzero(abs(response.modes[0]) * dt > SWING).tolist()
     )
 
@@ -225,9 +225,9 @@ def _instability(plant: Plant, method: Method, dt: float) -> str:
     )
 
 
-def _fastest(plant: Plant, found: list[Response]) -> str:
+def _fastest(plant: Plant, sampled: list[Response]) -> str:
     """What moves which joint in the fastest mode, and how fast."""
-    fastest = max(found, key=lambda response: response.fastest)
+    fastest = max(sampled, key=lambda response: response.fastest)
     return _describe_mode(plant, fastest, fastest.quickest)
 
 

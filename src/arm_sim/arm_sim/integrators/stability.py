@@ -16,8 +16,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.integrators.methods import Method, build_step
+from arm_sim.integrators.methods import Method
 from arm_sim.integrators.response import Response
+from arm_sim.integrators.steps import build_step
 from arm_sim.integrators.tableaux import Tableau
 
 # Growth per step that is an error of low order and no instability, such as that of Euler's method
@@ -89,14 +90,10 @@ def _growth(method: Method, response: Response, h: float) -> Array:
         return np.where(grows_itself, 0.0, abs(factors) - 1.0)
     with np.errstate(over="ignore"):  # a mode that grows beyond all numbers is its own
         own = np.exp(h * np.where(grows_itself, rates.real, 0.0))
-    return np.asarray(_factors(method, response, h) - own.max(initial=1.0))
-
-
-def _factors(method: Method, response: Response, h: float) -> Array:
-    """Sizes of the factors of a step of a method that couples modes."""
     J = response.J
     step = _linear_step(method, len(J), response.n)
-    return np.asarray(abs(np.linalg.eigvals(np.array(step(np.eye(len(J)), 0.0, J.T.ravel(), h)))))
+    matrix = np.array(step(np.eye(len(J)), 0.0, J.T.ravel(), h))
+    return np.asarray(abs(np.linalg.eigvals(matrix)) - own.max(initial=1.0))
 
 
 @cache

@@ -22,7 +22,8 @@ import casadi as ca
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.implicit_tangents import implicit_tangent
-from arm_sim.integrators.methods import Method, Scaled, Step, build_step
+from arm_sim.integrators.methods import Method
+from arm_sim.integrators.steps import Scaled, Step, build_step
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 from arm_sim.plant.slopes import Kept, Slopes, jacobian_by
 
@@ -60,7 +61,7 @@ def build_tangent(
     """
     if method.name == "implicit":
         if scaled is not None and scaled() is not None:
-            return _whole(build_step(method, rhs, n, project, scaled), tuned)
+            return _undivided(build_step(method, rhs, n, project, scaled), tuned)
         pair = implicit_tangent(rhs, slopes, n, tuned)
     elif method.tableau is None:
         pair = _semi_implicit(slopes, n)
@@ -97,10 +98,8 @@ def _staged(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> Pair:
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
     dx, dw, dh = _changes(slopes)
-    h, s, t = (ca.SX.sym(name, *shape) for name, shape in (
-        ("h", (1, 1)), ("k", (dx.shape[0], len(used))),
-        ("c", (slopes.coefficients.size1_out(1), len(used))),
-    ))  # fmt: skip
+    h, s = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0], len(used))
+    t = ca.SX.sym("c", slopes.coefficients.size1_out(1), len(used))
     slope = {i: s[:, place] for place, i in enumerate(used)}
     dk: dict[int, ca.SX] = {}
     rows = (*tableau.a, tableau.b)
@@ -138,9 +137,9 @@ def _semi_implicit(slopes: Slopes, n: int) -> Pair:
     x, u, p, h = _symbols(slopes)
     k, c = slopes.coefficients(x, u, p)
     after = x + h * k
-    found = ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
-    kept = ca.vertcat(h, k, after[n : 2 * n], c)
-    advance = ca.Function("advance", [x, u, p, h], [found, kept], {"cse": True})
+    v = after[n : 2 * n]
+    end, kept = ca.vertcat(x[:n] + h * v, after[n:]), ca.vertcat(h, k, v, c)
+    advance = ca.Function("advance", [x, u, p, h], [end, kept], {"cse": True})
 
     dx, dw, dh = _changes(slopes)
     h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
@@ -155,29 +154,30 @@ def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -
     """The same with the state projected onto the constraints at the end."""
     advance, propagate = pair
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
-    found = project(before, after, p)[0]
+    projected = project(before, after, p)[0]
     kept = Kept()
     by_before, by_after, by_p = (
-        kept.matrix(ca.jacobian(found, by)) for by in (before, after, p[list(tuned), :])
+        kept.matrix(ca.jacobian(projected, by)) for by in (before, after, p[list(tuned), :])
     )
-    held = ca.Function("held", [before, after, p], [found, kept.values], {"cse": True})
+    onto = ca.Function("onto", [before, after, p], [projected, kept.values], {"cse": True})
 
     x, u, p, h = (advance.mx_in(i) for i in range(4))
     moved, c, *inside = advance(x, u, p, h)
-    found, more = held(x[: 2 * n], moved[: 2 * n], p)
-    results = [ca.vertcat(found, moved[2 * n :]), ca.vertcat(c, more), *inside]
-    whole = ca.Function("advance", [x, u, p, h], results, {"cse": True})
+    projected, coefficients = onto(x[: 2 * n], moved[: 2 * n], p)
+    end = ca.vertcat(projected, moved[2 * n :])
+    results = [end, ca.vertcat(c, coefficients), *inside]
+    advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
     c, dx, dw, dh = (ca.SX.sym(name, propagate.size1_in(i)) for i, name in enumerate("cxwh"))
     moved = propagate(c, dx, dw, dh)
     change = by_before @ dx[: 2 * n] + by_after @ moved[: 2 * n] + by_p @ dw[n:]
     arguments = [ca.vertcat(c, kept.symbols), dx, dw, dh]
     change = ca.vertcat(change, moved[2 * n :])
-    return whole, ca.Function("propagate", arguments, [change], {"cse": True})
+    return advance, ca.Function("propagate", arguments, [change], {"cse": True})
 
 
-def _whole(step: ca.Function, tuned: Sequence[int]) -> Pair:
-    """A step that is differentiated as a whole."""
+def _undivided(step: ca.Function, tuned: Sequence[int]) -> Pair:
+    """A step that is differentiated at once, not stage by stage."""
     x, u, p, h = (step.mx_in(i) for i in range(4))
     after = step(x, u, p, h)
     by_x, by_u, by_h = (ca.jacobian(after, by) for by in (x, u, h))

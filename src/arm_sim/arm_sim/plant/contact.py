@@ -36,22 +36,22 @@ class ContactFunctions:
         self._s, self._p, self._response = s, joints.p, response
         self._mode, self._sliding = Mode.of(joints.contacts), ca.diag(joints.sliding)
         self._arguments, self._x = [s.q, s.v, s.tau, joints.p], ca.vertcat(s.q, s.v)
-        self._where = contact.geometry(s.tree, self.points, s.q)
-        A = self._where.rows
+        self._geometry = contact.geometry(s.tree, self.points, s.q)
+        A = self._geometry.rows
         self._speed = A @ s.v
         self._A_moving = ca.sparsify(A @ self._sliding)
         self._B = response.mobility(A.T)
-        without = response.accelerations(response.load)
-        self._free = self._A_moving @ without + ca.jtimes(self._speed, s.q, s.v)
+        contact_free = response.accelerations(response.load)
+        self._free = self._A_moving @ contact_free + ca.jtimes(self._speed, s.q, s.v)
         self._delassus = Delassus(self._A_moving, self._B)
         self._shares = contact.shares(self.points, self._speed, self._mode)
         self._force = self._delassus.forces(self._free, self._shares, self._mode.rows())
-        self._a = without + self._B @ self._force
+        self._a = contact_free + self._B @ self._force
 
     @property
     def reactions(self) -> Reactions:
         """Forces of contacts and held joints, as expressions."""
-        A, delassus = self._where.rows, self._delassus
+        A, delassus = self._geometry.rows, self._delassus
         push = A.T @ self._force
         held = self._response.reactions(self._response.load + push, self._a)
         relative = self._s.friction.relative_hold(held, self._s.q, self._s.tau)
@@ -67,16 +67,16 @@ class ContactFunctions:
         These are the acceleration of the points per force on them, of the joints per force, and of
         the points without contact forces.
         """
-        found = self._delassus.W, self._B, self._free
-        return dense_function("contact_inertia", self._arguments, *found)
+        results = self._delassus.W, self._B, self._free
+        return dense_function("contact_inertia", self._arguments, *results)
 
     @built_once
     def geometry(self) -> ca.Function:
         """(q, v) stacked -> positions of the points in their planes' axes, velocities, sizes."""
         # After many revolutions, the rounding of a joint's position also enters the gap.
-        turned = ca.fabs(self._where.rows[::3, :]) @ ca.fabs(self._s.q)
-        found = self._where.place, self._speed, self._where.size + turned
-        return dense_function("contact_geometry", [self._x], *found)
+        turned = ca.fabs(self._geometry.rows[::3, :]) @ ca.fabs(self._s.q)
+        results = self._geometry.place, self._speed, self._geometry.size + turned
+        return dense_function("contact_geometry", [self._x], *results)
 
     @built_once
     def close(self) -> ca.Function:
@@ -89,7 +89,7 @@ class ContactFunctions:
         expected = ca.vec(ca.vertcat(ca.SX(1, len(self.points)), ca.reshape(anchor, 2, -1)))
         s, rows, back, forces = self._s, self._mode.rows(), self._returning, self._delassus.forces
         closed = ca.vertcat(
-            s.q + self._B @ forces(self._where.place - expected, ca.diag(back), back),
+            s.q + self._B @ forces(self._geometry.place - expected, ca.diag(back), back),
             s.v + self._B @ forces(self._A_moving @ s.v, ca.diag(rows), rows),
         )
         return dense_function("contact_close", [self._x, self._p, anchor], closed)
@@ -109,8 +109,8 @@ class ContactFunctions:
 
         In [m], shape (3, 4 nc).
         """
-        found = contact.sites(self._s.tree, self.points, self._s.q)
-        return ca.Function("contact_sites", [self._s.q], [found], {"cse": True})
+        sites = contact.sites(self._s.tree, self.points, self._s.q)
+        return ca.Function("contact_sites", [self._s.q], [sites], {"cse": True})
 
     @built_once
     def lost(self) -> ca.Function:
@@ -128,14 +128,14 @@ class ContactFunctions:
             being constant; these rows; accelerations of the joints per unknown force; and minus
             the unknown forces per acceleration of the rows.
         """
-        A, S, shares, rows = self._where.rows, self._sliding, self._shares, self._mode.rows()
-        acting, given = ca.SX.sym("a", A.shape[1]), ca.SX.sym("f", A.shape[0])
-        torque = S @ A.T @ (shares @ (rows * given))
-        rates = rows * (self._A_moving @ acting + ca.jtimes(self._speed, self._s.q, self._s.v))
+        A, S, shares, rows = self._geometry.rows, self._sliding, self._shares, self._mode.rows()
+        a, force = ca.SX.sym("a", A.shape[1]), ca.SX.sym("f", A.shape[0])
+        torque = S @ A.T @ (shares @ (rows * force))
+        rates = rows * (self._A_moving @ a + ca.jtimes(self._speed, self._s.q, self._s.v))
         slopes = (ca.sparsify(ca.jacobian(of, self._x)) for of in (torque, rates))
         unknowns = -self._delassus.unknowns(shares, rows)
         solved = ca.diag(rows) @ self._A_moving, self._B @ shares, unknowns
-        return ca.Function("slopes", [*self._arguments, acting, given], [*slopes, *solved])
+        return ca.Function("slopes", [*self._arguments, a, force], [*slopes, *solved])
 
     @one_at_a_time
     def closing(self) -> ca.Function:
@@ -145,20 +145,20 @@ class ContactFunctions:
             CasADi function ((q, v) stacked, p) -> derivatives of ``settle`` by q and v, and of
             ``close``, repeated, by q, v and anchors.
         """
-        A, B, q, n = self._where.rows, self._B, self._s.q, self._s.q.shape[0]
+        A, B, q, n = self._geometry.rows, self._B, self._s.q, self._s.q.shape[0]
         shares, rows, unknowns = self._shares, self._mode.rows(), self._delassus.unknowns
-        by_q, no, eye = ca.jacobian(self._where.place, q), ca.SX(n, n), ca.SX.eye(n)
+        by_q, zeros, eye = ca.jacobian(self._geometry.place, q), ca.SX(n, n), ca.SX.eye(n)
         drift = ca.horzcat(ca.jacobian(self._speed, q), A)
         back = B @ unknowns(ca.diag(self._returning), self._returning)
         settled = B @ shares @ unknowns(shares, rows) @ -drift
         held = B @ unknowns(ca.diag(rows), rows)
         turned = held @ ca.jacobian(self._A_moving @ self._s.v, q)
         tangents = [i for i in range(A.shape[0]) if i % 3]
-        moved = ca.horzcat(eye - back @ by_q, no, back[:, tangents])
-        follows = ca.horzcat(no, eye - held @ self._A_moving, ca.SX(n, len(tangents)))
-        closed = ca.vertcat(moved, follows - turned @ moved)
-        found = ca.horzcat(no, eye) + settled, closed
-        return dense_function("closing", [self._x, self._p], *found)
+        positions = ca.horzcat(eye - back @ by_q, zeros, back[:, tangents])
+        velocities = ca.horzcat(zeros, eye - held @ self._A_moving, ca.SX(n, len(tangents)))
+        closed = ca.vertcat(positions, velocities - turned @ positions)
+        results = ca.horzcat(zeros, eye) + settled, closed
+        return dense_function("closing", [self._x, self._p], *results)
 
     @property
     def _returning(self) -> ca.SX:

@@ -77,14 +77,14 @@ class Mechanics:
         if not self._eventful:
             return ()
         s, joints, held, bilateral = self.symbols, self.joints, self._reactions, self._bilateral
-        found = [self.contact.inertia] if self.contact else []
-        found.append(_loads(s, joints, held, self._at_stops))
+        functions = [self.contact.inertia] if self.contact else []
+        functions.append(_loads(s, joints, held, self._at_stops))
         if bilateral:
-            found.append(_bilateral(s, joints, held, bilateral))
+            functions.append(_bilateral(s, joints, held, bilateral))
         parts = len(self.contact.points) if self.contact else 0
         if parts + bool(joints.direction.numel()) + bool(bilateral) > 1:
-            found.append(_statics(s, joints, held, bilateral))
-        return tuple(found)
+            functions.append(_statics(s, joints, held, bilateral))
+        return tuple(functions)
 
     @property
     def of_joints(self) -> tuple[ca.Function, ...]:
@@ -104,22 +104,19 @@ class Mechanics:
         and the impulses on the held joints.
         """
         s, jacobian = self.symbols, self._reactions.jacobian
-        change, impulse = (
-            ca.SX.sym("change", s.q.shape[0]),
-            ca.SX.sym("impulse", jacobian.shape[0]),
-        )
+        change, impulse = ca.SX.sym("change", s.q.numel()), ca.SX.sym("impulse", jacobian.shape[0])
         gain, held = self._response.struck(jacobian.T @ impulse, change)
-        given = [ca.vertcat(s.q, s.v), self.joints.p, change, impulse]
-        return dense_function("impact_map", given, s.v + gain, held)
+        arguments = [ca.vertcat(s.q, s.v), self.joints.p, change, impulse]
+        return dense_function("impact_map", arguments, s.v + gain, held)
 
-    def taken(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+    def power_lost(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         """Power that contact friction and compliant stops take from the joints in [W]."""
         s, joints = self.symbols, self.joints
-        takers = [self.contact.lost] if self.contact else []
+        losses = [self.contact.lost] if self.contact else []
         if joints.pressed.numel():
             stopped, arguments = -ca.dot(joints.stop, s.v), [s.q, s.v, s.tau, joints.p]
-            takers.append(dense_function("taken", arguments, stopped))
-        return sum((taker(q, v, tau, p) for taker in takers), ca.SX(1, 1))
+            losses.append(dense_function("taken", arguments, stopped))
+        return sum((power(q, v, tau, p) for power in losses), ca.SX(1, 1))
 
 
 def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
@@ -148,8 +145,8 @@ def _loads(s: Symbols, joints: Joints, reactions: Reactions, at_stops: bool) -> 
     compute them.
     """
     stopped = joints.stop - reactions.held if at_stops else ca.SX(0, 1)
-    found = *reactions.loads, stopped, reactions.a
-    return dense_function("loads", [s.q, s.v, s.tau, joints.p], *found)
+    results = *reactions.loads, stopped, reactions.a
+    return dense_function("loads", [s.q, s.v, s.tau, joints.p], *results)
 
 
 def _bilateral(s: Symbols, joints: Joints, reactions: Reactions, rows: Bilateral) -> ca.Function:
@@ -159,8 +156,8 @@ def _bilateral(s: Symbols, joints: Joints, reactions: Reactions, rows: Bilateral
     contacts and static friction besides them.
     """
     starting = ca.if_else(s.v == 0, joints.friction, 0)
-    others = reactions.push - reactions.held - starting
-    return dense_function("bilateral", [s.q, s.v, s.tau, joints.p], rows.rank, others)
+    other_torques = reactions.push - reactions.held - starting
+    return dense_function("bilateral", [s.q, s.v, s.tau, joints.p], rows.rank, other_torques)
 
 
 def _statics(

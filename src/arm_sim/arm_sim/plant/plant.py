@@ -137,8 +137,8 @@ class Plant:
         n, laws = self.model.n, self.laws
         x, u = ca.SX.sym("x", self.nx), ca.SX.sym("u", n)
         q, v, z = split(x, n)
-        both = laws.drive(q, v, z, u), laws.equations(q, v, z, u).torque
-        return dense_function("torques", [x, u], *both)
+        torque = laws.equations(q, v, z, u).torque
+        return dense_function("torques", [x, u], laws.drive(q, v, z, u), torque)
 
     def joint_torque(self, x: Array, u: Array) -> Array:
         """Torque of the drives on the joints in [N m] or [N]: the command, or that of a model.
@@ -192,7 +192,7 @@ class Plant:
     @built_once
     def _state_space(self) -> StateSpace:
         powers = dissipated_and_external_power(self.model, self.parameters)
-        flows = (*powers, self.mechanics.taken)
+        flows = (*powers, self.mechanics.power_lost)
         return StateSpace(self.mechanics, self.laws, flows if self.options.energies else ())
 
     @built_once
@@ -214,5 +214,5 @@ def slope_of_loads(plant: Plant) -> ca.Function:
     loads = plant.events.get("loads")
     if loads is None:
         return plant.rhs
-    given = [ca.MX.sym(name, loads.size1_in(i)) for i, name in enumerate("xup")]
-    return ca.Function("rhs", given, loads.call(given)[-1:])
+    arguments = [ca.MX.sym(name, loads.size1_in(i)) for i, name in enumerate("xup")]
+    return ca.Function("rhs", arguments, loads.call(arguments)[-1:])

@@ -38,9 +38,9 @@ class EnergyFlows(Ensemble):
     """The models of a scene with energy flows as additional states, which come last.
 
     They are the work supplied to the models and the heat dissipated in them, and those of
-    ``dissipated_and_external_power`` and ``Mechanics.taken``: heat of the joints' friction and of
-    dampers, external work, and losses in friction of contacts and in compliant stops. Impacts are
-    not included.
+    ``dissipated_and_external_power`` and ``Mechanics.power_lost``: heat of the joints' friction
+    and of dampers, external work, and losses in friction of contacts and in compliant stops.
+    Impacts are not included.
     """
 
     @property

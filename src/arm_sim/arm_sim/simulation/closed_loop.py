@@ -98,8 +98,8 @@ class ClosedLoop:
         for words in (odd, overreach(controller, dynamics, settings, sim.model.scene.delay)):
             if words:
                 _log.warning("%s", words)
-        self._limits = Limits.of(self._dynamics.model, acceleration_limit)
-        self._follower = Follower(self.simulator.measured.q, self._limits)
+        limits = Limits.of(dynamics.model, acceleration_limit)
+        self._follower = Follower(sim.measured.q, limits)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled.
@@ -130,10 +130,10 @@ class ClosedLoop:
         for waypoint in waypoints:
             warn_of_degrees(plant, np.asarray(waypoint.q), self.simulator.model.q0, q)
         if motion.stretch > 1.0:
-            asked = motion.duration / motion.stretch
+            requested = motion.duration / motion.stretch
             _log.warning(
                 "the motion takes %.3g s instead of %.3g s: the joints' velocity and acceleration "
-                "limits allow no less", motion.duration, asked,
+                "limits allow no less", motion.duration, requested,
             )  # fmt: skip
         return motion
 
@@ -145,13 +145,13 @@ class ClosedLoop:
             InvalidInput: If the duration is not allowed.
             SimulationDiverged: If the state becomes non-finite; it has the recording so far.
         """
-        return self.simulator.run(duration, self._answer)
+        return self.simulator.run(duration, self._command)
 
     def record(self, path: str | os.PathLike[str], duration: float) -> Path:
         """Advance by a duration in [s] and record every tick in a file; see ``Simulator``."""
-        return self.simulator.record(path, duration, self._answer)
+        return self.simulator.record(path, duration, self._command)
 
-    def _answer(self, state: State) -> Array:
+    def _command(self, state: State) -> Array:
         reference = self._follower.reference(round(1e9 * state.time))
         tau = self._control.torque(Measured(state.q, state.v), reference)
         return np.asarray(self._dynamics.command_map(state.q, state.v, tau))

@@ -43,9 +43,9 @@ class CompiledScene:
     @classmethod
     def chosen(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
         """By a choice, or by what replaces it where steps of fixed length are too inaccurate."""
-        made = cls(plant, choice, backend)
-        if choice.instead is None or keeps_accuracy(plant, made.stepper, choice):
-            return made
+        compiled = cls(plant, choice, backend)
+        if choice.instead is None or keeps_accuracy(plant, compiled.stepper, choice):
+            return compiled
         return cls(plant, choice.instead, backend)
 
     def pushable(self) -> CompiledScene:

@@ -105,8 +105,8 @@ class Plan:
             self._stepper.restart()
             x = np.concatenate([model.q0, model.v0, self._plant.laws.initial(model.q0, model.v0)])
             start = time.perf_counter_ns()
-            done = self._stepper.roll(x, np.zeros(model.n), trace, effort, notes)
-            best = min(best, (time.perf_counter_ns() - start) / max(1, done))
+            ticks = self._stepper.roll(x, np.zeros(model.n), trace, effort, notes)
+            best = min(best, (time.perf_counter_ns() - start) / max(1, ticks))
         self._stepper.restart()
         return best
 
@@ -134,9 +134,8 @@ class Plan:
         lines += [f"            {law}" for law in self.laws]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
         off = ", ".join(part.name for part in self.parts if not part.on) or "none"
-        lines.append(
-            fill(f"skipped     {off}; plan.parts says why", 98, subsequent_indent=" " * 12)
-        )
+        skipped = f"skipped     {off}; plan.parts says why"
+        lines.append(fill(skipped, 98, subsequent_indent=" " * 12))
         return "\n".join(lines)
 
 
@@ -212,8 +211,8 @@ def _sensors(scene: Scene) -> str:
     """Imperfections of the sensors, as text."""
     if (sensors := scene.sensors) is None:
         return ""
-    given = {"position": sensors.position, "velocity": sensors.velocity, "effort": sensors.effort}
-    imperfect = ", ".join(name for name, part in given.items() if part.model_fields_set)
+    sensed = {"position": sensors.position, "velocity": sensors.velocity, "effort": sensors.effort}
+    imperfect = ", ".join(name for name, part in sensed.items() if part.model_fields_set)
     return "; ".join([*([f"of {imperfect}"] if imperfect else []), *_line(sensors)]) or "perfect"
 
 
@@ -229,8 +228,8 @@ def _line(line: Line) -> list[str]:
 
 
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
-    found = [law.summary for law in laws if isinstance(law, kind)]
-    return _part(kind.title, found, "".join(found), kind.absent)
+    summaries = [law.summary for law in laws if isinstance(law, kind)]
+    return _part(kind.title, summaries, "".join(summaries), kind.absent)
 
 
 def _springs(model: ArmModel) -> str:
@@ -238,14 +237,14 @@ def _springs(model: ArmModel) -> str:
     springs = model.springs
     joints = np.count_nonzero(springs.of_joints)
     numbers = {"of joints": joints, "between points": len(springs.points)}
-    return ", ".join(f"{count} {where}" for where, count in numbers.items() if count)
+    return ", ".join(f"{count} {kind}" for kind, count in numbers.items() if count)
 
 
 def _by_speed(model: ArmModel) -> str:
     """Sizes of the tables of friction by speed, for display."""
-    found = [table for table in model.friction.tables if table]
-    rows = sum(len(table.moving) for table in found)
-    return f"{_at(found)}, {counted(rows, 'row')} of speeds" if found else ""
+    tables = [table for table in model.friction.tables if table]
+    rows = sum(len(table.moving) for table in tables)
+    return f"{_at(tables)}, {counted(rows, 'row')} of speeds" if tables else ""
 
 
 def _at(values: Any) -> str:

@@ -232,8 +232,8 @@ class SimulatedArm:
         """Whether the servos would hold the arm at rest where it is."""
         servo, rest, stepper = self.compiled.servo, self.compiled.rest, self._stepper
         still = rest.stopped(self._x)
-        asked = servo.command(command, still, stepper.p, self.step_count)
-        return rest.balanced(still, asked, stepper.p, stepper.slope)
+        holding = servo.command(command, still, stepper.p, self.step_count)
+        return rest.balanced(still, holding, stepper.p, stepper.slope)
 
     def _advance(self, servo: bool = False) -> None:
         if self._tick() != 1:
@@ -278,23 +278,22 @@ class SimulatedArm:
 
         If a signal breaks it off, what was done is registered.
         """
-        start, done = self._x.copy(), -1
+        start, ticks = self._x.copy(), -1
         try:
-            done = stepper.ticks(self._x, command, trace, effort, notes)()
+            ticks = stepper.ticks(self._x, command, trace, effort, notes)()
         finally:
-            if done < 0:  # the handler of a signal raised an exception when they were made
+            if ticks < 0:  # the handler of a signal raised an exception when they were made
                 same = np.flatnonzero((trace == self._x).all(axis=1))
-                done = int(same[-1]) + 1 if len(same) else 0
-                self._x[:] = trace[done - 1] if done else start
-            if done:
+                ticks = int(same[-1]) + 1 if len(same) else 0
+                self._x[:] = trace[ticks - 1] if ticks else start
+            if ticks:
                 now = self._now
-                now.step_count, now.state, now.hold = now.step_count + done, None, FREE
-                self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
+                now.step_count, now.state, now.hold = now.step_count + ticks, None, FREE
+                self._effort[0], self._notes[0] = effort[ticks - 1], notes[ticks - 1]
                 if stepper is self._stepper:  # else the command is a controller's reference
-                    self._saturation.check(
-                        command[:done] if command.ndim == 2 else command, effort[:done]
-                    )
-        return done
+                    commands = command[:ticks] if command.ndim == 2 else command
+                    self._saturation.check(commands, effort[:ticks])
+        return ticks
 
     def lock(self) -> None:
         """Close the brakes: joints and motors stop at once, and drives are switched off."""

@@ -69,21 +69,18 @@ class Trace:
             stepper: What makes them.
             commands: Commands of the ticks from one row to another, shape (k, n), or one for all.
         """
-        self._substep = stepper.substep
+        self._substep, arm = stepper.substep, self._arm
         for first, end in self.slices(stepper.few):
-            if self._roll(stepper, commands(first, end), first, end) < end:
+            trace, acted = self._x[first + 1 : end + 1], self._command[first:end]
+            notes, before = self._notes[first + 1 : end + 1], arm.step_count
+            try:
+                arm.roll(stepper, commands(first, end), trace, acted, notes)
+            finally:  # a signal may break it off
+                ticks = arm.step_count - before
+                self._measure(first, trace[:ticks], acted[:ticks])
+                self.done = first + ticks
+            if self.done < end:
                 return
-
-    def _roll(self, stepper: Stepper, command: Array, first: int, end: int) -> int:
-        trace, acted, arm = self._x[first + 1 : end + 1], self._command[first:end], self._arm
-        before = arm.step_count
-        try:
-            arm.roll(stepper, command, trace, acted, self._notes[first + 1 : end + 1])
-        finally:  # a signal may break it off
-            made = arm.step_count - before
-            self._measure(first, trace[:made], acted[:made])
-            self.done = first + made
-        return self.done
 
     def _measure(self, row: int, trace: Array, command: Array) -> None:
         """Update the sensors with ticks that were executed in one call, from a row on."""

@@ -56,7 +56,7 @@ def controlled_tick(
     p: Array,
     h: float,
     control: SubstepControl,
-    taken: list[float] | None = None,
+    lengths: list[float] | None = None,
 ) -> bool:
     """Advance one tick of length ``h`` in place.
 
@@ -67,14 +67,14 @@ def controlled_tick(
         p: Parameters.
         h: Length of the tick in [s].
         control: Tolerance and step size.
-        taken: Receives the lengths of the sub-steps, if given.
+        lengths: Receives the lengths of the sub-steps.
 
     Returns:
         Whether every number stayed finite and the tolerance was met.
     """
-    state, done, step = x.copy(), 0.0, control.step if control.step > 0.0 else h
+    state, elapsed, step = x.copy(), 0.0, control.step if control.step > 0.0 else h
     for _ in range(MAX_SUBSTEPS):
-        left = h - done
+        left = h - elapsed
         last = step >= left * (1.0 - 1e-12)
         trial = left if last else step
         after, error, error_q = attempt(state, u, p, trial)
@@ -85,9 +85,9 @@ def controlled_tick(
         if size <= 1.0 and reached:
             state[:] = after
             control.error += float(error_q[0])
-            done += trial
-            if taken is not None:
-                taken.append(trial)
+            elapsed += trial
+            if lengths is not None:
+                lengths.append(trial)
             if not last or trial * factor > step:
                 step = trial * factor
             if last:

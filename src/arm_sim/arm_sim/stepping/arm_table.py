@@ -6,11 +6,9 @@ from __future__ import annotations
 import ctypes
 from itertools import compress
 
-import numpy as np
-
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.header import Header
-from arm_sim.stepping.addresses import address
+from arm_sim.stepping.addresses import address, strides
 from arm_sim.stepping.engine import NATIVE
 from arm_sim.stepping.stepper import Stepper
 
@@ -24,9 +22,9 @@ class Engine(ctypes.Structure):
     def of(cls, stepper: Stepper) -> Engine:
         """Those of a scene with events."""
         assert stepper.compiled is not None
-        found = (getattr(stepper.compiled.engine, name) for name, _ in cls._fields_[1:])
-        places = (ctypes.cast(function, ctypes.c_void_p).value for function in found)
-        return cls(stepper.compiled.scene.value, *places)
+        functions = (getattr(stepper.compiled.engine, name) for name, _ in cls._fields_[1:])
+        addresses = (ctypes.cast(function, ctypes.c_void_p).value for function in functions)
+        return cls(stepper.compiled.scene.value, *addresses)
 
 
 class Marks:
@@ -73,18 +71,7 @@ class ArmTable(ctypes.Structure):
             marks: Receives which arms are to be advanced alone.
             engine: In a scene with events.
         """
-        by = *strides(tau, 2), *strides(p, 1)
         return cls(
-            *map(address, (x0, tau, p)), *by, dt, tau.shape[1], marks.place,
-            None if engine is None else ctypes.addressof(engine),
+            *map(address, (x0, tau, p)), *strides(tau, 2), *strides(p, 1), dt, tau.shape[1],
+            marks.place, None if engine is None else ctypes.addressof(engine),
         )  # fmt: skip
-
-
-def strides(array: Array, axes: int) -> list[int]:
-    """Numbers from one entry to the next along the first axes."""
-    return [stride // 8 for stride in array.strides[:axes]]
-
-
-def repeated(array: Array, shape: tuple[int, ...]) -> Array:
-    """The array in another shape, repeated by strides of zero."""
-    return array if array.shape == shape else np.broadcast_to(array, shape)

@@ -79,17 +79,19 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
     force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
     force = force + _shared(plant, stepper, x, u, modes)
     sites = np.array(contact.sites(x[: plant.model.n])).T.reshape(-1, 4, 3)
-    answers = []
+    forces = []
     for i, mode in enumerate(modes.contact):
         state = "apart" if not mode["closed"] else "sticks" if mode["sticks"] else "slides"
         normal, tangents, point = sites[i, 0], sites[i, 1:3], sites[i, 3]
         tangential = read_only(force[i, 1:] @ tangents)
-        whole = read_only(tangential + force[i, 0] * normal)
-        number = float(gaps[i]), float(force[i, 0])
-        answers.append(
-            ContactForce(plant.points[i].name, state, *number, tangential, whole, read_only(point))
+        total = read_only(tangential + force[i, 0] * normal)
+        gap, size = float(gaps[i]), float(force[i, 0])
+        forces.append(
+            ContactForce(
+                plant.points[i].name, state, gap, size, tangential, total, read_only(point)
+            )
         )
-    return tuple(answers)
+    return tuple(forces)
 
 
 def _shared(plant: Plant, stepper: Stepper, x: Array, u: Array, modes: Modes) -> Array:

@@ -70,10 +70,10 @@ SIZES = tuple(name for name, kind in _SCENE[: [n for n, _ in _SCENE].index("adap
 def _library(where: compiler.Destination | None, width: int, units: tuple[str, ...],
              folders: tuple[str, ...]) -> ctypes.CDLL:  # fmt: skip
     head = '#include "scalar.h"' if width == 1 else f'#define LANES {width}\n#include "lanes.hpp"'
-    first, *others = (f'{head}\n#include "{unit}"\n' for unit in units)
+    first, *rest = (f'{head}\n#include "{unit}"\n' for unit in units)
     local, language = (*INCLUDED, *folders), "c" if width == 1 else "c++"
     with compiler.describing("engine"):
-        return compiler.build(first, language, _FLAGS, local, tuple(others)).library
+        return compiler.build(first, language, _FLAGS, local, tuple(rest)).library
 
 
 def library(
@@ -89,8 +89,8 @@ def library(
     Raises:
         CompilerMissing: If there is neither a compiler nor a library compiled elsewhere.
     """
-    every = OF_ONE_ARM if width == 1 else OF_LANES
-    return _library(compiler.destination(), width, units or every, folders)
+    units = units or (OF_ONE_ARM if width == 1 else OF_LANES)
+    return _library(compiler.destination(), width, units, folders)
 
 
 class Compiled:
@@ -131,26 +131,29 @@ def scene_source(
         functions: All of its functions that there are.
         smooth: That of them which advances over a tick without events, for the engine of ticks.
         storage: Of the structure.
-        more: Further members, or others than those that follow from the plant.
+        more: Members that do not follow from the plant, or replace those that do.
     """
     members = _members(plant, choice, functions) | dict(more)
     if smooth is not None:
         members |= _costs(plant, choice, functions, smooth)
-    there, numbers = {function.name() for function in functions}, _numbers(plant)
+    names, numbers = {function.name() for function in functions}, _numbers(plant)
     tables, values = list[str](), list[str]()
     for name, _ in _SCENE:
         value: object = members.get(name, 0)
         if name in numbers and numbers[name].size:
-            two, table = numbers[name].ndim == 2, numbers[name]
-            rows = f"{{{braces(table[0])}, {braces(table[1])}}}" if two else braces(table)
+            table = numbers[name]
             shape = "".join(f"[{size}]" for size in table.shape)
+            if table.ndim == 2:
+                rows = f"{{{braces(table[0])}, {braces(table[1])}}}"
+                value = f"{{{name}[0], {name}[1]}}"
+            else:
+                rows, value = braces(table), name
             tables.append(f"static const double {name}{shape} = {rows};\n")
-            value = f"{{{name}[0], {name}[1]}}" if two else name
-        elif name in there:
+        elif name in names:
             value = name
         values.append(f"  {value}, /* {name} */\n")
-    listed = "".join([*tables, f"{storage} scene_t {SYMBOL} = {{\n", *values, "};\n"])
-    return f'#include "scene.h"\n{listed}'
+    structure = "".join([*tables, f"{storage} scene_t {SYMBOL} = {{\n", *values, "};\n"])
+    return f'#include "scene.h"\n{structure}'
 
 
 def sizes(
@@ -197,13 +200,13 @@ def _costs(
     plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function
 ) -> dict[str, int]:
     """Costs of functions, and the budget of a tick before the rest of it is time-stepped."""
-    of = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
-    step = of[smooth.name()]
+    costs = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
+    step = costs[smooth.name()]
     factor = 1 if choice.tolerance is None else PATIENCE
     parts = plant.model.n + 3 * len(plant.points)
     most = max(MOST_OPERATIONS * factor, LEAST_WORK * step * max(factor, parts))
-    known = {cost: of.get(name, 0) for cost, name in COSTS.items()}
-    return {"most_work": most, "step_cost": step} | known
+    members = {member: costs.get(name, 0) for member, name in COSTS.items()}
+    return {"most_work": most, "step_cost": step} | members
 
 
 def _numbers(plant: Plant) -> Mapping[str, Array]:

@@ -15,8 +15,8 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
@@ -24,7 +24,7 @@ from arm_sim.stepping.tick_functions import MOVING, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
 WIDTHS = (8, 4, 2, 1)
-# Functions of events that ticks without events ask for, see native/lanes/eventful_ticks.h.
+# Functions of events that ticks without events need as well, see native/lanes/eventful_ticks.h.
 PREDICTED = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
@@ -34,7 +34,7 @@ _CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
 def ticks_of_lanes(
     plant: Plant, choice: Choice, width: int, control: CompiledControl | None = None
 ) -> str:
-    """C of ticks of arms side by side, with what lanes ask for where there are events.
+    """C of ticks of arms side by side, and of what lanes need where there are events.
 
     Under error control without events, it is that of attempts at sub-steps.
 
@@ -47,8 +47,8 @@ def ticks_of_lanes(
     inputs = {} if control is None else {"nr": control.law.size1_in(1)}
     functions = [smooth_motion(plant, choice), actuation(plant, control)]
     if plant.eventful:
-        asked = [function for name, function in plant.events.items() if name in PREDICTED]
-        functions = [slope_of_loads(plant), *functions, *asked]
+        events = [function for name, function in plant.events.items() if name in PREDICTED]
+        functions = [slope_of_loads(plant), *functions, *events]
         if plant.has_sliding_modes:
             functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     elif choice.tolerance is None:
@@ -120,5 +120,7 @@ def widths(lanes: int | None) -> tuple[int, ...]:
 
 def natural_width() -> int:
     """Doubles in a vector register of the processor that code is compiled for."""
-    present = compiler.instructions()
-    return 8 if "avx512f" in present else 4 if "avx2" in present else 2
+    extensions = compiler.instructions()
+    if "avx512f" in extensions:
+        return 8
+    return 4 if "avx2" in extensions else 2

@@ -28,27 +28,29 @@ def unanswered(*_: object) -> None:
     """No result: it is left to Python."""
 
 
-def of_states(source: Path, given: Any, n: int, nz: int, kept: object) -> Any:
-    """A Python function of a file of ``native/``; ``unanswered`` where it cannot be compiled.
+def function_of_structure(
+    source: Path, structure: Any, n: int, nz: int, kept: object
+) -> Callable[..., Any]:
+    """A Python function in C, bound to a structure; ``unanswered`` where it cannot be compiled.
 
     Args:
-        source: The file, whose ``python_function`` takes a pointer and what is below.
-        given: What the pointer points at.
+        source: A file of ``native/``, which defines ``python_function``.
+        structure: What that takes a pointer to, and has to live as long as ``kept``.
         n: Degrees of freedom.
         nz: Number of internal states.
-        kept: What must live as long as the function.
+        kept: What the function keeps alive.
     """
     try:
         make = python_function(source, _TAKES, source.parent, ARM.folder)
     except (KernelError, OSError) as error:
         _log.info("calls from Python are slower: %s", error)
         return unanswered
-    return make(byref(given), n, nz, State, kept)
+    function: Callable[..., Any] = make(byref(structure), n, nz, State, kept)
+    return function
 
 
 def python_step(arm: Arm | None, n: int, nz: int) -> PythonStep:
     """The tick of an arm with n joints and nz internal states; None on the virtual machine."""
     if arm is None:
         return unanswered
-    step: PythonStep = of_states(NATIVE / "arm/python_step.c", arm, n, nz, arm)
-    return step
+    return function_of_structure(NATIVE / "arm/python_step.c", arm, n, nz, arm)

@@ -19,8 +19,8 @@ from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address
-from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, repeated
+from arm_sim.stepping.addresses import address, repeated
+from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import (
     ADDRESS,
@@ -138,22 +138,22 @@ class Rollouts:
         arms, nx = x0.shape
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
         if not last_only:
-            what = f"a rollout of {arms} arms over {steps} time steps"
-            refuse_beyond_memory(arms * (steps + 1), 8 * nx, what, "last_only=True keeps the end")
+            run = f"a rollout of {arms} arms over {steps} time steps"
+            refuse_beyond_memory(arms * (steps + 1), 8 * nx, run, "last_only=True keeps the end")
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
         return Batch(x0, self.by_tick("tau", tau, arms, steps), rows, int(steps), out)
 
-    def states(self, p: Array, **given: Any) -> Array:
+    def states(self, p: Array, **positions_and_velocities: Any) -> Array:
         """Check positions and velocities, and complete them to states, shape (b, nx).
 
         Args:
             p: Parameters, shape (np,) or (b, np).
-            given: Positions and velocities, each of shape (b, n), by the names of the arguments.
+            positions_and_velocities: Each of shape (b, n), by the names of the arguments.
         """
         plant, joints = self._plant, self._plant.model.joint_names
-        n = len(joints)
-        q, v = (np.atleast_2d(vector(name, x, joints)) for name, x in given.items())
-        of_q, of_v = given
+        n, arguments = len(joints), positions_and_velocities
+        q, v = (np.atleast_2d(vector(name, x, joints)) for name, x in arguments.items())
+        of_q, of_v = arguments
         for name, count in ((of_v, len(v)), ("parameters", len(p) if p.ndim == 2 else len(q))):
             if count != len(q):
                 raise InvalidInput(f"{name}: {count} arms, but {of_q} has {len(q)}")
@@ -203,10 +203,10 @@ class Rollouts:
             stepper.p[:] = batch.p[arm]
             x, tau = batch.x0[arm].copy(), batch.tau[arm]
             tau = np.ascontiguousarray(tau if batch.tau.strides[1] else tau[0])
-            done = stepper.roll(x, tau, trace, effort, notes, lambda: marks.halted)
+            ticks = stepper.roll(x, tau, trace, effort, notes, lambda: marks.halted)
             if marks.halted:
                 break
-            trace[done:] = np.nan
+            trace[ticks:] = np.nan
             motion = np.vstack([batch.x0[arm], trace])
             batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion
         self._resting.append(stepper)

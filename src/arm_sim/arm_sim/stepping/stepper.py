@@ -72,14 +72,14 @@ class Stepper:
     ) -> None:  # fmt: skip
         compiled = control is None and backend in ("auto", "native")
         recipe = recipe_of(plant, choice, acted) if compiled else ""
-        known = Kernel.recalled(recipe) if recipe else None
-        self.kernel = known or _built(plant, choice, backend, control, acted)
+        cached = Kernel.recalled(recipe) if recipe else None
+        self.kernel = cached or _built(plant, choice, backend, control, acted)
         own = self.kernel.library
         self.compiled = Compiled(own, library()) if own else None
         _check(plant, self.kernel, "rhs")
         if plant.free:
             _check(plant.free, self.kernel, f"{FREE}rhs")
-        if recipe and not known:
+        if recipe and not cached:
             self.kernel.keep(recipe)
         self._plant, self._choice = plant, choice
         self._begin()
@@ -94,8 +94,8 @@ class Stepper:
         smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
         limits = 0 if self._control else self.kernel.operations("actuate")
         first = self.kernel.operations("rhs") if plant.eventful and not plant.free else 0
-        whole = self.kernel.operations(smooth) + limits + first
-        self.tick_operations = self.moving_operations = whole
+        tick = self.kernel.operations(smooth) + limits + first
+        self.tick_operations = self.moving_operations = tick
         if plant.has_sliding_modes:
             self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
@@ -188,9 +188,9 @@ class Stepper:
                 return first
             rows = slice(first, end)
             part = command[rows] if command.ndim == 2 else command
-            done = self.ticks(x, part, trace[rows], effort[rows], notes[rows])()
-            if done < end - first:
-                return first + done
+            ticks = self.ticks(x, part, trace[rows], effort[rows], notes[rows])()
+            if ticks < end - first:
+                return first + ticks
         return len(trace)
 
     def each(self, x: Array, command: Array, p: Array, ticks: int) -> tuple[Array, Array]:
@@ -330,8 +330,8 @@ def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
     model = plant.model
     numbers = model.viscous.tolist(), model.command_limit.tolist()
-    made_of = model.scene.model_dump(), numbers, plant.options, choice, acted
-    return repr((made_of, sources, ca.__version__, np.__version__))
+    inputs = model.scene.model_dump(), numbers, plant.options, choice, acted
+    return repr((inputs, sources, ca.__version__, np.__version__))
 
 
 def _built(

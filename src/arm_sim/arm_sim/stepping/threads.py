@@ -29,8 +29,8 @@ def share(
     Args:
         arms: Number of arms.
         width: Arms in a group.
-        threads: Number of threads; None for one per core, or fewer if the time that the first
-            group takes tells that they would not be worth it.
+        threads: Number of threads; None for one per core, or fewer if the first group
+            takes so little time that they are not worth it.
         work: Called with the first arm and the one after the last.
         ticks: Ticks of each arm.
         halt: Lets all that works return soon, after an exception.
@@ -40,31 +40,32 @@ def share(
     """
     if threads is not None:
         whole("threads", threads, 1)
-    count, groups, done = threads or len(os.sched_getaffinity(0)), -(-arms // width), 0
+    count, groups = threads or len(os.sched_getaffinity(0)), -(-arms // width)
+    first = 0  # group that is not worked on yet
     if threads is None and count > 1 and groups > 1 and ticks <= FEW_TICKS:
         start = perf_counter()
         work(0, width)
         count = min(count, 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD))
-        done = 1
-    count = max(1, min(count, groups - done))
-    edges = [done + (groups - done) * i // count for i in range(count + 1)]
+        first = 1
+    count = max(1, min(count, groups - first))
+    edges = [first + (groups - first) * i // count for i in range(count + 1)]
     parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
-    here = parts[: (groups - done) * ticks <= FEW_TICKS]
+    here = parts[: (groups - first) * ticks <= FEW_TICKS]
     if len(here) == len(parts) == 1:
         work(*here[0])
         return
-    others = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
+    futures = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
     try:
         for part in here:
             work(*part)
-        wait(others)
+        wait(futures)
     except BaseException:
         halt()
         raise
     finally:
-        wait(others)
-    for other in others:
-        other.result()
+        wait(futures)
+    for future in futures:
+        future.result()
 
 
 @cache

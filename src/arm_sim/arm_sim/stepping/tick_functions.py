@@ -7,8 +7,8 @@ from functools import partial
 
 import casadi as ca
 
-from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.steps import build_attempt, build_step
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.slopes import scaled_jacobian
 
@@ -26,8 +26,8 @@ def tick_functions(
     functions = [slope_of_loads(plant), smooth, actuate, *plant.events.values()]
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
-        rhs, given = plant.free.rhs, plant.free.rhs.mx_in()  # under a name of its own
-        functions += [ca.Function(f"{FREE}rhs", given, rhs.call(given)), smooth]
+        rhs, arguments = plant.free.rhs, plant.free.rhs.mx_in()  # under a name of its own
+        functions += [ca.Function(f"{FREE}rhs", arguments, rhs.call(arguments)), smooth]
     if plant.has_sliding_modes:
         functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     return functions, smooth
@@ -39,10 +39,10 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     In a scene with events it returns its continuous output, too, and begins with the slope that
     is known from the choice of modes.
     """
-    n, method, dense = plant.model.n, choice.method, plant.eventful
+    n, method, project = plant.model.n, choice.method, plant.mechanics.project
     loads, scaled = plant.events.get("loads"), partial(scaled_jacobian, plant)
     name = f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
-    more = plant.mechanics.project, scaled, name
+    options = project, scaled, name, plant.eventful, loads
     if choice.tolerance is None:
-        return build_step(method, plant.rhs, n, *more, dense, loads)
-    return build_attempt(method, plant.rhs, n, plant.laws.scale, *more, dense, loads)
+        return build_step(method, plant.rhs, n, *options)
+    return build_attempt(method, plant.rhs, n, plant.laws.scale, *options)

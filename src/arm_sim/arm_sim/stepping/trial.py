@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import postures
 from arm_sim.integrators.selection import Choice
@@ -22,7 +21,7 @@ from arm_sim.stepping.stepper import Stepper
 
 DURATION, MOST_TICKS = 1.0, 1000
 """Length of a motion in [s], and the largest number of its ticks."""
-OTHERS, SPEED = 3, 5.0
+POSTURES, SPEED = 3, 5.0
 """Motions from other postures, and the largest speed in them in [rad/s] or [m/s], unless the
 joint's limit is lower."""
 
@@ -51,25 +50,21 @@ def _starts(plant: Plant) -> Iterator[Array]:
     if model.scene.constraints:
         return
     rng = np.random.default_rng(model.n)
-    for q in postures(model, OTHERS):
-        v = rng.uniform(-1.0, 1.0, model.n) * _speeds(model)
+    for q in postures(model, POSTURES):
+        v = rng.uniform(-1.0, 1.0, model.n) * np.minimum(model.velocity_limit, SPEED)
         yield np.concatenate([q, v, plant.laws.initial(q, v)])
-
-
-def _speeds(model: ArmModel) -> Array:
-    return np.minimum(model.velocity_limit, SPEED)
 
 
 def _error(fine: Stepper, coarse: Stepper, x: Array, ticks: int, n: int, order: int) -> float:
     """Largest scaled error of q and v at the ends of double ticks; infinite if one fails."""
     ends = []
-    for stepper, each in ((fine, 2), (coarse, 1)):
-        trace = np.empty((ticks * each, len(x)))
-        effort, notes = np.empty((ticks * each, n)), np.empty((ticks * each, 2))
+    for stepper, ratio in ((fine, 2), (coarse, 1)):
+        trace = np.empty((ticks * ratio, len(x)))
+        effort, notes = np.empty((ticks * ratio, n)), np.empty((ticks * ratio, 2))
         stepper.restart()
         if stepper.roll(x.copy(), np.zeros(n), trace, effort, notes) < len(trace):
             return np.inf
-        ends.append(trace[each - 1 :: each, : 2 * n])
+        ends.append(trace[ratio - 1 :: ratio, : 2 * n])
     apart = abs(ends[0] - ends[1]) / (1.0 + abs(ends[0])) / (2.0**order - 1.0)
     return float(lasting(apart, n).max())
 

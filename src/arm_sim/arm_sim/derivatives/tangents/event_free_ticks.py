@@ -43,16 +43,16 @@ class EventFreeTick:
         ``begin_adjoint`` (c, gradient) -> gradient, and ``end_adjoint`` (c, gradient) -> gradients
         by x at the beginning, x at the end, and parameters.
         """
-        found = []
+        adjoints = []
         for function, name in zip(self.columns, ("begin_adjoint", "end_adjoint"), strict=True):
-            c, *given = function.sx_in()
+            c, *changes = function.sx_in()
             weight = ca.SX.sym("weight", function.size1_out(0))
-            moved = function(c, *given)
-            back = [ca.densify(ca.jtimes(moved, by, weight, True)) for by in given]
+            moved = function(c, *changes)
+            gradients = [ca.densify(ca.jtimes(moved, by, weight, True)) for by in changes]
             if name == "end_adjoint":
-                back[2] = back[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
-            found.append(ca.Function(name, [c, weight], back, {"cse": True}))
-        return tuple(found)
+                gradients[2] = gradients[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
+            adjoints.append(ca.Function(name, [c, weight], gradients, {"cse": True}))
+        return tuple(adjoints)
 
     @classmethod
     def of(cls, plant: Plant, tuned: Sequence[int]) -> EventFreeTick:
@@ -79,11 +79,11 @@ def _margins(plant: Plant, name: str, held: bool) -> ca.Function:
     """
     far = clearance(plant, held)
     x, u, p, limit = (ca.SX.sym(name, far.size1_in(i)) for i, name in enumerate("xupl"))
-    margin, both = far(x, u, p, limit), list[ca.SX]()
+    margin, margins = far(x, u, p, limit), list[ca.SX]()
     for begins in (False, True):
         doubt = NonsmoothPoints(plant).rests_bent(x)
         if held:
-            held_so = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins))
-            doubt = ca.logic_or(doubt, held_so)
-        both.append(ca.if_else(doubt, -1, margin))
-    return ca.Function(name, [x, u, p, limit], [ca.vertcat(*both)], {"cse": True})
+            of_held = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins))
+            doubt = ca.logic_or(doubt, of_held)
+        margins.append(ca.if_else(doubt, -1, margin))
+    return ca.Function(name, [x, u, p, limit], [ca.vertcat(*margins)], {"cse": True})

@@ -63,9 +63,9 @@ class TangentFunctions:
     @property
     def of_states(self) -> tuple[ca.Function, ...]:
         """Functions of states."""
-        more = self.event_free.functions if self.event_free else ()
         steps = (step.advance for step in self._steps)
-        return (self._acting, NonsmoothPoints(self._plant).nonsmooth, *steps, *more)
+        event_free = self.event_free.functions if self.event_free else ()
+        return (self._acting, NonsmoothPoints(self._plant).nonsmooth, *steps, *event_free)
 
     @property
     def of_columns(self) -> tuple[ca.Function, ...]:
@@ -94,9 +94,9 @@ class TangentFunctions:
 
 def tangents_source(columns: Sequence[ca.Function], storage: str = "EXPORTED const") -> str:
     """C of functions of columns, and of the structure ``tangents_t`` of them."""
-    there = {function.name() for function in columns}
-    listed = "".join(f"  {name if name in there else 0},\n" for name, _ in _MEMBERS)
+    names = {function.name() for function in columns}
+    members = "".join(f"  {name if name in names else 0},\n" for name, _ in _MEMBERS)
     return "\n".join([
         '#include "derivatives/tangents.h"', *map(column_function, columns),
-        f"{storage} tangents_t {TANGENTS} = {{\n{listed}}};\n",
+        f"{storage} tangents_t {TANGENTS} = {{\n{members}}};\n",
     ])  # fmt: skip

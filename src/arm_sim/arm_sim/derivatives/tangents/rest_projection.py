@@ -52,14 +52,14 @@ class RestProjection:
         """
         n, (x, u, p), dx = self._plant.model.n, self.rest_begin.sx_in(), self._changes("dx")
         moved = self.begin_at_rest(self.rest_begin(x, u, p), dx)
-        found = [dense_function("at_rest", [x, u, p], ca.jacobian(moved, dx))]
+        functions = [dense_function("at_rest", [x, u, p], ca.jacobian(moved, dx))]
         if self._plant.mechanics.contact:
             x, end, p = self.rest_end.sx_in()
-            dbegin, dend, whole = self._changes("dbegin"), self._changes("dend"), slice(2 * n)
-            moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend, 0)[whole]
-            slopes = (ca.jacobian(moved, by)[:, whole] for by in (dbegin, dend))
-            found.append(dense_function("closing", [x, end, p], *slopes))
-        return tuple(found)
+            dbegin, dend, qv = self._changes("dbegin"), self._changes("dend"), slice(2 * n)
+            moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend, 0)[qv]
+            slopes = (ca.jacobian(moved, by)[:, qv] for by in (dbegin, dend))
+            functions.append(dense_function("closing", [x, end, p], *slopes))
+        return tuple(functions)
 
     def _changes(self, name: str) -> ca.SX:
         return ca.SX.sym(name, self._plant.nx)
@@ -76,11 +76,11 @@ class RestProjection:
         assert contact is not None
         x, p = ca.MX.sym("x", 2 * n), ca.MX.sym("p", self._plant.rhs.numel_in(2))
         before = ca.MX.sym("before", 2 * n)
-        place, found = ca.reshape(contact.geometry(before)[0], 3, -1), x
+        place, closed = ca.reshape(contact.geometry(before)[0], 3, -1), x
         for _ in range(2):
-            found = contact.close(found, p, ca.vec(place[1:, :]))
-        by_ends = (ca.jacobian(found, by) for by in (before, x))
-        slopes = ca.densify(ca.horzcat(*by_ends, jacobian_by(found, p, self._tuned)))
+            closed = contact.close(closed, p, ca.vec(place[1:, :]))
+        by_ends = (ca.jacobian(closed, by) for by in (before, x))
+        slopes = ca.densify(ca.horzcat(*by_ends, jacobian_by(closed, p, self._tuned)))
         return ca.Function("closed", [x, p, before], [slopes])
 
 
@@ -90,10 +90,10 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     dx = ca.SX.sym("dx", plant.nx)
     dq, dv, dz = ca.vertsplit(dx, [0, n, 2 * n, plant.nx])
-    whole, (_, direction, *_, contacts) = x[: 2 * n], plant.layout.parts(p)
+    qv, (_, direction, *_, contacts) = x[: 2 * n], plant.layout.parts(p)
     if plant.layout.directions:
         change = ca.SX.sym("change", n)
-        struck = plant.mechanics.impact_map(whole, p, change, ca.SX(3 * len(plant.points), 1))[0]
+        struck = plant.mechanics.impact_map(qv, p, change, ca.SX(3 * len(plant.points), 1))[0]
         gain = ca.jacobian(struck, change)  # which is linear in it
         held = direction == 0
         dv = dv - kept.matrix(gain @ ca.diag(held)) @ dv
@@ -102,7 +102,7 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
             dq = dq - kept.matrix(gain @ ca.diag(back)) @ dq
     if plant.mechanics.contact:
         closed = ca.sum1(Mode.of(contacts).closed) > 0
-        settled = plant.mechanics.contact.closing()(whole, p)[0]
+        settled = plant.mechanics.contact.closing()(qv, p)[0]
         loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
         dv = kept.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
     moved = ca.densify(ca.vertcat(dq, dv, dz))
@@ -123,12 +123,9 @@ def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
     """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
     n, kept = plant.model.n, Kept()
-    begin, end, p = (ca.SX.sym(name, size) for name, size in (
-        ("begin", plant.nx), ("end", plant.nx), ("p", plant.rhs.size1_in(2)),
-    ))  # fmt: skip
-    dbegin, dend, dw = (ca.SX.sym(name, size) for name, size in (
-        ("dbegin", plant.nx), ("dend", plant.nx), ("dw", n + len(tuned)),
-    ))  # fmt: skip
+    names = ("begin", "end", "dbegin", "dend")
+    begin, end, dbegin, dend = (ca.SX.sym(name, plant.nx) for name in names)
+    p, dw = ca.SX.sym("p", plant.rhs.size1_in(2)), ca.SX.sym("dw", n + len(tuned))
     moved = dend
     if contact := plant.mechanics.contact:
         before, after = begin[: 2 * n], end[: 2 * n]

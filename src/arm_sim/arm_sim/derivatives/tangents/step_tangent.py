@@ -39,15 +39,15 @@ class StepTangent:
         self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = "",
         dense: bool = False,
     ) -> None:  # fmt: skip
-        more, n = (plant.mechanics.project, partial(scaled_jacobian, plant)), plant.model.n
-        advance, self.propagate = build_tangent(
-            choice.method, plant.rhs, Slopes(plant, tuned), n, *more, tuned, dense
+        project, scaled = plant.mechanics.project, partial(scaled_jacobian, plant)
+        self._n, self._prefix = plant.model.n, prefix
+        self.advance, self.propagate = build_tangent(
+            choice.method, plant.rhs, Slopes(plant, tuned), self._n, project, scaled, tuned, dense
         )
-        given = advance.mx_in()
-        self._n, self._prefix = n, prefix
-        self.advance = (
-            ca.Function(f"{prefix}advance", given, advance.call(given)) if prefix else advance
-        )
+        if prefix:
+            arguments = self.advance.mx_in()
+            results = self.advance.call(arguments)
+            self.advance = ca.Function(f"{prefix}advance", arguments, results)
 
     @built_once
     def jvp(self) -> ca.Function:

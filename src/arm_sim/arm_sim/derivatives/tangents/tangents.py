@@ -21,8 +21,8 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address, pointer
-from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, strides
+from arm_sim.stepping.addresses import address, pointer, strides
+from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widths
 from arm_sim.stepping.threads import share
@@ -92,7 +92,7 @@ class Tangents:
             differentiated.
 
     Attributes:
-        plant, engine: As given.
+        plant, engine: As above.
     """
 
     @one_at_a_time
@@ -147,8 +147,8 @@ class Tangents:
     def _settle(self, coarse: Array, finer: Array) -> bool:
         most = SETTLED * self.plant.model.scene.sim.accuracy
         with np.errstate(invalid="ignore"):
-            off, size = abs(finer - coarse).max(axis=1), abs(finer).max(axis=1)
-        return bool((off <= most * size + ROUNDING * size.max()).all())
+            error, size = abs(finer - coarse).max(axis=1), abs(finer).max(axis=1)
+        return bool((error <= most * size + ROUNDING * size.max()).all())
 
     def _in_parts(
         self, x: Array, u: Array, p: Array, h: float, columns: Array, parts: int
@@ -226,12 +226,13 @@ class Tangents:
         after, columns, marks = np.empty(arms.x.shape), arms.room(every), Marks(arms.count)
         by_arm, by_tick = strides(columns, 2)
         table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, marks, None)
-        found = Columns(
+        table_of_columns = Columns(
             address(arms.initial), address(arms.held), address(columns), *strides(arms.initial, 1),
             *strides(arms.held, 2), by_arm, by_tick if every else 0, arms.initial.shape[-1], False,
         )  # fmt: skip
-        alone, done = self._side_by_side(table, marks, found, after, begins, (threads, lanes))
-        return columns, alone, after, done
+        cores = threads, lanes
+        alone, ticks = self._side_by_side(table, marks, table_of_columns, after, begins, cores)
+        return columns, alone, after, ticks
 
     def _side_by_side(
         self, table: ArmTable, marks: Marks, columns: Columns, after: Array, begins: bool,
@@ -244,14 +245,14 @@ class Tangents:
         """
         threads, lanes = cores
         # With events lanes save less time than their compilation takes.
-        tried = (1,) if self._functions.event_free and lanes is None else widths(lanes)
-        built = ((self.library(width), width) for width in tried)
-        code, width = next((code, width) for code, width in built if code is not None)
+        candidates = (1,) if self._functions.event_free and lanes is None else widths(lanes)
+        libraries = ((self.library(width), width) for width in candidates)
+        code, width = next((code, width) for code, width in libraries if code is not None)
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
-        done = np.zeros(0 if self.engine is None else len(after), np.int64)
+        ticks = np.zeros(0 if self.engine is None else len(after), np.int64)
         table.unfinished, columns.initial_state_varied = marks.place, begins
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
-        columns.ticks_before_event, columns.after = done.ctypes.data, address(after)
+        columns.ticks_before_event, columns.after = ticks.ctypes.data, address(after)
 
         def work(first: int, last: int) -> None:
             propagate_ticks(
@@ -259,7 +260,7 @@ class Tangents:
             )
 
         share(len(after), width, threads, work, table.ticks, marks.halt)
-        return marks.of(0, len(after)), done
+        return marks.of(0, len(after)), ticks
 
     @cached_property
     def native(self) -> bool:

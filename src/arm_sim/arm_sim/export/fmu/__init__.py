@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functional mock-up units of an exported library."""
 
-from arm_sim.export.fmu.mockup import units
+from arm_sim.export.fmu.archive import units
 
 __all__ = ["units"]

@@ -46,14 +46,14 @@ class Unit:
 
 def fmi3_description(unit: Unit) -> str:
     """The description by FMI 3.0 (section 2.4)."""
-    root, _ = _begun(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token("3")}, {
+    root, _ = _skeleton(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token("3")}, {
         "fixedInternalStepSize": repr(unit.period),
         "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
         **({"providesDirectionalDerivatives": "true"} if unit.slopes else {}),
     })  # fmt: skip
-    listed = _ADD(root, "ModelVariables")
+    variables = _ADD(root, "ModelVariables")
     for k, variable in enumerate(unit.variables):
-        _ADD(listed, "Float64", {**_about(k, variable), **_numbers(variable)})
+        _ADD(variables, "Float64", {**_about(k, variable), **_numbers(variable)})
     structure = _ADD(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
         for k in _outputs(unit):
@@ -63,7 +63,7 @@ def fmi3_description(unit: Unit) -> str:
 
 def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
     """The description by FMI 2.0 (section 2.2), with the files in the folder ``sources``."""
-    root, simulation = _begun(unit, {"fmiVersion": "2.0", "guid": unit.token("2")}, {
+    root, simulation = _skeleton(unit, {"fmiVersion": "2.0", "guid": unit.token("2")}, {
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
         **({"providesDirectionalDerivative": "true"} if unit.slopes else {}),
@@ -71,9 +71,9 @@ def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
     files = _ADD(simulation, "SourceFiles")
     for name in sources:
         _ADD(files, "File", {"name": name})
-    listed = _ADD(root, "ModelVariables")
+    variables = _ADD(root, "ModelVariables")
     for k, variable in enumerate(unit.variables):
-        _ADD(_ADD(listed, "ScalarVariable", _about(k, variable)), "Real", _numbers(variable))
+        _ADD(_ADD(variables, "ScalarVariable", _about(k, variable)), "Real", _numbers(variable))
     structure = _ADD(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
         unknowns = _ADD(structure, tag)
@@ -86,16 +86,15 @@ def build_description(unit: Unit, sources: Sequence[str]) -> str:
     """The file ``sources/buildDescription.xml`` of FMI 3.0 (section 2.5.1.4)."""
     root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     build = _ADD(root, "BuildConfiguration", {"modelIdentifier": unit.name})
-    files = _ADD(
-        build, "SourceFileSet", {"language": "C11", "compilerOptions": "-ffp-contract=off"}
-    )
+    options = {"language": "C11", "compilerOptions": "-ffp-contract=off"}
+    files = _ADD(build, "SourceFileSet", options)
     for name in sources:
         _ADD(files, "SourceFile", {"name": name})
     _ADD(build, "Library", {"name": "m", "external": "true"})
     return _text(root)
 
 
-def _begun(
+def _skeleton(
     unit: Unit, versions: dict[str, str], abilities: dict[str, str]
 ) -> tuple[Element, Element]:
     """What both descriptions begin with, and its part on co-simulation."""
@@ -130,8 +129,8 @@ def _numbers(variable: Variable) -> dict[str, str]:
     """Unit, default, and limits."""
     unit = {"unit": variable.unit} if variable.unit else {}
     values = {"start": variable.start, "min": variable.least, "max": variable.most}
-    given = {key: value for key, value in values.items() if value is not None}
-    return unit | {key: repr(value) for key, value in given.items() if math.isfinite(value)}
+    finite = {key: x for key, x in values.items() if x is not None and math.isfinite(x)}
+    return unit | {key: repr(value) for key, value in finite.items()}
 
 
 def _outputs(unit: Unit) -> list[int]:
@@ -140,6 +139,5 @@ def _outputs(unit: Unit) -> list[int]:
 
 def _text(root: Element) -> str:
     ElementTree.indent(root)
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, "unicode") + "\n"
-    )
+    text = ElementTree.tostring(root, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'

@@ -214,7 +214,7 @@ static int advance(instance_t* i, double point, double time) {
   return OK;
 }
 
-#ifdef SLOPES /* never with FRAMES, see mockup.py: a repeated step applies no wrenches */
+#ifdef SLOPES /* never with FRAMES, see archive.py: a repeated step applies no wrenches */
 enum { VARIED = LIBRARY_STATES + JOINTS + PARAMETERS };
 
 /* Rows of derivatives times a column that is nonzero where the state, the commands and the parameters change. */

@@ -102,9 +102,9 @@ def _wrapper(unit: Unit, file: str, token: str) -> str:
         jacobians = (f"{unit.name}_jacobian_{frame}" for frame in unit.frames)
         values["JACOBIANS"] = ", ".join(jacobians)
         values["EXTERNAL"] = str(parameters.index("external[0]"))
-    defined = "".join(f"#define {key} {value}\n" for key, value in values.items())
+    definitions = "".join(f"#define {key} {value}\n" for key, value in values.items())
     text = amalgamated((OWN / file).read_text(encoding="utf-8"), {"library.h"})
-    return f'{defined}#include "{unit.name}.h"\n\n{named(unit.name, text)}'
+    return f'{definitions}#include "{unit.name}.h"\n\n{named(unit.name, text)}'
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> None:
@@ -117,20 +117,20 @@ def _compile(folder: Path, *arguments: str) -> None:
     command = find_compiler()
     if command is None:
         raise CompilerMissing("an FMU contains a shared library, and there is no C compiler")
-    done = subprocess.run(
+    process = subprocess.run(
         [*command, *_FLAGS, *arguments], cwd=folder, check=False, capture_output=True, text=True,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
-    if done.returncode != 0:
-        raise KernelError(f"{command[0]} refused the code of an FMU:\n{done.stderr[-2000:]}")
+    if process.returncode != 0:
+        raise KernelError(f"{command[0]} refused the code of an FMU:\n{process.stderr[-2000:]}")
 
 
 def _zipped(files: Mapping[str, str | bytes]) -> bytes:
     archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as opened:
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as contents:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name, _DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
-            opened.writestr(entry, content)
+            contents.writestr(entry, content)
     return archive.getvalue()
