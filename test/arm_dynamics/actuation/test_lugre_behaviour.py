@@ -116,9 +116,9 @@ def test_friction_lags_behind_a_speed_that_varies() -> None:
     assert 0.0 < widths[0] < widths[1], widths
 
 
-def test_seven_joints_against_radau() -> None:
-    """Panda with bristles on every joint, let go, against SciPy on Pinocchio's dynamics."""
-    scene = models.scene("panda").model_dump(exclude_unset=True)
+def test_joints_that_move_one_another_against_radau() -> None:
+    """Two links with bristles in both joints, let go, against SciPy on Pinocchio's dynamics."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
     law = {"sigma0": 1e5, "sigma1": 300.0, "sigma1_velocity": 0.02}
     levels = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01, "viscous": 0.5}
     scene["joints"] = {"*": {"friction": levels | {"lugre": law}}}
