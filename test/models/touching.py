@@ -59,6 +59,21 @@ def carrier(kind: str, axis: str, mass: float, **inertia: float) -> str:
     return _chain("tray", [("drive", kind, AXES[axis])], mass, inertia)
 
 
+def unbalance(axis: str, mass: float, radius: float, inertia: float = 0.0) -> str:
+    """Branch of a robot that has a link ``body``: a wheel ``arm`` on it, on a joint ``spin``.
+
+    Args:
+        axis: As a URDF has it.
+        mass: Of the unbalance, a point mass, in [kg].
+        radius: At which it is, along x of the body where the joint is at zero, in [m].
+        inertia: About the unbalance in [kg m²].
+    """
+    return f"""<link name="arm"><inertial><origin xyz="{radius} 0 0"/><mass value="{mass}"/>
+      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link><joint name="spin" type="continuous"><parent link="body"/><child link="arm"/>
+      <axis xyz="{axis}"/></joint>"""
+
+
 def beside(mass: float) -> str:
     """Branch of a robot: another body, ``other``, on rails x2 and z2."""
     return _chain("other", [(f"{axis}2", "prismatic", AXES[axis]) for axis in "xz"], mass, {})

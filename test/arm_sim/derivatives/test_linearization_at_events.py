@@ -18,7 +18,7 @@ from arm_sim import NotDifferentiable, Simulator
 from arm_sim.derivatives import events, tangents
 from models.driven import WINDING, wheel
 from models.rotor import rotor
-from models.touching import contact, rails
+from models.touching import contact, rails, unbalance
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
 
 ACROSS = 1e-6
@@ -57,17 +57,8 @@ def touching(scene: dict[str, Any], **settings: Any) -> dict[str, Any]:
 
 def spinning(**settings: Any) -> dict[str, Any]:
     """A base on a table, free along x and z, with an unbalanced rotor about y; no weight."""
-    inertia = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
-    free = '<limit lower="-9" upper="9" effort="1e9" velocity="1e9"/>'
-    urdf = f"""<robot name="rotor"><link name="floor"/><link name="slide"/><link name="body">
-      <inertial><mass value="1"/><inertia {inertia}/></inertial></link><link name="arm"><inertial>
-      <origin xyz="0.2 0 0"/><mass value="0.5"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0"
-      iyz="0"/></inertial></link><joint name="x" type="prismatic"><parent link="floor"/>
-      <child link="slide"/><axis xyz="1 0 0"/>{free}</joint><joint name="z" type="prismatic">
-      <parent link="slide"/><child link="body"/><axis xyz="0 0 1"/>{free}</joint>
-      <joint name="turn" type="continuous"><parent link="body"/><child link="arm"/>
-      <axis xyz="0 -1 0"/></joint></robot>"""
-    return touching({"robot": {"urdf": urdf}, "gravity": [0, 0, 0]}, **settings)
+    scene = rails("xz", branches=[unbalance("0 -1 0", 0.5, 0.2)])
+    return touching(scene | {"gravity": [0, 0, 0]}, **settings)
 
 
 def tied(*contacts: Any, **scene: Any) -> dict[str, Any]:
