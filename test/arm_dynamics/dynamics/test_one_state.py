@@ -51,7 +51,7 @@ def pinocchio_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
 
 
-@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 6))
+@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 4))
 def test_equals_pinocchio(robot: str, rng: np.random.Generator) -> None:
     plain, own = models.dynamics(robot), compiled(robot)
     for what, _ in product(CALLS, range(5)):
