@@ -3,8 +3,6 @@
 switches.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands in addition to gravity compensation, as Franka and UR accept them."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ready scenes of industrial arms: their data are the published ones, and they stand still."""
 
-from __future__ import annotations
-
 from itertools import pairwise, product
 from typing import Any
 

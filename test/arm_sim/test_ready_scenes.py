@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ready scenes that combine features, each against a closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -5,8 +5,6 @@ A sledge on a table is tied by a cord over a pulley to a weight: a coupling of t
 with friction, and what else a test adds. All of it moves as one coordinate does.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

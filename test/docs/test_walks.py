@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The walks of docs/project/extending.md work: their code is applied to a copy of src."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies on rails and hinges whose motion on a table is known in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

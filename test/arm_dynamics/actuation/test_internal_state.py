@@ -4,8 +4,6 @@
 The law is a toy, a coil on a joint, so that what is tested is the simulator and not a motor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

@@ -6,8 +6,6 @@ Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40(3
 Åström, Canudas de Wit, IEEE Control Systems Magazine 28(6), 2008.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generated functions against Pinocchio, on every robot and on random trees."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

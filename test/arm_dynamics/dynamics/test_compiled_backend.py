@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Large batches run in compiled code: the same answers as Pinocchio's, point by point."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled answers at one state: those of Pinocchio, refusals included."""
 
-from __future__ import annotations
-
 import gc
 import sysconfig
 import weakref

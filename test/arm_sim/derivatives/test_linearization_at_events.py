@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derivatives of ticks with events: against differences of ticks, closed forms, and refusals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from itertools import cycle, product

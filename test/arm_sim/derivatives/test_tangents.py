@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled derivatives of ticks, of a panda and of many arms: against differences of ticks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

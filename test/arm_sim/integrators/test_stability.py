@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Methods that are unstable at their step: told when they are chosen, and where that begins."""
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

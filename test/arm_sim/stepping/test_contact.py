@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact of points with planes: touch, bounce, rest, slide and lift off, against closed forms."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which contacts carry, stick, slide or open; several at once, impacts, and what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

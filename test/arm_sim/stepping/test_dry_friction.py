@@ -3,8 +3,6 @@
 stops at the right time and place, and never chatters.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events that begin and end within a tick: nothing of them shows at its ends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

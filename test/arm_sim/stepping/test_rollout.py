@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many arms in one call: each moves as it would alone, whatever else is in the call."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from signal import alarm

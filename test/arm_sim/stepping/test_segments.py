@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events in the middle of long ticks, against the same motion computed piece by piece by SciPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Levels of dry friction as inputs of the equations, against scenes that have these levels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
