@@ -6,8 +6,6 @@ a difference and so without cancellation (Squire, Trapp, "Using complex variable
 derivatives of real functions", SIAM Review 40, 1998).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import casadi as ca

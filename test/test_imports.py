@@ -3,8 +3,6 @@
 nothing else.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

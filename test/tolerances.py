@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every tolerance of the tests, named once, and the one way to apply them."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

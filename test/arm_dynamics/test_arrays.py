@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read-only arrays, and checks of arguments."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

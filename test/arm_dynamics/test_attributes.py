@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Objects refuse attributes that are not theirs."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text from outside is shown on one line, printable and of bounded length."""
 
-from __future__ import annotations
-
 import pytest
 
 from arm_dynamics.exceptions import choices, known_names, plain

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files are replaced whole and audibly, or left as they were."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

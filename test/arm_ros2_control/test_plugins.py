@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plugins for ros2_control, on stand-ins of its interfaces: to the bit the simulator."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

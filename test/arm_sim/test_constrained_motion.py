@@ -3,8 +3,6 @@
 switches.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 
@@ -190,8 +188,7 @@ def test_a_linkage_with_dry_friction_comes_to_rest(dt: float) -> None:
     assert error < 5e4 * dt**4, f"{error:.1e}"
 
 
-@pytest.mark.parametrize("stopped", [(0, 1), (0, 2), (0, 3)])
-@pytest.mark.parametrize("coulomb", [0.0, 0.05])
+@pytest.mark.parametrize(("stopped", "coulomb"), covering([(0, 1), (0, 2), (0, 3)], [0.05, 0.0]))
 def test_a_linkage_between_two_stops_comes_to_rest(
     stopped: tuple[int, int], coulomb: float
 ) -> None:

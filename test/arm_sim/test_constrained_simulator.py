@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulators of scenes with constraints: switches, rollouts, derivatives, what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

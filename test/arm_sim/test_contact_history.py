@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forces and losses of contacts in runs that are changed or held."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers in a run: objects with ``torque(state, reference)``, ours and others."""
 
-from __future__ import annotations
-
 import numpy as np
 import own_controllers
 import pytest

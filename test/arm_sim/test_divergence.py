@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When numbers are no longer finite, an error is raised and the last good state is kept."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

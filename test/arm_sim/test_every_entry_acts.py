@@ -5,8 +5,6 @@ The scenes here contain every key of the schema, each where it acts. ``scene.eff
 where they would not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from copy import deepcopy
 from itertools import zip_longest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Animations show the given motion, and refuse data that do not match it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arguments are accepted up to their limits and refused beyond them, with the reason."""
 
-from __future__ import annotations
-
 import logging
 from copy import copy
 from typing import Any

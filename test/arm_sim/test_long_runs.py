@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Long runs: Ctrl-C ends them soon, they say how far they are, and need no more than there is."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import logging

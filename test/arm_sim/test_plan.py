@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a scene does not use is not computed, and the plan states it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ready scenes of industrial arms: their data are the published ones, and they stand still."""
 
-from __future__ import annotations
-
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 import pages
 import pytest
-from samples import covering
+from samples import always
 
 import models
 from arm_dynamics.task_space import TaskSpace
@@ -28,7 +26,10 @@ def test_an_arm_begins_within_its_limits_and_can_hold_itself(name: str) -> None:
     assert_close(holding, models.oracle(name).gravity(model.q0), ALGEBRA)
 
 
-@pytest.mark.parametrize("name", (*models.ARMS, *models.REAL_DRIVES))
+STAND_FOR_ALL = ("fr3", "real_ur5e")  # one of rigid joints, one with rotors
+
+
+@pytest.mark.parametrize("name", always((*models.ARMS, *models.REAL_DRIVES), *STAND_FOR_ALL))
 def test_an_arm_stays_where_its_weight_is_carried(name: str) -> None:
     sim = models.simulator(name)
     run = sim.run(0.2, lambda state: sim.dynamics.gravity(state.q))
@@ -37,8 +38,14 @@ def test_an_arm_stays_where_its_weight_is_carried(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    covering((*models.REAL, "puma560", *models.ARMS, *models.REAL_DRIVES), ["Gentle", "Soft"]),
-)
+    always(
+        product(
+            (*models.REAL, "puma560", *models.ARMS, *models.REAL_DRIVES), ("Gentle", "Soft")
+        ),
+        ("panda", "Gentle"), ("kinova", "Soft"), ("puma560", "Gentle"),
+        *product(STAND_FOR_ALL, ("Gentle", "Soft")),
+    ),
+)  # fmt: skip
 def test_controllers_of_the_page_are_stable_on_every_arm(name: str, kind: str) -> None:
     made: dict[str, Any] = {}
     for step in pages.steps(pages.ROOT / "docs/how-to/own-controller.md"):

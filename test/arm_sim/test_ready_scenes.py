@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ready scenes that combine features, each against a closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -84,21 +82,3 @@ def test_only_the_links_of_a_flexible_arm_rebound() -> None:
     assert_close(run.z[-1, [1, 3]], v, 1e-3)
     lost = 0.5 * (1.0 - 0.5**2) * (J @ v) ** 2 / (J @ W @ J)
     assert_close(contact_history(sim, run).impact_loss[-1], lost, 1e-4)
-
-
-# --- panda_lugre_table: bristles that share the load -----------------------------------------
-
-
-def test_bristles_carry_what_the_table_does_not() -> None:
-    """Landed and at rest, τ = G + σ₀ z + Jᵀ f, f the force upon the table."""
-    sim = models.simulator("panda_lugre_table", tolerance=1e-5)
-    dyn = sim.dynamics
-    run = sim.run(
-        0.8, lambda s: dyn.gravity(s.q) + dyn.contact_torque(s.q, [2.0, 3.0, -20.0]) - 8.0 * s.v
-    )
-    q = run.q[-1]
-    force = -contact_history(sim, run).force[-1, 0]
-    assert np.abs(run.v[-1]).max() < 1e-4 and force[2] < -15.0
-    bent = 3e3 * run.z[-1]
-    assert np.abs(bent).max() > 0.05
-    assert_close(run.tau[-1], dyn.gravity(q) + bent + dyn.contact_torque(q, force), 1e-2)

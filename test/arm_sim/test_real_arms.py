@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ready arms with the drives that their robots have: published numbers, and what they do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

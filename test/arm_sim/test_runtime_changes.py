@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Payload, friction and forces that change while the simulation runs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

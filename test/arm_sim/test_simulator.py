@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stepper: state, time, reset, runs and effort limits."""
 
-from __future__ import annotations
-
 import dataclasses
 import logging
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad arguments are refused at once, and the simulator stays usable."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms that move on springs, against closed forms and independent integrations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

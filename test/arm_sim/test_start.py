@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How an arm starts for the second time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints that meet their position limits, against closed forms and plain matrix algebra."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

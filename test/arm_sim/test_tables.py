@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms with tabulated friction and springs that move, against independent integrations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The accuracy report on one problem with few steps: its orders, its gates, its page."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The comparison of controllers: its measurements, and well-known results."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

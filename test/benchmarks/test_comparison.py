@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark: its reference, its clocks and its report on a tiny problem."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

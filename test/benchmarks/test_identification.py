@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The study of intervals, with fewer recordings: they contain the truth as often as they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import sampled

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lockstep as the benchmark of the loop measures it: repeated runs are identical to the bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of the loop for given figures, and the bare thread."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 from typing import Any

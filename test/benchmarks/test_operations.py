@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Changes that make a scene's equations longer are noticed."""
 
-from __future__ import annotations
-
 import pytest
 from samples import sampled
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paired comparison times what its lines state, and reports what has become slower."""
 
-from __future__ import annotations
-
 import json
 from io import StringIO
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scoreboard: the best of each side, and losses as they are."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.comparison.scoreboard import lines, page

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random scenes are drawn as promised, and the stress test would notice a fault."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import product

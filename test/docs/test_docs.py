@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Examples of the documentation can be run, and its links exist."""
 
-from __future__ import annotations
-
 import re
 import runpy
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tests that the table of misprints names exist, and its rows are whole."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -4,8 +4,6 @@
 The processes are made by ``forge.py``, so that none of them imports the suite again.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures that several pages state are the same everywhere: ``docs/facts.yaml``."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every page of the gallery runs, and draws what it promises; what it claims it asserts itself."""
 
-from __future__ import annotations
-
 import ast
 import re
 import runpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes of the page own-node.md move an arm, and do the same in Python and in C++."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

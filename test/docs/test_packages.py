@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the packages declare, to ROS and to pip, is what their code imports and is tested with."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

@@ -4,8 +4,6 @@
 Usually what is here stands in for the network; with ``--nightly`` pip and git load everything.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

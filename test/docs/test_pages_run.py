@@ -8,8 +8,6 @@ not typed as they stand, and why. Python after the comment ``<!-- not run: REASO
 read.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -5,8 +5,6 @@ Set-up apart, which ``.ci/run`` does: ``./arm`` runs the suite as it is here, an
 without network into an environment that has its libraries.
 """
 
-from __future__ import annotations
-
 import os
 import pty
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reference generated from the code is complete."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from importlib import import_module

@@ -4,8 +4,6 @@
 The ros2 command line is not on PyPI, so they are held against what the packages declare.
 """
 
-from __future__ import annotations
-
 import re
 from importlib import import_module
 from pathlib import Path

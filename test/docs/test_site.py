@@ -5,8 +5,6 @@ They are those that ``./arm docs`` has built, some drawn by lot, and all with ``
 without a site there is nothing to test.
 """
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Iterable

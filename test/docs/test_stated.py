@@ -4,8 +4,6 @@
 A change of one of them is a change of behaviour: it belongs in the changelog, and then here.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

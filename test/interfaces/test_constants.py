@@ -5,8 +5,6 @@ Type hashes do not cover them. The values were read from the published definitio
 that ROS 2 Jazzy distributes, which the ``package.xml`` of each package here names.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 

@@ -6,8 +6,6 @@ the fields' types included. The numbers here were read from the code that rosidl
 the published packages, not from a build of ours.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

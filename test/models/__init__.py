@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robots that the tests run on, each loaded and built once."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One wheel on a vertical axis with a motor, and what laws of drives make of states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -4,8 +4,6 @@
 Each is compiled from the files of ``stepping/native`` with a few exported lines behind them.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

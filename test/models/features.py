@@ -6,8 +6,6 @@ while; a motor gets the current or voltage that gives its joint's torque at rest
 joint are merged: a flexible drive is driven by a current unless a voltage is asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from itertools import combinations

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Large robots: an arm of many joints, and two-armed mobile robots with hands."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.random_tree import tree

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes with closed chains for tests."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

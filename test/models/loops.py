@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linkages of any length, and constraints as good as dependent."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from models.linkages import inline

@@ -7,8 +7,6 @@ linear map ``positions = P q + c``, so that torques are ``P^T tau`` and the mass
 P``. Nothing here is shared with the code under test but the scene, which is plain data.
 """
 
-from __future__ import annotations
-
 from typing import Any
 from xml.etree import ElementTree
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random robots: trees of skewed joints with full inertia tensors, written as URDF."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

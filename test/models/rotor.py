@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One wheel on a vertical axis: J a + F(v) = tau, for laws of one joint."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

@@ -7,8 +7,6 @@ numbers change their exponents only, so results are similar to the last bit unle
 number is compared with them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree

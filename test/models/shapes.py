@@ -4,8 +4,6 @@
 Lengths and masses are round figures of the size of the named robots, not theirs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@
 Nothing is shared with the code under test but the scene, which is plain data.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 from xml.etree import ElementTree

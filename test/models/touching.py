@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies on rails and hinges whose motion on a table is known in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -57,6 +55,21 @@ def carrier(kind: str, axis: str, mass: float, **inertia: float) -> str:
         inertia: Its moments in [kg m²], by their names in a URDF.
     """
     return _chain("tray", [("drive", kind, AXES[axis])], mass, inertia)
+
+
+def unbalance(axis: str, mass: float, radius: float, inertia: float = 0.0) -> str:
+    """Branch of a robot that has a link ``body``: a wheel ``arm`` on it, on a joint ``spin``.
+
+    Args:
+        axis: As a URDF has it.
+        mass: Of the unbalance, a point mass, in [kg].
+        radius: At which it is, along x of the body where the joint is at zero, in [m].
+        inertia: About the unbalance in [kg m²].
+    """
+    return f"""<link name="arm"><inertial><origin xyz="{radius} 0 0"/><mass value="{mass}"/>
+      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link><joint name="spin" type="continuous"><parent link="body"/><child link="arm"/>
+      <axis xyz="{axis}"/></joint>"""
 
 
 def beside(mass: float) -> str:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simplest laws with states, to test how the simulator treats any of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

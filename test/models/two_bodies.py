@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two-link arm of lecture notes, in the vertical plane, with bodies as the notes have them."""
 
-from __future__ import annotations
-
 
 def two_bodies(
     length: float,

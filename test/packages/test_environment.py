@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the set-up does to an environment: it gets smaller, and its Python finds everything."""
 
-from __future__ import annotations
-
 import os
 import runpy
 import subprocess

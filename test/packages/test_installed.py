@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The libraries as pip installs them, without ROS and away from the sources."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

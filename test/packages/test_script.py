@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The script ./arm: what it installs, and what it does where nothing is installed."""
 
-from __future__ import annotations
-
 import os
 import pwd
 import shutil

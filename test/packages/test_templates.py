@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dockerfile and workflow work: what needs neither root nor network is run."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

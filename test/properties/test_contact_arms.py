@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms under random torques above a table: what must hold whatever they do."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

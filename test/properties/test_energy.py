@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energy: conserved when nothing takes or gives any, and accounted for when something does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import sampled

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random sets of features in one scene: the energy account closes, and runs repeat to the bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

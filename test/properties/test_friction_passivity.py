@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction never generates energy, a sticking joint does not creep, and nothing chatters."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole chain at once: our motion against SciPy's integrator on Pinocchio's equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inverse and forward dynamics are inverses, at a thousand random states of each robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import sampled

@@ -3,8 +3,6 @@
 states of each robot.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import models

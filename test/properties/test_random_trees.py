@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random trees of skewed joints, against Pinocchio called directly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import sampled

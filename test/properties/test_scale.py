@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms of 1e-9 kg and 1 mm, and of 1e9 kg and 1 km, are right to rounding: nothing is absolute."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

@@ -7,8 +7,6 @@ pi sqrt(m/k) apart, each 2 F/k nearer to zero than the one before; it stays wher
 holds at a turning point (Den Hartog, Mechanical Vibrations, 1956). Run: python make_coulomb.py
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

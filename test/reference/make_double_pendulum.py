@@ -7,8 +7,6 @@ th2) + g (2 cos th1 + cos th2). Every value is computed twice, with different pr
 to the digits that agree. Run: python make_double_pendulum.py (a minute or two)
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

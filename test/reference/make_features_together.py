@@ -7,8 +7,6 @@ interrupted run goes on where it was. Run (an hour or so on two cores), here:
 PYTHONPATH=.. ../../arm python make_features_together.py
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -10,8 +10,6 @@ Dynamics of Particles and Rigid Bodies, §44). The script checks it against a Ta
 python make_four_bar.py
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

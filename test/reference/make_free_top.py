@@ -7,8 +7,6 @@ momentum along z, where cos theta = I3 w3 / L, tan phi = I1 w1 / (I2 w2) and psi
 The script checks that R' = R [w]x by a high order difference. Run: python make_free_top.py
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

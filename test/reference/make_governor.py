@@ -14,8 +14,6 @@ of IFToMM's library of computational benchmark problems. The stiff motion is com
 tolerances of 1e-12 and 1e-9. Run: python make_governor.py
 """
 
-from __future__ import annotations
-
 import json
 from math import cos, hypot, pi, sin
 from pathlib import Path

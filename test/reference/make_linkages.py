@@ -11,8 +11,6 @@ without any multiplier. Points of the plane are complex numbers x + i z. Run: py
 make_linkages.py
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

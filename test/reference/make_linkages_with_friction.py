@@ -6,8 +6,6 @@ slider-crank whose slider rubs on its rail, turned by a motor with a current. Ru
 PYTHONPATH=.. ../../arm python make_linkages_with_friction.py
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -6,8 +6,6 @@ solved with a relative tolerance of 1e-9; solved again with 1e-11 it differs by 
 Run: python make_lugre.py (two minutes)
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from math import e, exp, sqrt

@@ -7,8 +7,6 @@ Control 102, 1980), solved for the accelerations. Run: ./arm python test/referen
 (a quarter of an hour)
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

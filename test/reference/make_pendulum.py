@@ -5,8 +5,6 @@ theta = 2 asin(k sn(K - sqrt(g/l) t | k²)), k = sin(45°), from the downward ve
 Lifshitz, Mechanics, §11; Jacobi's elliptic functions). Run: python make_pendulum.py
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

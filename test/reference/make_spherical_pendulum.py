@@ -9,8 +9,6 @@ Rigid Bodies, §55). The script checks it against a Taylor series solution of th
 motion. Run: python make_spherical_pendulum.py
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -6,8 +6,6 @@ rest at th1 = 90°, th2 = 90° - 0.5 rad. Every value is computed twice, with di
 Run: python make_stiff_elbow.py (a few minutes)
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

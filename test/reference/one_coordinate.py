@@ -5,8 +5,6 @@ Pinocchio gives the inertia of the open tree; the loop is closed by plane trigon
 runs from one instant at which a joint reverses to the next. Nothing is shared with the suite.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import solve_ivp
 

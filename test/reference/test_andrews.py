@@ -8,8 +8,6 @@ computed by PSIDE with tolerances of 1e-14. Two methods of SciPy's and all of ou
 angles are 1.4e-9 rad off, and that its accelerations are off accordingly.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

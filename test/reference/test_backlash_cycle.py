@@ -16,8 +16,6 @@ roots ± i ω if its characteristic polynomial
 vanishes there: two real equations for κ and ω.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The double pendulum of point masses against Taylor series of high order."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every pair of features in one scene, and many at once, against independent solutions."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from typing import Any

@@ -3,8 +3,6 @@
 go round for ever, built from a rod and payloads.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stiff flyball governor, whose coupler rods are springs, against its three coordinates."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from math import pi

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The independent simulator itself: what it is held against beside ``features_together``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

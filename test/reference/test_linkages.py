@@ -3,8 +3,6 @@
 and four-bar to 20 digits with their joint forces, rows of parallelograms in closed form.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed chains with dry friction, thrown or driven by a motor, against their one coordinate."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -3,8 +3,6 @@
 wheels, sticking, sliding, coasting to rest and reversing.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 reaches 40 rad/s within the second.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plane pendulum against its closed form in Jacobi's elliptic functions."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

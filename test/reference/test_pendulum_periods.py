@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long a pendulum takes, from a swing of 1° to one of 179°, against the elliptic integral."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import ellipkm1

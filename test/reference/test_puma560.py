@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Published joint torques and inertias of the Puma 560, rotors included, friction apart."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Spherical pendulum against its closed form: motion out of the plane, on a universal joint."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

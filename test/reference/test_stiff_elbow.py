@@ -3,8 +3,6 @@
 motion asks for, the implicit one does not.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

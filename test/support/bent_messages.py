@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that are corrupted at random."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

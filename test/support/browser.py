@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A page of the view in a real browser: what it drew, read back from the scene that it renders."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

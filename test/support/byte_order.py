@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages as a machine of either byte order sends them, by ``rosbags``."""
 
-from __future__ import annotations
-
 from array import array
 from functools import cache
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two controllers of the same arm beside each other, of which one answers in C."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any

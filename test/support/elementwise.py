@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functions of one number in generated code, alone and in the lanes of a vector."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exported libraries, compiled and called."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

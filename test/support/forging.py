@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts ``forge.py``, and programs by it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

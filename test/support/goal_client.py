@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A client of FollowJointTrajectory, and a controller node that receives states by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Panda's hand that is sent somewhere: messages, and what a controller makes of them."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

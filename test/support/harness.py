@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS of its own for one test."""
 
-from __future__ import annotations
-
 import os
 import socket
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The suite as pip installs it, without network: copies, wheels, environments without ROS."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -5,8 +5,6 @@ Source: "Migrating Launch Files" and "Using XML, YAML, and Python for ROS 2 Laun
 Jazzy's documentation; the library ``launch`` is in no registry.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

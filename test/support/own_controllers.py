@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers as somebody else would write them, good ones and others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that a reader of a page has and the page does not make: an arm, recordings, records."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

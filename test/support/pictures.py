@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures in tests: drawn in memory and closed afterwards, or kept when they are written."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

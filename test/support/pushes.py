@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pushes from outside, as messages."""
 
-from __future__ import annotations
-
 from geometry_msgs.msg import WrenchStamped
 
 

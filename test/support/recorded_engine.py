@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An engine to be recorded, a motion in which everything happens to it, and what is in a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

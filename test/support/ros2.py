@@ -6,8 +6,6 @@ subscriber, ``topic echo`` for a publisher, ``service call`` and ``action send_g
 Exit status 1 means that the command did not succeed.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -4,8 +4,6 @@
 The conftest.py of each folder with such tests imports these fixtures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sim node whose ticks are triggered by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from ctypes import byref
 from typing import Any

@@ -6,8 +6,6 @@ Ctrl-C are watched until they work. Nodes then go on, so that later lines find t
 on until a line names their file; the others are interrupted at once.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

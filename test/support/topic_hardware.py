@@ -7,8 +7,6 @@ message with the commands of all joints, NaN where a joint has no such interface
 written a command, unless Σ|state - command| over all command interfaces is within a threshold.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

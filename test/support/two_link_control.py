@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A two-link arm before a controller node: states, trajectories, and what should come of them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

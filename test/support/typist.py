@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Types ``./arm call``."""
 
-from __future__ import annotations
-
 import json
 from typing import Any, NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands for torques: what a controller sends to motors driven by current or voltage."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

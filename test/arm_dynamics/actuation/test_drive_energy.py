@@ -4,8 +4,6 @@
 Checked at an instant, where no integrator is involved: ∂E/∂x · x' = supplied - lost - torque · v.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits of a motor that meet: which one holds, for every kind of command and every speed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

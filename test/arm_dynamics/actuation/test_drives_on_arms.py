@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drives on arms of every kind, alone and many at once."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -4,8 +4,6 @@
 The equations are written out here once more, apart from the suite's laws.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

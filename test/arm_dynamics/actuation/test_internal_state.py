@@ -4,14 +4,13 @@
 The law is a toy, a coil on a joint, so that what is tested is the simulator and not a motor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 from scipy.integrate import solve_ivp
 
 import models
@@ -71,8 +70,7 @@ CASES: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("options", CASES, ids=str)
-@pytest.mark.parametrize("L", [0.01, 0.0])
+@pytest.mark.parametrize(("options", "L"), covering(CASES, [0.01, 0.0]), ids=str)
 def test_agrees_with_scipy(build: Build, options: dict[str, Any], L: float) -> None:
     law = Motor((True, False), L=L)
     sim = build(law, **options)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed chains whose joints have motors, springs and bristles."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

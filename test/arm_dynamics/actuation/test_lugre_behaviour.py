@@ -6,8 +6,6 @@ Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40(3
 Åström, Canudas de Wit, IEEE Control Systems Magazine 28(6), 2008.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -17,6 +15,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_sim import Simulator
 from models.rotor import rotor
+from models.touching import contact
 from tolerances import ALGEBRA, LUGRE, assert_close
 
 # Of the paper, table I: a mass of 1 kg.
@@ -116,9 +115,9 @@ def test_friction_lags_behind_a_speed_that_varies() -> None:
     assert 0.0 < widths[0] < widths[1], widths
 
 
-def test_seven_joints_against_radau() -> None:
-    """Panda with bristles on every joint, let go, against SciPy on Pinocchio's dynamics."""
-    scene = models.scene("panda").model_dump(exclude_unset=True)
+def test_joints_that_move_one_another_against_radau() -> None:
+    """Two links with bristles in both joints, let go, against SciPy on Pinocchio's dynamics."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
     law = {"sigma0": 1e5, "sigma1": 300.0, "sigma1_velocity": 0.02}
     levels = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01, "viscous": 0.5}
     scene["joints"] = {"*": {"friction": levels | {"lugre": law}}}
@@ -138,6 +137,27 @@ def test_seven_joints_against_radau() -> None:
     truth = solve_ivp(slope, (0.0, 0.2), x0, "Radau", rtol=1e-7, atol=small).y[:n, -1]
     assert np.abs(truth - x0[:n]).max() > 0.05
     assert np.abs(run.q[-1] - truth).max() < LUGRE
+
+
+def test_bristles_carry_what_a_table_does_not() -> None:
+    """Landed and at rest, τ = G + σ₀ z + Jᵀ f, f the force upon the table."""
+    law = {"coulomb": 0.4, "viscous": 0.2, "lugre": {"sigma0": 3e3, "sigma1": 5.0}}
+    table = contact("tip", friction=0.5, plane={"point": [0, 0, -0.13]})
+    scene = models.scene("two_link").model_dump(exclude_unset=True) | {
+        "joints": {"*": {"friction": law}}, "constraints": [table],
+        "initial": {"position": {"shoulder": -0.5, "elbow": 0.8}},
+    }  # fmt: skip
+    sim = Simulator(scene)
+    dyn = sim.dynamics
+    run = sim.run(
+        0.8, lambda s: dyn.gravity(s.q) + dyn.contact_torque(s.q, [2.0, 0.0, -20.0]) - 8.0 * s.v
+    )
+    q, (pressed,) = run.q[-1], sim.contact_forces()
+    assert np.abs(run.v[-1]).max() < 1e-6 and pressed.normal > 15.0
+    bent = 3e3 * run.z[-1]
+    assert np.abs(bent).max() > 0.05
+    held = dyn.gravity(q) + bent + dyn.contact_torque(q, -pressed.force)
+    assert_close(run.tau[-1], held, 1e-9)
 
 
 # --- by direction, position and load -------------------------------------------------------------

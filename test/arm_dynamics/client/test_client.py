@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The client: numpy in and out, and one clear error when something is wrong."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

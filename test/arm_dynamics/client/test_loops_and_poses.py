@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constrained dynamics and inverse kinematics through the client and ``./arm call``."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

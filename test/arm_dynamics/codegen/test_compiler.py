@@ -3,8 +3,6 @@
 error.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The exponential function of generated code, alone and in lanes, against 60 digits of mpmath."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Code is taken only from folders and files that no other user can have written."""
 
-from __future__ import annotations
-
 import os
 import stat
 from pathlib import Path

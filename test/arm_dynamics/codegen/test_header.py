@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Structures that Python reads from headers are those that the compiler sees."""
 
-from __future__ import annotations
-
 import ctypes
 from _ctypes import FUNCFLAG_PYTHONAPI
 from ctypes import Structure, c_double, c_int64, c_longlong, c_void_p

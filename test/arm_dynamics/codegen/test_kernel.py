@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generated functions against Pinocchio, on every robot and on random trees."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -63,7 +61,7 @@ def agrees(scene: object, oracle: Oracle, rng: np.random.Generator, regroup: boo
 @pytest.mark.parametrize("robot", EACH)
 def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None:
     """Rigid body with friction, by the algorithm that was chosen for the robot."""
-    plant, oracle = models.simulator(robot).arm.plant, models.oracle(robot)
+    plant, oracle = Plant(models.dynamics(robot).model), models.oracle(robot)
     call = Kernel([plant.mechanics.acceleration], backend="native").call("acceleration")
     for _ in range(STATES):
         q, v, tau = models.random_state(rng, oracle.n)
@@ -100,7 +98,7 @@ def test_both_forward_algorithms_on_random_trees(joints: int, rng: np.random.Gen
 
 @pytest.mark.parametrize("name", sampled(["panda", "gripper", "z1", "skew_axes"], 2))
 def test_virtual_machine_equals_native_code(name: str, rng: np.random.Generator) -> None:
-    plant = models.simulator(name).arm.plant
+    plant = Plant(models.dynamics(name).model)
     native, virtual = (
         Kernel([plant.mechanics.acceleration], backend=backend).call("acceleration")
         for backend in ("native", "vm")

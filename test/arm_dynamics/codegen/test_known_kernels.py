@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled kernels found by the inputs they were generated from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import casadi as ca

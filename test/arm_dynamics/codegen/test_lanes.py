@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several numbers in a vector, as in rollouts: whether one of them is out of range."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 

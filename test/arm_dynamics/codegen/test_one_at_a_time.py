@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threads build expressions in turn, whatever of the suite they build; CasADi would crash."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event, Thread

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sine and cosine of generated code, alone and in lanes, against 60 digits of mpmath."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mpmath

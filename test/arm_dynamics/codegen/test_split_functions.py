@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Long generated functions in pieces: different code, the same numbers."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computed torque: its error dynamics, and refusals."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """User-defined controllers: found by name, built with their arguments, and supervised."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers without parameters use the defaults that are documented."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Velocities derived from positions, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

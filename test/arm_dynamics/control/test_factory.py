@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers by name: all follow the same kind of reference and can replace one another."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -26,15 +24,18 @@ from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from tolerances import ALGEBRA, assert_close
 
+BENT = [0.3, 0.8]  # [rad], away from the singular position of the two-link arm
+PLANAR = Settings(frame="tip", axes="x z", observer=30.0)
+
 
 @pytest.mark.parametrize("observer", sampled([30.0, 0.0], 1))
 @pytest.mark.parametrize("name", NAMES)
 def test_every_controller_holds_the_arm_at_rest(name: str, observer: float) -> None:
     """Each holds its position; PD and PID do not know the weight and sag at first."""
-    sim = models.simulator("panda", dt=1e-3)
-    q = sim.state.q.copy()
-    still = Reference(q, np.zeros(7), np.zeros(7))
-    settings = Settings(frame="panda_hand_tcp", observer=observer)
+    sim = models.simulator("two_link", dt=1e-3)
+    q = sim.reset(BENT).q
+    still = Reference(q, np.zeros(2), np.zeros(2))
+    settings = replace(PLANAR, observer=observer)
     control = make_controller(name, sim.dynamics, settings)
     assert isinstance(control.law, DisturbanceObserver) == (observer > 0.0)
     done = sim.run(0.3, lambda s: control.torque(s, still))
@@ -44,10 +45,10 @@ def test_every_controller_holds_the_arm_at_rest(name: str, observer: float) -> N
 
 
 def test_all_hand_over_to_all_without_a_jump() -> None:
-    sim = models.simulator("panda", dt=1e-3)
-    goal = sim.state.q + 0.05
-    reference = Reference(goal, np.zeros(7), np.zeros(7))
-    settings = Settings(frame="panda_hand_tcp", bandwidth=8.0, friction=True)
+    sim = models.simulator("two_link", dt=1e-3)
+    goal = sim.reset(BENT).q + 0.05
+    reference = Reference(goal, np.zeros(2), np.zeros(2))
+    settings = replace(PLANAR, bandwidth=8.0)
     laws = [make_controller(name, sim.dynamics, settings) for name in NAMES if name != "float"]
     control, torques = Switch(laws[2], sim.dt, 0.05), []
     for k in range(60 * len(laws)):
@@ -60,28 +61,20 @@ def test_all_hand_over_to_all_without_a_jump() -> None:
         np.testing.assert_array_equal(torques[k], torques[k - 1])
 
 
-def test_torques_are_clipped_at_the_limits_on_request() -> None:
-    dyn = models.dynamics("two_link")
+def test_torques_are_clipped_at_the_limits_on_request_and_by_an_observer() -> None:
+    dyn, limit = models.dynamics("two_link"), np.array([3.0, 0.5])
     state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
-    limit = np.array([3.0, 0.5])
-    free = make_controller("computed_torque", dyn, Settings(limit=limit))
-    cut = make_controller("computed_torque", dyn, Settings(limit=limit, saturate=True))
-    asked = free.torque(state, reference)
-    assert (abs(asked) > limit).any()
-    np.testing.assert_array_equal(cut.torque(state, reference), np.clip(asked, -limit, limit))
+    free, cut, observed = (
+        make_controller("computed_torque", dyn, Settings(limit=limit, **more))
+        for more in ({}, {"saturate": True}, {"observer": 20.0})
+    )
+    torque = free.torque(state, reference)
+    assert (abs(torque) > limit).any()
+    for control in (cut, observed):
+        clipped = np.clip(torque, -limit, limit)
+        np.testing.assert_array_equal(control.torque(state, reference), clipped)
     assert isinstance(cut, Saturated)
-    np.testing.assert_array_equal(cut.saturated, abs(asked) > limit)
-
-
-def test_an_observer_keeps_to_the_limits_too() -> None:
-    dyn = models.dynamics("two_link")
-    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
-    limit = np.array([3.0, 0.5])
-    free = make_controller("computed_torque", dyn, Settings())
-    held = make_controller("computed_torque", dyn, Settings(observer=20.0, limit=limit))
-    asked = free.torque(state, reference)
-    assert (abs(asked) > limit).any()
-    np.testing.assert_array_equal(held.torque(state, reference), np.clip(asked, -limit, limit))
+    np.testing.assert_array_equal(cut.saturated, abs(torque) > limit)
 
 
 RUBBED = {"viscous": 0.5, "coulomb": 2.0}  # [N m s/rad], [N m]
@@ -229,15 +222,14 @@ def test_torques_of_the_reference_are_added_before_limits(
     name: str, rng: np.random.Generator
 ) -> None:
     dynamics = models.dynamics("two_link")
-    settings = Settings(frame="tip", axes="x z", observer=10.0)
     q, v, a = models.random_state(rng, 2)
     state, added = Measured(q, 0.1 * v), rng.normal(size=2)
-    bounded = replace(settings, saturate=True, limit=30.0)
+    bounded = replace(PLANAR, saturate=True, limit=30.0)
     plain, more, cut = (
         make_controller(name, dynamics, chosen).torque(state, Reference(q, v, a, tau))
-        for tau, chosen in ((None, settings), (added, settings), (added, bounded))
+        for tau, chosen in ((None, PLANAR), (added, PLANAR), (added, bounded))
     )
     assert_close(more, plain + added, ALGEBRA)
     assert np.all(abs(cut) <= 30.0)
     with pytest.raises(InvalidInput, match=r"reference\.tau"):
-        make_controller(name, dynamics, settings).torque(state, Reference(q, v, a, np.ones(3)))
+        make_controller(name, dynamics, PLANAR).torque(state, Reference(q, v, a, np.ones(3)))

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impedances chosen in units of force and torque rather than by a bandwidth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint controllers: behaviour at rest, in motion and at limits; refusals."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The filter against SciPy's, and its gain against the transfer function that it samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy

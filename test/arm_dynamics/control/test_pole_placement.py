@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which gains a loop carries whose torques act late, and what is said of others."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

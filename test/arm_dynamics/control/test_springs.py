@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers take the springs of their model into account."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Task-space controllers: their control laws, straight lines, contact, singularities."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

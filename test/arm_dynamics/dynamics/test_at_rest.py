@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Accelerations of joints at rest: as the simulator begins, and by trying all sets."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

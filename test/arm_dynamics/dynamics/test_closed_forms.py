@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equations of motion that a textbook writes out, and positions that wrap around."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import models

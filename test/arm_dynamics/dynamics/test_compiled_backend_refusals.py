@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Large batches refuse the same arguments as single calls, with the same messages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

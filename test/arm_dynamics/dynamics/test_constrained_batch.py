@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constrained dynamics of large batches: compiled code gives the results of single points."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numeric answers against Pinocchio called directly, on every robot."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad arguments are refused at once, with the argument's name, and the instance stays usable."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Poses and Jacobians of frames, against Pinocchio on the whole robot of the URDF."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

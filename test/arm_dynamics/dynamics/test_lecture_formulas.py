@@ -4,8 +4,6 @@
 The arm is the one of most lectures: two massless links with a point mass at the end of each.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

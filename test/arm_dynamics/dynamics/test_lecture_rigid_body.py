@@ -4,8 +4,6 @@
 The body is a cloud of point masses, so that every integral is a sum of its own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

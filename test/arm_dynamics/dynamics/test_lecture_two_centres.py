@@ -4,8 +4,6 @@
 Kinetic energy by Jacobians, Christoffel's symbols one by one, and the weight.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

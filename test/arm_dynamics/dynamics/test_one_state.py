@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled answers at one state: those of Pinocchio, refusals included."""
 
-from __future__ import annotations
-
 import gc
 import sysconfig
 import weakref
@@ -51,7 +49,7 @@ def pinocchio_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
 
 
-@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 6))
+@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 4))
 def test_equals_pinocchio(robot: str, rng: np.random.Generator) -> None:
     plain, own = models.dynamics(robot), compiled(robot)
     for what, _ in product(CALLS, range(5)):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values that no arm has are told once, as probably in another unit; real ones are not."""
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Callable, Mapping

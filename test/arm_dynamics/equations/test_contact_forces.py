@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forces of many contacts, more than the arm has motions, against least squares by numpy."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derivatives of inverse dynamics against Pinocchio's and those that CasADi finds."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pinocchio as pin

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Articulated bodies some of whose joints have given accelerations, against inverse dynamics."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

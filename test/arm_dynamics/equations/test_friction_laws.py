@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction that differs by direction, position and load: moving, at rest, inverted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

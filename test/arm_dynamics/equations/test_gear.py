@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A gear that loses power: every direction of power flow, standing still, and the energy."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

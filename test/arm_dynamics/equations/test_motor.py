@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """DC motors on rigid gears: current, speed, limits, cogging, and the rotor in the arm."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The law of a spring between two points: tension, energy, cords, and ends that meet."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction by speed and springs by deflection, from tables: as functions of one state."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flexible joints, belts and harmonic drives: against closed forms, and rigid in the limit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coefficients of a tree: rounding errors of zeros and ones make no operations."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.equations.tree import clean, sparse

@@ -3,8 +3,6 @@
 constrained dynamics against Pinocchio's own constraint algorithm.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

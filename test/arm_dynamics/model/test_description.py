@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """All joints and links of a description, against Pinocchio's model with nothing locked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A drive that cannot be gives one clear error: the key, the value and what is wanted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction and armature: where they come from and what they do to the equations of motion."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames by name where a link and a joint have the same one: the link is meant, everywhere."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

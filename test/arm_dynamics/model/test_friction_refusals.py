@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impossible friction gives one clear error: the key, the value and what is allowed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A locked joint does not move: the others behave as if it were welded."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

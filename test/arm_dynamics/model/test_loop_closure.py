@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """States that satisfy the constraints, and clear errors if there are none."""
 
-from __future__ import annotations
-
 import logging
 import re
 from typing import Any

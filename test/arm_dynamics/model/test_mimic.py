@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Followers add their inertia, weight and friction to their leader."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import models

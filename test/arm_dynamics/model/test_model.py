@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot as numbers: names, types, limits and masses."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

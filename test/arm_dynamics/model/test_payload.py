@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A payload is a body welded to a frame: the same as a URDF with that body welded on."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Published robots: torques as by an independent reading and method, or refused by name."""
 
-from __future__ import annotations
-
 import re
 from importlib.util import find_spec
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Singular mass matrices are refused, naming the joints that move no mass."""
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Springs in the equation of motion of any robot, against the slope of their potential."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

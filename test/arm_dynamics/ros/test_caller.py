@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a request is repeated, by a simulated clock, and how long the client waits in all."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Collection, Iterator
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cartesian goals over ROS: planned in the background, followed without a jump, or refused."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Answers of C equal those of Python to the bit; Python answers all other states."""
 
-from __future__ import annotations
-
 import os
 import time
 from copy import deepcopy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Services answered by C: their responses, what they leave to Python, and how they end."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The service ``~/constrained_dynamics`` and the topic ``~/multipliers``, against the core."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control law of the controller node: chosen at start, changed in motion, or refused."""
 
-from __future__ import annotations
-
 import time
 from threading import Event
 from typing import Any

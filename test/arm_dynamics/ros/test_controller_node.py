@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller node: its commands for given states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which trajectories the controller node takes, and how it follows them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from harness import Ros

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Log messages of the cores appear on the node's console; what is repeated is told in turns."""
 
-from __future__ import annotations
-
 import logging
 from importlib.resources import files
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Diagnostics of the dynamics node and the controller node."""
 
-from __future__ import annotations
-
 import re
 import time
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dynamics node's responses against the core, and its errors for bad requests."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

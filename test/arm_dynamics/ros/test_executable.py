@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Command lines of the executables, each in a separate process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every executor that can be chosen dispatches callbacks."""
 
-from __future__ import annotations
-
 import gc
 import signal
 import sys

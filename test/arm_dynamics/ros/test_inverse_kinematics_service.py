@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The service ``~/inverse_kinematics``: against forward kinematics, and what it refuses."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

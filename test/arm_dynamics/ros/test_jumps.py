@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the controller takes for a jump of time or of the arm."""
 
-from __future__ import annotations
-
 import time
 from threading import Event
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals that take long to plan: the loop goes on, and plans that come too late are made again."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

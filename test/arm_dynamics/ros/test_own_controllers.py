@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller node runs user-defined controllers, and brakes the arm when one fails."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared memory left by killed nodes is released, and nothing else."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

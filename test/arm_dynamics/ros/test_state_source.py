@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A controller answers one of several publishers of joint states, and names the others."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

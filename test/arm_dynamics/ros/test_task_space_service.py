@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The service ``~/task_space``: what it answers against the core, and what it refuses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

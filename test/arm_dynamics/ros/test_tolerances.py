@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tolerances on the way and at the goal, and their time."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The action FollowJointTrajectory, by the rules of joint_trajectory_controller."""
 
-from __future__ import annotations
-
 import time
 from itertools import count
 from threading import Event

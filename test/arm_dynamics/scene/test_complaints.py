@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors in scenes name the file, the key, what is expected, and the likely intention."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

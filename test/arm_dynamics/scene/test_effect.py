@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entries that would change nothing are refused: the key, its value and what would make it act."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 value and what is allowed.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from copy import deepcopy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The keys ``sensors`` and ``commands``: what they take, and what they refuse by name."""
 
-from __future__ import annotations
-
 import pytest
 
 import models

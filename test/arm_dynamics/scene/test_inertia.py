@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inertias that are possible for rigid bodies, and impossible ones."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

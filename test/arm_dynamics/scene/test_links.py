@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inertias of links in a scene: the same as if they were written in the URDF."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

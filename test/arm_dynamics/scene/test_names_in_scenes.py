@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints and frames that a scene names must exist, and be free to move as it requires."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

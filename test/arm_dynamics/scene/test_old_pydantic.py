@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An older pydantic, such as that of Ubuntu 24.04, is refused by name."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

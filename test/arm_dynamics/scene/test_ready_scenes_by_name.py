@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes are found by bare name, from any folder and however the packages are installed."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

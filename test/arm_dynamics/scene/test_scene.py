@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forms of a scene, and their meaning."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

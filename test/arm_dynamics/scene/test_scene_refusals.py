@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bad scene gives one clear error that names the key, the value and what is allowed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inertia of a task near a singularity: how much damping, and where it begins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terms of controllers at a frame, as numbers and as expressions, on every robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import sampled

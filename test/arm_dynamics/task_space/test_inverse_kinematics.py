@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inverse kinematics and joint paths: poses reached, paths followed, requests refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

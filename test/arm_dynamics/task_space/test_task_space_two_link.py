@@ -5,8 +5,6 @@ Craig, Introduction to Robotics, example 6.6, derived again; rates are those of 
 along the moving axes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The check of generated code accepts correct code and rejects wrong code."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

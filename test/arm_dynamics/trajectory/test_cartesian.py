@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Paths of a frame through space: its orientation on lines and circles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which joint breaks which limit, when, and by how much."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """References of a controller while trajectories start and end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits of a robot as those of a trajectory, and joint positions on a path against them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

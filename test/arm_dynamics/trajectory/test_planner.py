@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions to Cartesian goals: straight, through poses, from motion, within limits, or refused."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories at single times, with a compiler and without."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines, cubics and quintics between points, as ROS robots interpolate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

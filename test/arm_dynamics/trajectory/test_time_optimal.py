@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The quickest timing of a path: bang-bang where that is known, within every limit, or refused."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much slower a motion must be for its torques, with friction of every kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

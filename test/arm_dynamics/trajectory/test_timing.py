@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Timing laws: as fast as speed and acceleration limits allow, over short and long distances."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

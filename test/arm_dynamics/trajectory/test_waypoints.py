@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quintic trajectories: continuity, least jerk, limits, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm call`` against nodes that were started by ``./arm dynamics`` and ``./arm sim``."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

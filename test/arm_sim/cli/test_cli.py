@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line without ROS: help, vectors, describe, and what the demo decides by itself."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

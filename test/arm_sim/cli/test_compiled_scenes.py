@@ -3,8 +3,6 @@
 must not load.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Completion of command lines in a shell, and its speed."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo as a user starts it: it closes the loop, reports on it, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Child processes of the demo: ended together, killed if they do not end, and reported."""
 
-from __future__ import annotations
-
 import signal
 import stat
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers and figure of a demo run, from what was observed."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

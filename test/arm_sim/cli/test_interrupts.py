@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Signals end a command while it is imported, then between its calls of ROS, not within them."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -5,8 +5,6 @@ The table is ``mistakes.yaml``: scenes, robot descriptions, commands and calls f
 key of a scene is checked in ``arm_dynamics/scene``, every option in ``arm_studies/cli``.
 """
 
-from __future__ import annotations
-
 import copy
 import pickle
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers, tables and progress displays."""
 
-from __future__ import annotations
-
 import io
 import logging
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm go``, ``set``, ``get`` and ``watch`` with a simulator and a controller that run."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ticks without events in scenes with events: compiled code against the path through events."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gradients of functions of a rollout's states: against differences of rollouts, and A and B."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -82,8 +80,11 @@ def featured(*chosen: str, **options: Any) -> Simulator:
     return Simulator(scene, dt=1e-3, **({"integrator": "rk4"} | options))
 
 
+SMOOTH = ("viscous", "armature", "spring", "point spring", "payload", "mimic")
+
+
 def test_loads_and_springs_by_their_parameters_too() -> None:
-    sim = featured("viscous", "armature", "spring", "point spring", "payload", "mimic")
+    sim = featured(*SMOOTH)
     compare(sim)
     q0, v0, tau, g = start(sim)
     load = np.tile([0.8, 0.01, 0.02, 0.08, 2e-3, 1e-4, 0.0, 3e-3, 0.0, 2e-3], (ARMS, 1))
@@ -187,7 +188,7 @@ def test_by_parameters_across_events() -> None:
     assert_close(found.parameters["payload"], difference(L, load, 1e-5), 1e-7)
 
 
-@pytest.mark.parametrize("chosen", [("viscous", "payload"), ("coulomb",), ("flexible",)])
+@pytest.mark.parametrize("chosen", [SMOOTH, ("coulomb", "payload"), ("flexible",)])
 def test_along_a_direction(chosen: tuple[str, ...]) -> None:
     """g · (J d) = (Jᵀ g) · d, for smooth ticks, with events and where laws have states."""
     sim = featured(*chosen)
@@ -221,7 +222,7 @@ def test_a_direction_against_differences() -> None:
     assert_close(found, wanted, GRADIENT)
 
 
-@pytest.mark.parametrize(("chosen", "ticks"), [(("viscous",), 3), (("coulomb", "flexible"), 2)])
+@pytest.mark.parametrize(("chosen", "ticks"), [(SMOOTH, 3), (("coulomb", "flexible"), 2)])
 def test_products_with_a_tick_are_those_with_A_and_B(chosen: tuple[str, ...], ticks: int) -> None:
     sim = featured(*chosen)
     state, tau = sim.reset(sim.model.q0, [0.8, -0.5, 0.6]), np.array([2.0, 1.0, 0.1])

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exact derivatives of a tick against finite differences and closed forms."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ticks without a derivative: refused by name, and their one-sided derivatives on request."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@
 The closed form is the exponential of the system's matrix, with the held command as another state.
 """
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

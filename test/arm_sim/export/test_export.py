@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export: names, folders, errors, CMake, the command."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 import shutil

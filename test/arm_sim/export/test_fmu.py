@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functional mock-up units: to the bit the simulator, by a small importer and by FMPy."""
 
-from __future__ import annotations
-
 import ctypes
 import zipfile
 from collections.abc import Sequence

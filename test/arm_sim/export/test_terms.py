@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exported terms, compiled by the system's compiler, against ``Dynamics``."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from pathlib import Path

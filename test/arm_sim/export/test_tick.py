@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exported ticks, compiled by the system's compiler, against ``Simulator``, to the bit."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 from functools import cache

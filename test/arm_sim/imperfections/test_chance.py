@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random numbers of a tick depend on seed, channel, arm and tick only."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_sim.imperfections.chance import Chance, Channel, even, normal

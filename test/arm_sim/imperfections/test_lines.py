@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Delay, jitter and loss of messages that carry the number of the tick they were sent in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensor readings of a known motion: resolution, offsets, noise, spectra, delays."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

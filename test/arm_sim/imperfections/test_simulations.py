@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs with sensors and delays: control receives measured values, the motion is unchanged."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The method chosen for a scene: its fastest rate, in closed form, relative to the limits."""
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

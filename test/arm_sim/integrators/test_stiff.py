@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes whose friction acts faster than a tick: the implicit method, and when it is chosen."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -4,8 +4,6 @@ Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, section II.2)
 order p meets all of up to p nodes.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import combinations_with_replacement
 from math import prod

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gaps, relative velocities and forces of contacts against Pinocchio's kinematics."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tunable quantities: impossible values are refused by name, for one arm and for many."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

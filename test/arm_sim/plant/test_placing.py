@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """States that a scene with contacts allows, to the nanometre, and the errors for others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

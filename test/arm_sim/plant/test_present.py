@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The numeric dynamics of a simulator contain everything that is tunable, as it is now."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints that stick in long arms: two ways to the same accelerations and reactions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account of a recording and of a running simulation, with and without laws' states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our recordings read by other software: ``rosbags``, and the decoder of ``mcap`` for ROS 2."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording loaded from a file equals the original, on any machine; others are refused."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The error of a motion, from a second run by other means, against closed forms and finer runs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

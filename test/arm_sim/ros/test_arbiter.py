@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two controllers at once: the first one stays in control, the other is refused and reported."""
 
-from __future__ import annotations
-
 import pytest
 
 from arm_dynamics import InvalidInput

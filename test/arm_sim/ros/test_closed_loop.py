@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sim and controller close the loop, driven by hand: no clock, so the same on every machine."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motors over topics: currents and voltages by name, and the torques that acted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from harness import Ros

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of a caller is repeated clipped and on one line, in every message."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

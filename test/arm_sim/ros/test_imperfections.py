@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node with sensors and delays: what it publishes, and when commands act."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

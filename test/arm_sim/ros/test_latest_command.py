@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The torque slot: newest command, age in ticks, policies."""
 
-from __future__ import annotations
-
 from ctypes import byref
 from typing import Any
 

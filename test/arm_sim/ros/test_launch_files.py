@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Launch files use existing executables and parameters; all of them are installed."""
 
-from __future__ import annotations
-
 import os
 import re
 import runpy

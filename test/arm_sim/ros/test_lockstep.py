@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sim and controller in lockstep: the same bits, whatever messages are lost."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the sim node that depend on each other."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

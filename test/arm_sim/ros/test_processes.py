@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes as separate processes: they start, close the loop, and end on request."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real-time loop, mostly with a simulated clock; durations and round trips."""
 
-from __future__ import annotations
-
 import threading
 import time
 from typing import Any

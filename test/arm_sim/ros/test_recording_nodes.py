@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node records itself; topics are recorded and played."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two that publish joint states of one arm: who comes second refuses, and both are named."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Event, Thread, Timer

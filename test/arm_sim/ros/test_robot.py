@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the sim publishes about its robot: description, all joints, frames."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 import time

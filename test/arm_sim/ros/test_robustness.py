@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever messages arrive, the nodes continue, and nothing moves that should not."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nodes as processes: killed, flooded, without disk, with another arm; the others go on."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

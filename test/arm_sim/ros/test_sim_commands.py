@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands to the sim node, ticked by hand."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

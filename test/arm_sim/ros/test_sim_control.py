@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pushes, payload, friction, the first command and diagnostics, on a sim node ticked by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

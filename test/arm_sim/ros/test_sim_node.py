@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node, ticked by hand: what moves it, what it publishes, what it refuses."""
 
-from __future__ import annotations
-
 import threading
 import time
 from functools import partial

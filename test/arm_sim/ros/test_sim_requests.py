@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node's services: pause, step, reset, joint states; what they refuse."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps: of simulated time, or of a clock that other nodes know."""
 
-from __future__ import annotations
-
 import time
 from ctypes import c_int64
 from functools import partial

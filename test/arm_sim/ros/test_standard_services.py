@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The standard services of simulators, each by a client; bad requests included."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Iterator
 from typing import Any

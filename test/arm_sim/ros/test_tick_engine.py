@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tick engine without ROS: commands, requests, wrenches, energy, and its queue."""
 
-from __future__ import annotations
-
 import gc
 import threading
 import weakref

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every tick of an engine is in the file, whatever happens to the disk or the process."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess

@@ -4,8 +4,6 @@
 Under ``tools/sanitize.py thread`` every access of each thread is watched; Python's own are not.
 """
 
-from __future__ import annotations
-
 from ctypes import Structure, byref, c_int64
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ticks of a node by the clock and in lockstep: which commands act in them, and what is told."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

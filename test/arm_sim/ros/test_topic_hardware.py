@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim as the robot behind the JointState-topic hardware of ros2_control."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Servos at rest: where the torques balance, whatever the tick, and exactly."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms commanded by positions and velocities, in every kind of scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reference that results from successive commands."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

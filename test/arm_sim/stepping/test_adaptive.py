@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error-controlled sub-steps inside every tick."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """CasADi's virtual machine and compiled code give the same results."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Balls that roll, and planes that links carry, against closed forms and other equations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Code of a scene is compared with Pinocchio before it is used, whatever acts on the joints."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forces of contacts with Coulomb friction: the compiled solver against the law itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 build.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -3,12 +3,11 @@
 stops at the right time and place, and never chatters.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pytest
+from samples import always
 
 import models
 from arm_sim import Simulator
@@ -89,7 +88,11 @@ def test_stopping_keeps_the_order_of_the_method() -> None:
     assert errors[1] < errors[0] / 2**3.5
 
 
-@ALL
+@pytest.mark.parametrize(
+    "options",
+    always(OPTIONS.values(), OPTIONS["rk4 10 ms"], OPTIONS["error control"]),
+    ids=OPTIONS,
+)
 def test_holds_an_arm_against_its_weight(options: dict[str, Any]) -> None:
     """Two rods held out level by friction alone, just above and just below what that takes."""
     urdf = str(models.SCENES / "two_link.urdf")

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events that begin and end within a tick: nothing of them shows at its ends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from arm_sim import Simulator
 from models.rotor import rotor
-from models.touching import contact, rails
+from models.touching import contact, rails, unbalance
 from tolerances import CLOSED_FORM, assert_close
 
 STILL, G = [0, 0, 0], 9.81
@@ -139,10 +137,10 @@ HELD = {
     # Axis of the rail, settings of the scene; push, level of the load that is held, and resistance
     # once it is not, relative to LOAD.
     "by dry friction": (
-        "x", {"joints": {"rail": {"friction": {"coulomb": 0.7 * LOAD, "static": 1.04 * LOAD}}}},
+        "x", {"joints": {"x": {"friction": {"coulomb": 0.7 * LOAD, "static": 1.04 * LOAD}}}},
         (0.09, 1.04, 0.7),
     ),
-    "by a stop": ("x", {"joints": {"rail": {"limits": {"lower": 0, "upper": 1}}}}, (-0.97, 0, 0)),
+    "by a stop": ("x", {"joints": {"x": {"limits": {"lower": 0, "upper": 1}}}}, (-0.97, 0, 0)),
     "by its weight": (
         "z", {"gravity": [0, 0, -0.97 * LOAD / MASS], "constraints": [contact("body")]},
         (0, 0.97, 0.97),
@@ -152,16 +150,9 @@ HELD = {
 
 def shaken(axis: str, settings: dict[str, Any]) -> dict[str, Any]:
     """Scene of a body on a rail with an unbalanced wheel, too heavy to lose speed."""
-    body, wheel = ({"mass": m, "com": [c, 0, 0], "inertia": [i, 0, 0, i, 0, i]}
-                   for m, c, i in ((5.0, 0, 1), (0.5, 0.02, 1e9)))  # fmt: skip
-    slide, turn = ("1 0 0", "0 0 1") if axis == "x" else ("0 0 1", "0 1 0")
-    urdf = f"""<robot name="shaker"><link name="base"/><link name="body"/><link name="wheel"/>
-      <joint name="rail" type="prismatic"><parent link="base"/><child link="body"/>
-      <axis xyz="{slide}"/><limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>
-      <joint name="spin" type="continuous"><parent link="body"/><child link="wheel"/>
-      <axis xyz="{turn}"/></joint></robot>"""
-    scene = {"robot": {"urdf": urdf}, "gravity": STILL, "links": {"body": body, "wheel": wheel}}
-    return scene | settings
+    turn = "0 0 1" if axis == "x" else "0 1 0"
+    wheel = unbalance(turn, 0.5, 0.02, inertia=1e9)
+    return rails(axis, 5.0, branches=[wheel]) | {"gravity": STILL} | settings
 
 
 # How ticks are made, and what the place may be off by.

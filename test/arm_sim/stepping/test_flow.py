@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error control in compiled code, on x' = -r x by Heun's method with Euler's error."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

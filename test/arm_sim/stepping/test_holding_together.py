@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints and contacts whose reactions statics does not determine hold while they can."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impacts, compiled: Newton's rebound, Coulomb's friction, and never a gain of energy."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

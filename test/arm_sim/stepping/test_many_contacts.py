@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A box on eight points or balls, more than it has motions: it settles, slides and is lifted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import always

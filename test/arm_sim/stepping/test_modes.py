@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Modes of joints with dry friction and contacts at a state: the solution satisfies all laws."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A step from Python by compiled code is the step by Python, to the bit and to the word."""
 
-from __future__ import annotations
-
 import dataclasses
 import sysconfig
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for the instant of an event, compiled: exact to rounding, and in few trials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events in the middle of long ticks, against the same motion computed piece by piece by SciPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -13,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import models
 from arm_sim import Simulator
-from models.touching import beside, contact, rails
+from models.touching import beside, contact, rails, unbalance
 from tolerances import CLOSED_FORM, assert_close
 
 G = 9.81
@@ -36,18 +34,8 @@ def crossing(slope: Slope, x: Any, end: float, event: Callable[..., float]) -> t
 def unbalanced(mu: float) -> tuple[dict[str, Any], dict[str, float]]:
     """A base on a table along x that carries a wheel about z with an unbalance."""
     n = {"base": 2.0, "m": 0.5, "r": 0.3, "mu": mu}
-    urdf = f"""<robot name="shaker"><link name="floor"/><link name="rail"/><link name="base">
-      <inertial><mass value="{n["base"]}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
-      iyz="0"/></inertial></link><link name="wheel"><inertial><origin xyz="{n["r"]} 0 0"/>
-      <mass value="{n["m"]}"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
-      </link><joint name="z" type="prismatic"><parent link="floor"/><child link="rail"/>
-      <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>
-      <joint name="x" type="prismatic"><parent link="rail"/><child link="base"/>
-      <axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>
-      <joint name="spin" type="continuous"><parent link="base"/><child link="wheel"/>
-      <axis xyz="0 0 1"/></joint></robot>"""
-    scene = {"robot": {"urdf": urdf}, "constraints": [contact("base", friction=mu)]}
-    return scene, n
+    scene = rails("zx", n["base"], branches=[unbalance("0 0 1", n["m"], n["r"])])
+    return scene | {"constraints": [contact("body", friction=mu)]}, n
 
 
 def test_an_unbalance_tears_its_base_loose_and_stops_it_again() -> None:

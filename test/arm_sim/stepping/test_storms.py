@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Panda in violent motion: many events, none of which is lost in rounding."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A page's server, for what is drawn on it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

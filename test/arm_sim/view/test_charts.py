@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Curves beside an arm."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contents of a page's scene, on the server's side."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import logging

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole arm is in what the panels of a page leave free, whatever the size of the page."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import nullcontext
 from types import SimpleNamespace

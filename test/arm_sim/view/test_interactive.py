@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulation controlled as by a page, without the page."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where joints, springs, stops and forces are drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a real browser draws, and what its buttons do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Films from pictures."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

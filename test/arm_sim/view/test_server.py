@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page's server: its address, what it serves, and its errors."""
 
-from __future__ import annotations
-
 import logging
 import socket
 import urllib.error

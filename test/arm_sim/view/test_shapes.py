@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is drawn of a robot, and where it is."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

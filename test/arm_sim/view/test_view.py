@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a page shows, without a browser."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

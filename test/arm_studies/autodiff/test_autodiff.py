@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulation as a function of JAX and of PyTorch: the motions and gradients of Simulator."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of all commands as help shows them, and what the packages are asked for by them."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes compared with recordings of simulations of known parameters."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints of a scene and of a recording that calls them otherwise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The backward pass against the whole quadratic problem, and against all sets of active limits."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """iLQR against gradients of rollouts, closed forms, and the simulator step by step."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Points of a study: grids, samples, and that they depend on seed and number alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

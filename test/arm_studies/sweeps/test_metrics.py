@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Metrics of motions whose numbers are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

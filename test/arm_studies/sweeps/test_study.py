@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Study files: how they are read, and errors for mistakes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

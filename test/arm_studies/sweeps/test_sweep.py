@@ -99,11 +99,11 @@ def test_tunable_numbers_share_one_world_and_mean_what_they_say() -> None:
         np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
 
 
-@pytest.mark.parametrize("base", [{}, {"coulomb": 0.4}, {"coulomb": 0.4, "load": LOADED}])
+@pytest.mark.parametrize("base", [{}, {"coulomb": 0.4, "load": LOADED}])
 def test_levels_of_dry_friction_share_one_world(base: dict[str, Any]) -> None:
     study = STUDY | {
         "changes": {"joints": {"*": {"friction": base}}},
-        "vary": {"joints.*.friction.coulomb": [0.0, 0.3, 0.9]}, "metrics": ["energy"],
+        "vary": {"joints.*.friction.coulomb": [0.0, 0.9]}, "metrics": ["energy"],
     }  # fmt: skip
     if "load" in base:  # which is without effect where there is no friction
         study["vary"]["joints.*.friction.coulomb"][0] = 0.1

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables in files, and the remaining time."""
 
-from __future__ import annotations
-
 import csv
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """LuGre friction (docs/concepts/friction.md, LuGre)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import exp
 from typing import Any

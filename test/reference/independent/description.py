@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene, read as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any

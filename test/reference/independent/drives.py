@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motors and transmissions (docs/concepts/drives.md, Actuation)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import cos, sin
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction that holds: Coulomb, static, Stribeck, by position, and that of lossy gears."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import exp
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a law does to one joint at an instant, and the account of its energies."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From event to event with SciPy's DOP853."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any

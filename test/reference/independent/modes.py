@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The next mode, and velocities after an impact: by trying all possibilities."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What constrains the motion: loops, which hold both ways, and what only pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

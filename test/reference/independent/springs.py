@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Springs with dampers: at a joint, beyond a soft stop, and between two points."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

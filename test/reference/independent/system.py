@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole arm: rates of its state while the modes of joints and contacts do not change."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

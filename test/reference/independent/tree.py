@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rigid bodies, by Pinocchio: every joint of the URDF free, and a map to those that are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mimic joints are known by name: they are told to follow, and may be given what they have."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from pathlib import Path

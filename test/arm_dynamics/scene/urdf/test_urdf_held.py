@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Floating and planar joints that a scene locks are fixed at their origin; others are refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

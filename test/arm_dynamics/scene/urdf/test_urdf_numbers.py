@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every number of a robot description that matters is read, or refused by name; none is lost."""
 
-from __future__ import annotations
-
 import logging
 import re
 

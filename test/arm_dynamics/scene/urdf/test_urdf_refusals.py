@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bad robot description is refused, naming the wrong element."""
 
-from __future__ import annotations
-
 import pytest
 
 import models

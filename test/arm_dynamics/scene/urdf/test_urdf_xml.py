@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """XML that urdfdom reads is read: what is around the robot description changes nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@
 The torques are compared with an independent reading of the XML and an independent method.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robot descriptions in xacro: expanded where xacro is installed, else refused with what to do."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

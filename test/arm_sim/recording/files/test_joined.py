@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints that different messages of a topic name, as those of several drivers, are joined."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple

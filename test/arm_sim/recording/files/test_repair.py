@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that were cut off: repaired, other software opens them, with all that was whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables as spreadsheets, loggers and ROS write them: read, or refused by row and column."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

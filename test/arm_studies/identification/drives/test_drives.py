@@ -4,8 +4,6 @@
 The records are solutions by SciPy's DOP853 at 1e-11, tick by tick, of equations written here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search that fits simulated trajectories to measured ones."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exciting motions: the information they contain, their limits, and what is refused."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 
