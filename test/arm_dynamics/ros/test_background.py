@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work in the background: results are delivered on the caller's thread, of the newest job only."""
 
-from __future__ import annotations
-
 import threading
 import time
 import weakref

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Poses of messages, in the world of the model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

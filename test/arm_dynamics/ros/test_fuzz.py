@@ -4,8 +4,6 @@
 ``--fuzz N`` makes the tests N times as long; ``tools/sanitize.py`` runs them under sanitizers.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

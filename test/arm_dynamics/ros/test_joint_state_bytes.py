@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """JointState as bytes, against the generated serializer and deserializer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -185,6 +183,15 @@ def test_extra_joints_are_passed_over_when_allowed(reader: Readers) -> None:
     np.testing.assert_array_equal(reader(extra=True).read(raw)[1], [[1, 2, 3], [4, 5, 6]])
     with pytest.raises(InvalidInput, match="unknown joints hand; allowed: base, elbow"):
         reader().read(raw)
+
+
+def test_beside_extra_joints_the_number_that_is_not_finite_is_named() -> None:
+    arm = models.dynamics("gripper").model.joint_names
+    message = JointState(name=[*arm, "lamp"], position=[0.0] * (len(arm) + 1))
+    message.velocity = [np.nan, *[0.0] * len(arm)]
+    reader = JointStateReader(arm, ("position", "velocity"), partial=False, extra=True)
+    with pytest.raises(InvalidInput, match=f"velocity of joint '{arm[0]}' is nan"):
+        reader.read(serialize_message(message))
 
 
 ORDER = ("effort", "position", "velocity")

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """JointStates published and taken in one call of C each."""
 
-from __future__ import annotations
-
 import ctypes
 import time
 

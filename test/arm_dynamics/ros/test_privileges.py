@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Privileges that are granted take effect, others are reported; scheduling that needs none."""
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

@@ -232,7 +232,7 @@ class JointStateReader:
                 x = numbers.get(joint, 0.0)
                 if not (math.isfinite(x) or (self._gaps and math.isnan(x))):
                     return f"{field} of joint '{joint}' is {x}; allowed: finite numbers"
-            for follower in self._arm.followers(here):
+            for follower in [] if self._extra else self._arm.followers(here):
                 if numbers:
                     follower.check(field, field, getattr(message, field))
         return f"the JointState of '{message.header.frame_id}' cannot be read"
