@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
-from arm_dynamics.scene.urdf.joint_names import AGREES, JointNames
+from arm_dynamics.scene.urdf.joint_names import AGREES, Follower, JointNames
 
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
@@ -196,17 +196,20 @@ class JointStateReader:
     def _kind_of(self, message: JointState) -> _Kind:
         """Check names and lengths, and determine the kind of a message."""
         order = np.array(self._places(message), np.int64)
-        followers = [] if self._extra else self._arm.followers(list(message.name))
+        followers = self._followers(message)
         laws = np.zeros(len(followers), _FOLLOWER)
         for law, follower in zip(laws, followers, strict=True):
             law["place"], law["leader"], law["within"] = follower.place, follower.leader, AGREES
             for f, field in enumerate(self._fields):
                 law["factor"][f], law["offset"][f] = follower.law(field)
         lengths = [len(getattr(message, field)) for field in FIELDS]
-        source = message.header.frame_id
-        layout = layout_of(source, message.name, lengths)
+        layout = layout_of(message.header.frame_id, message.name, lengths)
         joints = frozenset(np.flatnonzero(order >= 0).tolist())
-        return _Kind(source, joints, layout, order, laws)
+        return _Kind(message.header.frame_id, joints, layout, order, laws)
+
+    def _followers(self, message: JointState) -> list[Follower]:
+        """Mimic joints whose numbers are checked: none where joints of others may be named."""
+        return [] if self._extra else self._arm.followers(list(message.name))
 
     def _register(self, kind: _Kind, message: JointState) -> None:
         """Let C know a kind, in place of the oldest one."""
@@ -225,14 +228,13 @@ class JointStateReader:
 
     def _what_is_wrong(self, message: JointState) -> str:
         """The number for which C does not accept a message."""
-        here = list(message.name)
         for field in self._fields:
-            numbers = dict(zip(here, getattr(message, field), strict=False))
+            numbers = dict(zip(message.name, getattr(message, field), strict=False))
             for joint in self._names:
                 x = numbers.get(joint, 0.0)
                 if not (math.isfinite(x) or (self._gaps and math.isnan(x))):
                     return f"{field} of joint '{joint}' is {x}; allowed: finite numbers"
-            for follower in [] if self._extra else self._arm.followers(here):
+            for follower in self._followers(message):
                 if numbers:
                     follower.check(field, field, getattr(message, field))
         return f"the JointState of '{message.header.frame_id}' cannot be read"
