@@ -431,6 +431,7 @@ class Dynamics:
     def friction(
         self,
         v: ArrayLike,
+        *,  # q before v, as everywhere else, is no direction
         direction: ArrayLike | None = None,
         q: ArrayLike | None = None,
         load: ArrayLike | None = None,
