@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
@@ -122,17 +123,12 @@ def most_moved(q: Array) -> list[int]:
 
 
 def joint_words(names: Sequence[str]) -> list[str]:
-    """Names in words, as "joint 1", without what all begin or end with up to "_" or "/"."""
+    """Names in words, without what all begin or end with up to "_" or "/"."""
     parts = [re.split("[_/]", name) for name in names]
-    first = last = 0
-    while min(map(len, parts)) > first + 1 and len({part[first] for part in parts}) == 1:
-        first += 1
-    while (
-        min(map(len, parts)) > first + last + 1 and len({part[-1 - last] for part in parts}) == 1
-    ):
-        last += 1
-    words = [" ".join(part[first : len(part) - last]) for part in parts]
-    return [re.sub(r"(?<=[a-z])(?=\d+$)", " ", name) for name in words]
+    kept = min(map(len, parts)) - 1
+    first = min(len(commonprefix(parts)), kept)
+    last = min(len(commonprefix([part[::-1] for part in parts])), kept - first)
+    return [" ".join(part[first : len(part) - last]) for part in parts]
 
 
 def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:

@@ -28,13 +28,10 @@ def no_window(monkeypatch: pytest.MonkeyPatch) -> object:
     pyplot.close("all")
 
 
-def test_its_text_is_a_few_lines(run: Recording) -> None:
+def test_its_text_is_a_few_lines_and_columns_have_names(run: Recording) -> None:
     lines = repr(run).splitlines()
     assert 3 <= len(lines) <= 6 and "500 time steps, 0 to 0.5 s" in lines[0]
     assert all(name in repr(run) for name in run.joint_names) and "rk4" in repr(run)
-
-
-def test_columns_have_names(run: Recording) -> None:
     columns = run.to_dict()
     first = run.joint_names[0]
     assert len(columns) == 1 + 3 * len(run.joint_names)
@@ -92,10 +89,22 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
         assert np.nanmin(np.linalg.norm(points - end, axis=1)) < 1e-9
 
 
-def test_a_second_recording_is_laid_over_the_first_dashed(run: Recording) -> None:
-    figure = run.plot(run, joints=run.joint_names[:1])
-    drawn = [line for line in figure.axes[1].lines if len(line.get_xdata()) > 2]
-    assert [line.get_linestyle() for line in drawn] == ["-", "--"]
+@pytest.mark.filterwarnings("error")
+def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
+    sim = Simulator("pendulum")
+    sim.reset([0.0])
+    resting = sim.run(0.1)
+    sim.set_state([1.0], [0.0])
+    swing = sim.run(0.7)  # continues
+    figure = resting.plot(swing, swing.part(range(300)))
+    assert figure.axes[-1].get_xlim() == (0.0, 0.8)
+    (legend,) = figure.legends
+    assert [text.get_text()[-1] for text in legend.texts] == ["g", "1", "2", "3"]  # swing
+    assert [line.get_linestyle() for line in figure.axes[1].lines] == ["-", "--", ":"]
+    shown = [text.get_text() for text in figure.axes[-1].get_legend().texts]
+    assert shown == ["T, kinetic", "V, potential", "T + V"]
+    _, whole, part = (line.get_ydata() for line in figure.axes[-1].lines[2::3])
+    np.testing.assert_array_equal(part, whole[:300])
 
 
 def test_joints_that_are_not_there_are_named(run: Recording) -> None:
