@@ -421,8 +421,9 @@ class Dynamics:
         """
         call: PythonCall = self._calls[table.SPRING]
         state = q, self._still if v is None else v
-        found = call(*state)
-        return self._answer(table.SPRING, state, (), call) if found is None else found
+        if (torques := call(*state)) is not None:
+            return torques
+        return self._answer(table.SPRING, state, (), call, None if self.model.springs else _zero)
 
     def friction(
         self,
@@ -496,8 +497,11 @@ def _chosen(terms: Term | int) -> Array:
             f"terms = {terms!r}; allowed: a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, "
             "FRICTION 8, SPRING 16"
         )
-    bits = int(terms)
-    return np.array([float(bool(bits & int(term))) for term in Term])
+    return np.array([float(bool(terms & term)) for term in Term])
+
+
+def _zero(q: Array, v: Array) -> Array:
+    return np.zeros(np.broadcast(q, v).shape)
 
 
 def model_of(dynamics: Any) -> ArmModel:
