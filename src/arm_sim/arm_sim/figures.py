@@ -116,6 +116,15 @@ def legend_outside(figure: Any, below: bool = False) -> None:
         legend.remove()
 
 
+def shown_once(result: Any, figure: Any) -> Any:
+    """The result of a cell of a notebook, which also shows all open figures of pyplot."""
+    from matplotlib import pyplot
+
+    if "inline" in pyplot.get_backend():
+        result._repr_mimebundle_ = lambda **_: pyplot.close(figure)
+    return result
+
+
 def most_moved(q: Array) -> list[int]:
     """Columns of positions, shape (k, n), to draw: all, or as many as there are colours."""
     way = np.ptp(np.nan_to_num(q), axis=0)
@@ -178,6 +187,7 @@ def animation(
     frames = frames or round(RATE * (time[-1] - time[0]) / speed) + 1
     shown = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int)
     seen = [points.reshape(-1, 2) for points, _ in links] + [path]
+    plt.draw_if_interactive()  # loads the backend, which may set rcParams to stay
     with mpl.rc_context(STYLE | {"figure.constrained_layout.use": True}):
         fig, plane = plt.subplots(figsize=size, dpi=FILM_DPI)
         plane.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]", title=title)
@@ -204,7 +214,7 @@ def animation(
     film = FuncAnimation(fig, show, frames=shown.tolist(), interval=apart)
     film._draw_was_started = True  # no warning if it stays unused, as in a script without a screen
     mpl.rcParams["animation.html"] = "jshtml"  # a notebook shows it as a film
-    return film
+    return shown_once(film, fig)
 
 
 def fill_with(axes: Any, points: Array) -> None:

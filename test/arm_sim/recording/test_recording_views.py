@@ -56,6 +56,17 @@ def test_without_a_display_no_window_opens_and_that_is_told(
     ]
 
 
+def test_a_notebook_shows_a_figure_and_a_film_once(
+    run: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "inline")
+    for result in (run.plot(), run.animate()):
+        assert (
+            pyplot.get_fignums() and result._repr_mimebundle_(include=None, exclude=None) is None
+        )
+    assert not pyplot.get_fignums()
+
+
 def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:
     figure = run.plot()
     labels = [axis.get_ylabel() for axis in figure.axes]

@@ -12,7 +12,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_sim.figures import COLORS, STYLE, WIDTH, joint_words, legend_outside, most_moved, units
+from arm_sim import figures
 from arm_sim.recording.motion import RecordedMotion
 
 QUANTITIES = {
@@ -25,7 +25,7 @@ _MARKS = 40  # largest number of events drawn
 _APART = 5e-3  # of what a panel shows: curves that are closer to each other coincide
 _ENERGY = "energy [J]"
 _ACCOUNT = ("T, kinetic", "V, potential", "T + V", "work", "heat", "residual")
-_ENERGY_COLORS = (*COLORS[:2], "#000000", *COLORS[2:])
+_ENERGY_COLORS = (*figures.COLORS[:2], "#000000", *figures.COLORS[2:])
 NO_WINDOW = "no window: Matplotlib has no display"
 LONG = 60_001  # rows up to which the energy account repeats ticks for curves
 
@@ -40,24 +40,26 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     from matplotlib import pyplot
 
     names, first = _joints(recordings, joints), recordings[0]
-    short, panels = joint_words(names), dict[str, list[list[_Curve]]]()
+    words, panels = figures.joint_words(names), dict[str, list[list[_Curve]]]()
+    drawn = [*zip(names, words, cycle(figures.COLORS), strict=False)]
     types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
     for part, (attribute, *unit) in QUANTITIES.items():
         arrays: list[Array] = [getattr(one, attribute) for one in recordings]
         if part == "position" or any(np.nan_to_num(array).any() for array in arrays):
-            panels[f"{part} [{units(types, *unit)}]"] = [
+            panels[f"{part} [{figures.units(types, *unit)}]"] = [
                 [
-                    (label, array[:, one.joint_names.index(name)], color)
-                    for name, label, color in zip(names, short, cycle(COLORS), strict=False)
+                    (word, array[:, one.joint_names.index(name)], color)
+                    for name, word, color in drawn
                 ]
                 for one, array in zip(recordings, arrays, strict=True)
             ]
     if any(energies := _energies(recordings)):
         panels[_ENERGY] = energies
-    with mpl.rc_context(STYLE | {"axes.xmargin": 0.0}):
+    pyplot.draw_if_interactive()  # loads the backend, which may set rcParams to stay
+    with mpl.rc_context(figures.STYLE | {"axes.xmargin": 0.0}):
         figure, axes = pyplot.subplots(
             len(panels), 1, sharex=True, squeeze=False, layout="constrained",
-            figsize=(WIDTH, 1.7 * len(panels) + 0.5),
+            figsize=(figures.WIDTH, 1.7 * len(panels) + 0.5),
         )  # fmt: skip
         for axis, (title, of_each) in zip(axes[:, 0], panels.items(), strict=True):
             labelled = next(curves for curves in of_each if curves)
@@ -72,14 +74,14 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
             axes[0, 0].plot([], [], line, color="0.4", label=f"recording {i}")
         if _ENERGY in panels:
             axes[-1, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=6)
-        legend_outside(figure)
+        figures.legend_outside(figure)
         axes[-1, 0].set(xlabel="time [s]")
         figure.align_ylabels()
     if pyplot.get_backend().lower() == "agg":  # it would show nothing, without a word
         figure.canvas.manager.show = lambda: _log.warning(
             "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
         )
-    return figure
+    return figures.shown_once(figure, figure)
 
 
 def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[str]:
@@ -105,7 +107,7 @@ def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[
     if asked:
         return list(asked)
     columns = [recordings[0].joint_names.index(name) for name in shared]
-    return [shared[i] for i in most_moved(recordings[0].q[:, columns])]
+    return [shared[i] for i in figures.most_moved(recordings[0].q[:, columns])]
 
 
 def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
