@@ -91,7 +91,8 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
     assert "<video" in film._repr_html_() or "<img" in film._repr_html_()
     with Image.open(tmp_path / "a.gif") as image:
         assert (image.n_frames, image.info["duration"]) == (4, 30)  # [ms]
-    _, links, clock = film._func(3)
+    _, ground, links, clock = film._func(3)
+    np.testing.assert_array_equal(ground.get_xydata()[[0, 1, 3, 4], 0], [0.0, 0.0, 0.0, 0.35])
     assert clock.get_text() == "0.09 s"
     crank, rocker = run.q[-1, 0], run.q[-1, 2]
     points = links.get_xydata()
@@ -101,6 +102,15 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("error")
+def test_a_film_shows_the_plane_of_a_contact() -> None:
+    contact = {"type": "contact", "frame": "tip", "plane": {"point": [0.0, 0.0, -0.3]}}
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    sim = Simulator(scene | {"constraints": [contact]})
+    _, _, edge, _, _ = sim.run(0.05).animate()._func(0)
+    np.testing.assert_allclose(edge.get_ydata(), [-0.3, -0.3])
+    assert edge.get_label() == "plane of contact" and np.ptp(edge.get_xdata()) > 0.5
+
+
 def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     sim = Simulator("pendulum")
     sim.reset([0.0])
