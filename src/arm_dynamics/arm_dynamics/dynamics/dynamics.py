@@ -22,7 +22,7 @@ from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
-from arm_dynamics.exceptions import InvalidInput, degrees_meant
+from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
@@ -122,6 +122,8 @@ class Dynamics:
         "joints: {'*': {friction: {viscous: …}}}",
         "mass masses inertia payload payloads": "build another Dynamics, of a scene with "
         "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …}}",
+        "gravity": "build another Dynamics, of a scene with gravity: [x, y, z]",
+        "latex symbolic sympy": f"{ARM} export SCENE writes its equations, as C",
         "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "
         "under(external)",
     }
