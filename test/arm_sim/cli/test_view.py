@@ -105,7 +105,9 @@ class Pages:
         self.asked: list[Any] = []
 
     def shown(self, *asked: Any) -> Pages:
-        self.asked.append(("shown", *asked))
+        *given, on_progress = asked
+        on_progress("drawing the page")
+        self.asked.append(("shown", *given))
         return self
 
     def __enter__(self) -> Pages:
