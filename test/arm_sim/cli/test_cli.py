@@ -456,3 +456,8 @@ def test_hardware_is_added_to_a_description(
     for library in ("none.so", str(tmp_path)):
         wrong = run("urdf", "two_link", "--ros2-control", "effort", "--library", library)
         assert wrong.exit_code == 2 and library in wrong.output
+
+
+def test_an_argument_typed_as_an_option_is_named() -> None:
+    with pytest.raises(click.UsageError, match="'--steps' is an argument, .* call step STEPS$"):
+        main(["call", "step", "--steps", "10"], standalone_mode=False)

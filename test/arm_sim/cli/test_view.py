@@ -22,6 +22,7 @@ from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.view import command, live
 from arm_sim.cli.view.command import Size
 from arm_sim.exceptions import ViewError
+from arm_sim.view.charts import Sample
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
 from arm_sim.view.server import close_server, open_server
@@ -105,7 +106,9 @@ class Pages:
         self.asked: list[Any] = []
 
     def shown(self, *asked: Any) -> Pages:
-        self.asked.append(("shown", *asked))
+        *given, on_progress = asked
+        on_progress("drawing the page")
+        self.asked.append(("shown", *given))
         return self
 
     def __enter__(self) -> Pages:
@@ -239,7 +242,7 @@ def test_news_are_those_of_the_scene_in_its_order() -> None:
         serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
     )
     assert arm.meet(SCENE).joint_names == ("shoulder", "elbow")
-    stamp, q, torque, error, energy = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
+    stamp, q, (torque, error, energy) = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
     assert (stamp, q.tolist(), torque.tolist()) == (7.5, [0.1, 0.2], [1.0, 2.0])
     assert np.isnan([*error, *energy]).all()  # unknown
     listener.heard[f"{prefix}controller/state"](
@@ -248,7 +251,7 @@ def test_news_are_those_of_the_scene_in_its_order() -> None:
     listener.heard[f"{prefix}sim/energy"](
         SimpleNamespace(kinetic=1.0, potential=2.0, total=3.0, input=4.0, dissipated=5.0)
     )
-    _, _, torque, error, energy = tell(position=[9.0, 0.4, 0.3])
+    _, _, (torque, error, energy) = tell(position=[9.0, 0.4, 0.3])
     assert np.isnan(torque).all() and np.isnan(error[0]) and error[1] == 0.5
     assert energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert arm.newest() is None
@@ -276,7 +279,7 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         actors = [DrawnArm(server, model, name) for name in ("left", "right")]
         q, effort, error, energy = np.array([0.1, 0.2]), np.ones(2), 2 * np.ones(2), np.arange(5.0)
         times = 100.0, 100.5, 107.0, 106.5  # the last one of a run that began again
-        left: Any = Telling(*((t, q, effort * t, error * t, energy * t) for t in times))
+        left: Any = Telling(*((t, q, Sample(effort * t, error * t, energy * t)) for t in times))
         right: Any = Telling()
         listener: Any = Deaf()
         page = live.Follower(server, actors, [left, right], listener)

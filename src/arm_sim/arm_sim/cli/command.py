@@ -43,8 +43,22 @@ class _Command(click.Command):
         return self._params
 
     @params.setter
-    def params(self, given: object) -> None:
-        """Click sets what it was given: none."""
+    def params(self, value: object) -> None:
+        """Click sets an empty list."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, or say of an argument that is typed as an option how it is typed."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            for parameter in self.params:
+                typed_as_option = option_name(parameter.name) == error.option_name
+                if typed_as_option and isinstance(parameter, click.Argument):
+                    ctx.fail(
+                        f"'{error.option_name}' is an argument, not an option: type its value "
+                        f"alone, {ctx.command_path} {parameter.human_readable_name}"
+                    )
+            raise
 
 
 def command(
@@ -62,7 +76,7 @@ def command(
         settings: Settings of click's context.
     """
 
-    def made(function: Callable[..., Any]) -> click.Command:
+    def decorator(function: Callable[..., Any]) -> click.Command:
         return _Command(
             first,
             name=name or function.__name__.replace("_", "-"),
@@ -72,7 +86,7 @@ def command(
             epilog=examples(*lines),
         )
 
-    return made
+    return decorator
 
 
 def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
@@ -81,17 +95,17 @@ def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
     about = {name: re.sub(r"\n *", " ", text) for name, text in _ARGUMENT.findall(arguments)}
     hints = get_type_hints(function, include_extras=True)
     return [
-        _parameter(given, hints[name], about.get(name, ""))
-        for name, given in inspect.signature(function).parameters.items()
-        if given.kind not in (given.VAR_POSITIONAL, given.VAR_KEYWORD)
+        _parameter(parameter, hints[name], about.get(name, ""))
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     ]
 
 
-def _parameter(given: inspect.Parameter, hint: Any, about: str) -> click.Parameter:
+def _parameter(parameter: inspect.Parameter, hint: Any, about: str) -> click.Parameter:
     kind, marks, many = _unwrapped(hint)
     types = [mark for mark in marks if isinstance(mark, click.ParamType)]
     texts = [mark for mark in marks if isinstance(mark, str)]
-    settings: dict[str, Any] = {"required": given.default is given.empty}
+    settings: dict[str, Any] = {"required": parameter.default is parameter.empty}
     for mark in marks:
         if isinstance(mark, dict):
             settings |= mark
@@ -99,18 +113,18 @@ def _parameter(given: inspect.Parameter, hint: Any, about: str) -> click.Paramet
         settings["is_flag"] = True
     else:
         settings["type"] = types[0] if types else _click_type(kind)
-        if given.default not in (given.empty, None, ()):
-            settings["default"] = given.default
-    if given.kind is not given.KEYWORD_ONLY:
+        if parameter.default not in (parameter.empty, None, ()):
+            settings["default"] = parameter.default
+    if parameter.kind is not parameter.KEYWORD_ONLY:
         placeholder = texts[0] if texts else None
         return click.Argument(
-            [given.name], nargs=-1 if many else 1, metavar=placeholder, **settings
+            [parameter.name], nargs=-1 if many else 1, metavar=placeholder, **settings
         )
     named = [text for text in texts if text.startswith("--")]
     helps = [about, *(text for text in texts if not text.startswith("--"))]
-    option, _, placeholder = (named[0] if named else option_name(given.name)).partition(" ")
+    option, _, placeholder = (named[0] if named else option_name(parameter.name)).partition(" ")
     return click.Option(
-        [option, given.name], help=next(filter(None, helps), None), multiple=many,
+        [option, parameter.name], help=next(filter(None, helps), None), multiple=many,
         metavar=placeholder or None, show_default="default" in settings, **settings,
     )  # fmt: skip
 

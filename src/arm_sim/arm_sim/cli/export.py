@@ -49,8 +49,8 @@ def export(
     if single:
         raise click.UsageError("--float is gone, all code is in double precision: leave it out")
     from arm_sim.export import DERIVATIVES, TERMS
-    from arm_sim.export import export as exported
+    from arm_sim.export import export as export_library
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
-    click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")
+    library = export_library(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
+    click.echo(f"{library.folder}: library '{library.name}', {len(library.files)} files")

@@ -47,8 +47,8 @@ def begin() -> None:
 def begun() -> None:
     """From now on, interruptions are handled by the command."""
     for number, handler in _before.items():
-        heard = handler is signal.default_int_handler
-        signal.signal(number, _interrupt if heard else handler)
+        is_default = handler is signal.default_int_handler
+        signal.signal(number, _interrupt if is_default else handler)
     _before.clear()
 
 

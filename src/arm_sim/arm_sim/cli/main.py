@@ -89,9 +89,9 @@ class Suite(Commands):
                 "up, or source the workspace's install/setup.bash"
             ) from error
         except OSError as error:
-            what = f"'{error.filename}'" if error.filename else "the output"
-            said = f"{what}: {error.strerror}" if error.strerror else str(error)
-            raise click.ClickException(said) from error
+            subject = f"'{error.filename}'" if error.filename else "the output"
+            message = f"{subject}: {error.strerror}" if error.strerror else str(error)
+            raise click.ClickException(message) from error
         except ArmError as error:
             raise click.ClickException(as_called(str(error))) from None
         except click.ClickException as error:

@@ -48,12 +48,12 @@ def sim(
     """
     from arm_sim.ros.sim_node import SimNode
 
-    made = _run(SimNode, scene, rest, with_parent)
-    if report is not None and made is not None:
-        loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}
-        trip = asdict(made.inputs.round_trip.percentiles())
+    node = _run(SimNode, scene, rest, with_parent)
+    if report is not None and node is not None:
+        loop = {**asdict(node.loop.report()), "bars": node.loop.lateness.bars()}
+        trip = asdict(node.inputs.round_trip.percentiles())
         content = {"loop": loop, "round_trip": trip}
-        if (recorder := made.recorder) is not None:
+        if (recorder := node.recorder) is not None:
             content["recording"] = recorder.report()
         report.write_text(json.dumps(content), encoding="utf-8")
 
@@ -109,8 +109,8 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         if os.getppid() != parent:
             sys.exit(1)
-    chosen = [Parameter("scene", value=scene)] if scene else []
-    status, node = run_node(partial(kind, parameter_overrides=chosen), rest)
+    overrides = [Parameter("scene", value=scene)] if scene else []
+    status, node = run_node(partial(kind, parameter_overrides=overrides), rest)
     if status:
         sys.exit(status)
     return node
@@ -128,11 +128,11 @@ def run_node(
     """
     from arm_dynamics.ros.common.executable import run
 
-    made: list[Any] = []
+    nodes: list[Any] = []
 
-    def make_one(**context: Any) -> Any:
-        made.append(make(**context))
-        return made[0]
+    def make_and_keep(**context: Any) -> Any:
+        nodes.append(make(**context))
+        return nodes[0]
 
-    status = run(make_one, list(words), lambda: done(made[0]))
-    return status, made[0] if made else None
+    status = run(make_and_keep, list(words), lambda: done(nodes[0]))
+    return status, nodes[0] if nodes else None

@@ -21,7 +21,7 @@ from arm_sim.cli.completion import Commands
 from arm_sim.cli.output import examples, say
 from arm_sim.cli.vectors import HOW, Vector, VectorType
 
-Given = Mapping[Field, Any]
+Request = Mapping[Field, Any]
 POINTS = '"[[…], […]]" for two points, or @FILE'
 
 
@@ -76,13 +76,13 @@ def _command(service: Service) -> click.Command:
         from arm_dynamics.exceptions import NoAnswer, Refused
         from arm_dynamics.ros.common.caller import Caller
 
-        given = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
-        wanted = [x for x in service.request if x.name != "joint_names"]
-        if wanted and not any(field in given for field in wanted):
-            raise click.UsageError(f"nothing to set: give {' or '.join(map(_option, wanted))}")
+        request = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
+        contents = [x for x in service.request if x.name != "joint_names"]
+        if contents and not any(field in request for field in contents):
+            raise click.UsageError(f"nothing to set: give {' or '.join(map(_option, contents))}")
         try:
             with closing(Caller(timeout)) as caller:
-                _call(partial(_ask, caller, node), service, node, given, as_json)
+                _call(partial(_ask, caller, node), service, node, request, as_json)
         except NoAnswer as error:
             raise click.ClickException(
                 f"{error}\n  start one in another terminal: ./arm {service.node} SCENE"
@@ -95,9 +95,9 @@ def _command(service: Service) -> click.Command:
             raise SystemExit(1) from None
 
     lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
-    made = command(*lines, name=name, first=partial(_fields, service))(call)
-    made.help, made.short_help = service.help, service.short_help
-    return made
+    subcommand = command(*lines, name=name, first=partial(_fields, service))(call)
+    subcommand.help, subcommand.short_help = service.help, service.short_help
+    return subcommand
 
 
 def _fields(service: Service) -> list[click.Parameter]:
@@ -146,15 +146,15 @@ def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
 
 
 def _call(
-    ask: Callable[..., Any], service: Service, node: str, given: Given, as_json: bool
+    ask: Callable[..., Any], service: Service, node: str, request: Request, as_json: bool
 ) -> None:
     """Send a request, and print the response."""
-    joints = _joints(ask, service, given)
-    sent = {field.name: _value(field, value, list(joints)) for field, value in given.items()}
+    joints = _joints(ask, service, request)
+    sent = {field.name: _value(field, value, list(joints)) for field, value in request.items()}
     if any(field.name == "joint_names" for field in service.request):
         sent["joint_names"] = sent.get("joint_names") or list(joints)
     response = ask(service, **sent)
-    vectors = {field: value for field, value in given.items() if isinstance(value, Vector)}
+    vectors = {field: value for field, value in request.items() if isinstance(value, Vector)}
     answer = Answer(service, response, vectors, joints)
     if as_json:
         answer.print_json("" if response.success else response.message)
@@ -170,14 +170,14 @@ def _call(
         raise SystemExit(1) if as_json else click.ClickException(response.message)
 
 
-def _joints(ask: Callable[..., Any], service: Service, given: Given) -> dict[str, str]:
+def _joints(ask: Callable[..., Any], service: Service, request: Request) -> dict[str, str]:
     """Types of joints by name, in the order of the vectors; of a simulation those named."""
-    names = next((value for field, value in given.items() if field.name == "joint_names"), [])
+    names = next((value for field, value in request.items() if field.name == "joint_names"), [])
     if service.node == DYNAMICS:
         facts = ask(MODEL_INFO)
         kinds = dict(zip(facts.joint_names, facts.joint_types, strict=True))
         return {name: kinds.get(name, "") for name in names or kinds}
-    for vector in (x for x in given.values() if isinstance(x, Vector) and x.named):
+    for vector in (x for x in request.values() if isinstance(x, Vector) and x.named):
         if names and set(vector.named) != set(names):
             raise click.ClickException(
                 f"joints {', '.join(vector.named)} and {', '.join(names)}; allowed: the same "

@@ -58,14 +58,14 @@ class Field(NamedTuple):
     @property
     def shape(self) -> tuple[str, ...]:
         """Dimensions of an array of any length: k, n, m or numbers; empty if none are named."""
-        found = _SHAPE.search(_UNITS.sub("", self.text)) if self.type.endswith("[]") else None
-        return tuple(found[0].split("*")) if found else ()
+        match = _SHAPE.search(_UNITS.sub("", self.text)) if self.type.endswith("[]") else None
+        return tuple(match[0].split("*")) if match else ()
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units, those of revolute joints first and those of prismatic ones last."""
-        found = _UNITS.search(self.text)
-        return tuple(found[1].replace("^2", "²").split(", ")) if found else ()
+        match = _UNITS.search(self.text)
+        return tuple(match[1].replace("^2", "²").split(", ")) if match else ()
 
     @property
     def required(self) -> bool:
@@ -153,8 +153,8 @@ class Service:
 
 
 def _fields(text: str) -> list[Field]:
-    found = (_FIELD.fullmatch(line.strip()) for line in text.splitlines())
-    return [Field(*(part or "" for part in x.groups())) for x in found if x]
+    matches = (_FIELD.fullmatch(line.strip()) for line in text.splitlines())
+    return [Field(*(part or "" for part in match.groups())) for match in matches if match]
 
 
 _READY = '--position "0 -0.8 0 -2.4 0 1.6 0.8"'

@@ -76,9 +76,9 @@ class Controller(Listener):
         """What the nodes of this namespace report as errors."""
         return self._here(self._reports.errors)
 
-    def _here(self, said: list[str]) -> list[str]:
+    def _here(self, reports: list[str]) -> list[str]:
         prefix = self._space.lstrip("/")
-        return [line for line in said if line.startswith(prefix) and _SILENT not in line]
+        return [line for line in reports if line.startswith(prefix) and _SILENT not in line]
 
     @property
     def replaced(self) -> bool:
@@ -121,11 +121,11 @@ class Controller(Listener):
     def send_points(self, trajectory: files.JointTrajectory) -> None:
         """Send joints along a trajectory from its first point."""
         points = []
-        for given in trajectory.points[1:]:
-            point = JointTrajectoryPoint(time_from_start=after(given.time))
+        for waypoint in trajectory.points[1:]:
+            point = JointTrajectoryPoint(time_from_start=after(waypoint.time))
             for field, values in (
-                ("positions", given.q), ("velocities", given.v), ("accelerations", given.a),
-                ("effort", given.tau),
+                ("positions", waypoint.q), ("velocities", waypoint.v),
+                ("accelerations", waypoint.a), ("effort", waypoint.tau),
             ):  # fmt: skip
                 if values is not None:
                     setattr(point, field, [float(x) for x in values])
@@ -157,14 +157,14 @@ class Controller(Listener):
             ClickException: If it refuses the goal, or does not answer.
         """
         before, words = self._state, self.words
-        asked = to_nanoseconds(before.header.stamp)
+        sent = to_nanoseconds(before.header.stamp)
         send()
 
         def planned() -> bool:
             if self.words.startswith("planning "):
                 return False
             # The same words may tell of another motion, which has more time left.
-            passed = 1e-9 * (to_nanoseconds(self._state.header.stamp) - asked)
+            passed = 1e-9 * (to_nanoseconds(self._state.header.stamp) - sent)
             left = max(before.remaining - passed, 0.0)
             return self.words != words or abs(self.remaining - left) > _JUMP
 
@@ -178,7 +178,7 @@ class Controller(Listener):
         """Yield the remaining time of the motion in [s] until it is finished."""
         while self.remaining > 0.0:
             yield self.remaining
-            if not self.until(lambda seen=self._count: self._count > seen, self._timeout):
+            if not self.until(lambda count=self._count: self._count > count, self._timeout):
                 raise click.ClickException(
                     f"no state of {self._name} for {self._timeout:g} s while the motion was under "
                     f"way\n  {self._cause()}"
@@ -216,5 +216,5 @@ class Controller(Listener):
             return "the controller has ended; start it again: ./arm controller SCENE"
         if not self.publishers(topic):
             return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
-        said = self._here(self._reports.complaints)
-        return "\n  ".join(said) or f"{topic} has a publisher, but no state comes"
+        complaints = self._here(self._reports.complaints)
+        return "\n  ".join(complaints) or f"{topic} has a publisher, but no state comes"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PEAK = 1.875  # ratio of a quintic's peak speed to its mean
 FASTEST = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
 LEAST = 1.0  # [s]
-_GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
+_GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<operator>\+=|-=|=)(?P<number>.+)", re.DOTALL)
 _THERE = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 POSE = VectorType(
@@ -69,8 +69,8 @@ def go(
         timeout: How long to wait for the controller and its states, in s.
         no_wait: Return when the motion has started.
     """
-    wanted = parse(goals)
-    if bool(wanted) + (pose is not None) + (trajectory is not None) != 1:
+    joint_goals = parse(goals)
+    if bool(joint_goals) + (pose is not None) + (trajectory is not None) != 1:
         raise click.UsageError("joint goals (JOINT=POSITION), --pose or --trajectory are expected")
     if pose is None and frame:
         raise click.UsageError("--frame is allowed with --pose only")
@@ -92,18 +92,18 @@ def go(
         if pose is not None:
             chosen, (numbers,) = controller.choose_frame(frame), pose.rows
             place = ", ".join(number(x, 4) for x in numbers[:3])
-            what = f"{chosen} straight to {place} m"
+            description = f"{chosen} straight to {place} m"
             send = partial(controller.send_pose, numbers)
         elif points is None:
-            what, send = _joint_motion(controller, targets(wanted, here), duration)
+            description, send = _joint_motion(controller, targets(joint_goals, here), duration)
         else:
             start = points.start
             if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
                 _follow(controller, *_joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
-            what = f"{len(points.points)} points in {seconds} s"
+            description = f"{len(points.points)} points in {seconds} s"
             send = partial(controller.send_points, points)
-        _follow(controller, what, send, tolerance, no_wait)
+        _follow(controller, description, send, tolerance, no_wait)
 
 
 def _joint_motion(
@@ -119,12 +119,12 @@ def _joint_motion(
 
 
 def _follow(
-    controller: Controller, what: str, send: Callable[[], None], tolerance: float,
+    controller: Controller, description: str, send: Callable[[], None], tolerance: float,
     no_wait: bool = False,
 ) -> None:  # fmt: skip
     """Send a goal, say what it is once it is accepted, and follow the motion to its end."""
     words = controller.begin(send)
-    say(what, *([words] if "slower" in words else []))
+    say(description, *([words] if "slower" in words else []))
     if no_wait:
         return
     try:
@@ -155,22 +155,22 @@ def parse(words: Sequence[str]) -> dict[str, tuple[float, bool]]:
     """
     goals = dict[str, tuple[float, bool]]()
     for word in words:
-        found = _GOAL.fullmatch(word.strip())
+        match = _GOAL.fullmatch(word.strip())
         try:
-            value = float(found["number"]) if found else math.nan
+            value = float(match["number"]) if match else math.nan
         except ValueError:
             value = math.nan
-        if found is None or not math.isfinite(value):
+        if match is None or not math.isfinite(value):
             raise click.UsageError(
                 f"'{word}' is not a joint goal; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
                 "JOINT-=DISTANCE, with finite numbers in rad or m"
             )
-        name, how = found["name"], found["how"]
+        name, operator = match["name"], match["operator"]
         if name in goals:
             raise click.UsageError(f"joint '{name}' is named twice")
         if remark := degrees_meant(value):
             click.echo(f"{name}: {remark} (for a joint that slides, in m)", err=True)
-        goals[name] = -value if how == "-=" else value, how != "="
+        goals[name] = -value if operator == "-=" else value, operator != "="
     return goals
 
 

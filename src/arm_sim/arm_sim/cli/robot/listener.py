@@ -34,10 +34,10 @@ class Listener(TemporaryNode):
         super().close()
 
     def hear(
-        self, topic: Topic, name: str, heard: Callable[[Any], None], raw: bool = False
+        self, topic: Topic, name: str, callback: Callable[[Any], None], raw: bool = False
     ) -> None:
         """Call a function with every message of a topic, by its full name, or with its bytes."""
-        self._node.create_subscription(topic.type, name, heard, topic.subscribe, raw=raw)
+        self._node.create_subscription(topic.type, name, callback, topic.subscribe, raw=raw)
 
     def publisher(self, topic: Topic, name: str) -> Publisher:
         """A publisher on a topic, by its full name."""

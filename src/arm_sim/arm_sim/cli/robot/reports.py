@@ -39,9 +39,10 @@ class Reports:
         return self._those_from(b"\2")
 
     def _those_from(self, least: bytes) -> list[str]:
-        said = sorted(self._complaints.items())
-        return [f"{name}: {words}" for name, (level, words) in said if level >= least]
+        reports = sorted(self._complaints.items())
+        return [f"{name}: {words}" for name, (level, words) in reports if level >= least]
 
     def values(self, key: str) -> dict[str, str]:
         """The value of this name by part of a node, where there is one."""
-        return {name: said[key] for name, said in sorted(self._values.items()) if key in said}
+        parts = sorted(self._values.items())
+        return {name: values[key] for name, values in parts if key in values}

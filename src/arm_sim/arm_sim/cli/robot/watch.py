@@ -140,15 +140,17 @@ class WatchedArm:
 
     def remarks(self) -> list[str]:
         """Lines below the table."""
-        said = self.reports.complaints
+        complaints = self.reports.complaints
         for key in _TOLD:
             values = self.reports.values(key).items()
-            said += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
+            complaints += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
         if len(names := self.publishers()) > 1:
-            said.insert(0, f"only the newest of the joint states of {', '.join(names)} are shown")
+            complaints.insert(
+                0, f"only the newest of the joint states of {', '.join(names)} are shown"
+            )
         if self.age > _OLD:
-            said.insert(0, f"stale: no joint state for {self.age:.1f} s")
-        return said
+            complaints.insert(0, f"stale: no joint state for {self.age:.1f} s")
+        return complaints
 
     @property
     def stamp(self) -> float:

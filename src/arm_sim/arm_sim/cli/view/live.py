@@ -21,7 +21,7 @@ from arm_sim.cli.robot.listener import Listener
 from arm_sim.exceptions import ViewError
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.view import View
-from arm_sim.view.charts import RollingCharts
+from arm_sim.view.charts import RollingCharts, Sample
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
 from arm_sim.view.view import opened
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
-HEARD = 0.01  # [s] of listening before each picture
+LISTENING = 0.01  # [s] of listening before each picture
 OLD = 0.5  # [s] without data after which an arm is reported as silent
 _ERROR, _ENERGY = "controller/state", "sim/energy"
 _WAIT = 5.0  # [s] for joint states and for a description
@@ -84,37 +84,32 @@ class RunningArm:
             )
         return model
 
-    def newest(self) -> tuple[float, Array, Array, Array, Array] | None:
-        """What is new since the last call, if anything.
-
-        Returns:
-            Time in [s]; positions, torques, errors from the reference, each of shape (n,); and the
-            ``ENERGIES`` in [J], shape (5,). What is unknown is NaN, except positions.
-        """
+    def newest(self) -> tuple[float, Array, Sample] | None:
+        """Time in [s], positions and sample of a state that is new since the last call, if any."""
         assert self._model is not None
         if (data := self._newest.pop(JOINT_STATES.name, None)) is None:
             return None
         state = deserialize_message(data, JOINT_STATES.type)
 
         def of_joints(names: Sequence[str], values: Sequence[float]) -> Array:
-            known = dict(zip(names, values, strict=False))
-            return np.array([known.get(name, np.nan) for name in self._model.joint_names])
+            by_name = dict(zip(names, values, strict=False))
+            return np.array([by_name.get(name, np.nan) for name in self._model.joint_names])
 
         q = of_joints(state.name, state.position)
         if not np.isfinite(q).all():
             return None
         complete = len(state.effort) == len(state.name)
         torque = of_joints(state.name, state.effort if complete else ())
-        told, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
-        error = of_joints(told.joint_names, told.position_error) if told else np.nan * q
+        control, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
+        error = of_joints(control.joint_names, control.position_error) if control else np.nan * q
         energies = np.full(len(ENERGIES), np.nan)
         if energy:
             flows = energy.input, energy.dissipated
             energies = np.array([energy.kinetic, energy.potential, energy.total, *flows])
         now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
-        return now, q, torque, error, energies
+        return now, q, Sample(torque, error, energies)
 
-    def _scene(self, scene: str | None, told: Sequence[str]) -> Scene:
+    def _scene(self, scene: str | None, published: Sequence[str]) -> Scene:
         """Its scene; joints of the description without joint states are locked."""
         if scene is not None:
             return load_scene(scene)
@@ -126,11 +121,11 @@ class RunningArm:
             )
         urdf = self._newest[ROBOT_DESCRIPTION.name].data
         names = ArmModel(scene_from_urdf(urdf)).joint_names
-        silent = [name for name in names if name not in told]
+        silent = [name for name in names if name not in published]
         if len(silent) == len(names):
             raise ViewError(
                 f"{self.topic} is of another robot than {topic}: it has none of its joints "
-                f"{known_names(names)}, but {known_names(told)}"
+                f"{known_names(names)}, but {known_names(published)}"
             )
         return load_scene({"robot": {"urdf": urdf, "lock": silent}})
 
@@ -159,30 +154,30 @@ class Follower(View):
         joints = {actor.name: actor.marker.model.joint_names for actor in actors}
         self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLED)
         self._followed = tuple(zip(arms, actors, strict=True))
-        self._began, self._times, self._heard = (dict[str, float]() for _ in range(3))
+        self._began, self._times, self._received = (dict[str, float]() for _ in range(3))
 
     def _update(self, passed: float) -> None:
-        self._listener.until(self._ended.is_set, HEARD)
+        self._listener.until(self._ended.is_set, LISTENING)
         for arm, actor in self._followed:
             if (newest := arm.newest()) is None:
                 continue
-            (stamp, q, *values), name = newest, actor.name
+            (stamp, q, sample), name = newest, actor.name
             at = stamp - self._began.setdefault(name, stamp)
             if at < self._times.get(name, at):  # it was restarted
                 self._began[name], at = stamp, 0.0
                 self._charts.clear(name)
                 actor.forget_way()
-            self._heard[name], self._times[name] = time.monotonic(), at
+            self._received[name], self._times[name] = time.monotonic(), at
             with self._server.atomic():
                 actor.draw(Instant(q), leave_path=True)
-            self._charts.add(name, at, lambda values=values: values)  # type: ignore[misc]
+            self._charts.add(name, at, lambda sample=sample: sample)  # type: ignore[misc]
         if self._charts.draw(CHARTED):
             self._report("")
 
     def _report(self, trouble: str) -> None:
         lines = []
         for name in (actor.name for actor in self.actors):
-            silence, state = time.monotonic() - self._heard.get(name, np.nan), ""
+            silence, state = time.monotonic() - self._received.get(name, np.nan), ""
             if np.isnan(silence):
                 state = ", no data yet"
             elif silence > OLD:
