@@ -12,34 +12,29 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import click
 
-from arm_sim.cli.output import examples
+from arm_sim.cli.output import as_called, examples
 
 _ARGUMENT = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
 
 class _Command(click.Command):
-    """Its parameters are read off its function when they are first asked for.
+    """Its parameters are derived from its function at their first use, after ``first``."""
 
-    Args:
-        first: Makes parameters that come before these.
-        settings: Those of a click.Command.
-    """
-
-    def __init__(self, first: Callable[[], list[click.Parameter]], **settings: Any) -> None:
+    def __init__(self, first: Sequence[click.Parameter], **settings: Any) -> None:
         self._first, self._params = first, None
         super().__init__(**settings)
 
     @property
     def params(self) -> list[click.Parameter]:
         if self._params is None:
-            self._params = [*self._first(), *_parameters(self.callback)]
+            self._params = [*self._first, *_parameters(self.callback)]
         return self._params
 
     @params.setter
@@ -47,24 +42,20 @@ class _Command(click.Command):
         """Click sets an empty list."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse, or say of an argument that is typed as an option how it is typed."""
+        """Parse, or fail with how to type an argument that was typed as an option."""
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            for parameter in self.params:
-                typed_as_option = option_name(parameter.name) == error.option_name
-                if typed_as_option and isinstance(parameter, click.Argument):
-                    ctx.fail(
-                        f"'{error.option_name}' is an argument, not an option: type its value "
-                        f"alone, {ctx.command_path} {parameter.human_readable_name}"
-                    )
-            raise
+            arguments = (x for x in self.params if isinstance(x, click.Argument))
+            if error.option_name not in (option_name(x.name) for x in arguments):
+                raise
+            ctx.fail(f"'{error.option_name}' is an argument: type its value without a name")
 
 
 def command(
     *lines: str,
     name: str | None = None,
-    first: Callable[[], list[click.Parameter]] = list,
+    first: Sequence[click.Parameter] = (),
     **settings: Any,
 ) -> Callable[[Callable[..., Any]], click.Command]:
     """Make a command of a function.
@@ -72,7 +63,7 @@ def command(
     Args:
         lines: Examples of the command.
         name: What is typed; by default the function's name.
-        first: Makes parameters that come before those of the function.
+        first: Parameters that come before those of the function.
         settings: Settings of click's context.
     """
 
@@ -82,7 +73,7 @@ def command(
             name=name or function.__name__.replace("_", "-"),
             context_settings=settings,
             callback=function,
-            help=inspect.getdoc(function).partition("\n\nArgs:")[0],
+            help=as_called(inspect.getdoc(function).partition("\n\nArgs:")[0]),
             epilog=examples(*lines),
         )
 
@@ -91,7 +82,7 @@ def command(
 
 def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
     """The arguments and options of a function, without those that collect any others."""
-    arguments = inspect.getdoc(function).partition("\n\nArgs:")[2]
+    arguments = as_called(inspect.getdoc(function).partition("\n\nArgs:")[2])
     about = {name: re.sub(r"\n *", " ", text) for name, text in _ARGUMENT.findall(arguments)}
     hints = get_type_hints(function, include_extras=True)
     return [

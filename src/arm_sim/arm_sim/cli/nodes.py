@@ -46,6 +46,7 @@ def sim(
     Args:
         report: At the end, write timing statistics of the loop to this file.
     """
+    click.echo("starting the simulator …", err=True)  # before imports and compilers take seconds
     from arm_sim.ros.sim_node import SimNode
 
     node = _run(SimNode, scene, rest, with_parent)
@@ -68,6 +69,7 @@ def dynamics(
 
     Without SCENE it waits for a URDF on the topic robot_description.
     """
+    click.echo("starting the dynamics node …", err=True)
     from arm_dynamics.ros.dynamics_node import DynamicsNode
 
     _run(DynamicsNode, scene, rest, with_parent)
@@ -88,12 +90,15 @@ def controller(
     subscribes to joint_states and controller/joint_trajectory and publishes joint_commands. Its
     scene may differ from the simulator's, to study model errors.
     """
+    click.echo("starting the controller …", err=True)
     from arm_dynamics.ros.controller_node import ControllerNode
 
     _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
 
 
-def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
+def _run(
+    make: Callable[..., Any], scene: str | None, rest: tuple[str, ...], with_parent: bool
+) -> Any:
     """Run one node; return it after a clean end, else exit with its status."""
     from rclpy.parameter import Parameter
 
@@ -110,7 +115,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
         if os.getppid() != parent:
             sys.exit(1)
     overrides = [Parameter("scene", value=scene)] if scene else []
-    status, node = run_node(partial(kind, parameter_overrides=overrides), rest)
+    status, node = run_node(partial(make, parameter_overrides=overrides), rest)
     if status:
         sys.exit(status)
     return node
@@ -119,7 +124,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
 def run_node(
     make: Callable[..., Any],
     words: Sequence[str] = (),
-    done: Callable[[Any], bool] = lambda node: False,
+    is_done: Callable[[Any], bool] = lambda node: False,
 ) -> tuple[int, Any]:
     """Run a node in this process until it is done.
 
@@ -134,5 +139,5 @@ def run_node(
         nodes.append(make(**context))
         return nodes[0]
 
-    status = run(make_and_keep, list(words), lambda: done(nodes[0]))
+    status = run(make_and_keep, list(words), lambda: is_done(nodes[0]))
     return status, nodes[0] if nodes else None

@@ -36,9 +36,8 @@ def as_called(text: str) -> str:
 
 def examples(*lines: str) -> str:
     """Examples at the end of a command's help, which are never re-wrapped."""
-    return "\b\n" + "\n".join(
-        ["Example:" if len(lines) == 1 else "Examples:", *(f"  {x}" for x in lines)]
-    )
+    title = "Example:" if len(lines) == 1 else "Examples:"
+    return as_called("\n".join(["\b", title, *(f"  {line}" for line in lines)]))
 
 
 def console() -> Console:
@@ -73,36 +72,36 @@ class _StderrHandler(logging.Handler):
             self.handleError(record)
 
 
-_tasks: list[Callable[[], str]] = []  # what is being done, the innermost last
+_tasks: list[Callable[[], str]] = []  # that the command waits for, the innermost last
 
 
 @contextmanager
 def waiting(task: str | Callable[[], str], *, in_lines: bool = False) -> Iterator[None]:
-    """Say on a terminal, after two seconds, what the command waits for and how long.
+    """Print on a terminal, before two seconds have passed, what the command waits for.
 
     Args:
         task: The text, or a function that returns the present one.
-        in_lines: Whether to say it without a terminal, too, in lines after twice the time each.
+        in_lines: Also print it without a terminal, in lines, each after twice the time.
     """
     _tasks.append(task if callable(task) else lambda: task)
-    done, shown = Event(), sys.stderr.isatty()
-    if (shown or in_lines) and len(_tasks) == 1:
-        reporter = Thread(target=_report, args=(done, sys.stderr, shown), daemon=True)
+    end, in_place = Event(), sys.stderr.isatty()
+    if (in_place or in_lines) and len(_tasks) == 1:
+        reporter = Thread(target=_report, args=(end, sys.stderr, in_place), daemon=True)
     else:
         reporter = Thread()
     reporter.start()
     try:
         yield
     finally:
-        done.set()
+        end.set()
         reporter.join()
         _tasks.pop()
 
 
-def _report(done: Event, stream: TextIO, in_place: bool) -> None:
-    """Print the innermost task until it is done; lines at growing intervals fill no log."""
+def _report(end: Event, stream: TextIO, in_place: bool) -> None:
+    """Print the innermost task until the end; lines at growing intervals fill no log."""
     begin, pause, erase = monotonic(), 0.75 * PATIENCE, ""
-    while not done.wait(pause):
+    while not end.wait(pause):
         text = f"{_tasks[-1]()} … {monotonic() - begin:.0f} s"
         if in_place:
             erase, pause = "\r\033[K", 0.5
@@ -137,12 +136,11 @@ def progress(
     from rich.progress import BarColumn, Progress, TaskProgressColumn
 
     columns = columns or ("{task.description}", BarColumn(), TaskProgressColumn())
-    shown = Progress(
+    with Progress(
         *columns, console=Console(file=stream), transient=True, auto_refresh=not refresh
-    )
-    with shown:
-        shown_task = shown.add_task(**{"description": "", "total": None, **task})
-        yield lambda **changes: shown.update(shown_task, refresh=refresh, **changes)
+    ) as display:
+        task_id = display.add_task(**{"description": "", "total": None, **task})
+        yield lambda **changes: display.update(task_id, refresh=refresh, **changes)
 
 
 def to_json(facts: Mapping[str, Any], indent: int | None = None) -> str:
@@ -164,7 +162,7 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Log no warnings: the command prints what they say itself."""
+    """Log no warnings, as the command prints their content itself."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -174,7 +172,7 @@ def quiet() -> Iterator[None]:
 
 
 def checked(recording: Recording) -> str:
-    """What a second run says of a motion, without warnings, and shown as it waits."""
+    """The verdict of a second run, without warnings, and with progress."""
     with waiting("checking by a second run"), quiet():
         return recording.verdict
 

@@ -107,10 +107,10 @@ def record(
         click.echo(f"recording to {path}", err=True)
         return node
 
-    def done(node: Any) -> bool:
+    def is_done(node: Any) -> bool:
         return (end is not None and monotonic() > end) or bool(node.thread.failure)
 
-    status, node = run_node(make, done=done)
+    status, node = run_node(make, is_done=is_done)
     if node is not None:
         _show_topics(node.count)
         for topic, lost in node.gaps.items():
@@ -137,7 +137,7 @@ def _repair(cut: Path, out: Path) -> None:
     for damage in dict.fromkeys(result.damage):
         click.echo(f"{cut}: {damage}", err=True)
     _show_topics(result.count)
-    click.echo(f"attachments and metadata: {', '.join(result.kept) or 'none'}")
+    click.echo(f"attachments and metadata: {', '.join(result.extras) or 'none'}")
     click.echo(str(out))
 
 
@@ -213,7 +213,7 @@ def replay(
 
 
 def _compared(original: Recording, result: Replay) -> tuple[list[str], dict[str, Any]]:
-    """What a replay says of a recording, in lines and as JSON."""
+    """The comparison of a recording with its replay, in lines and as JSON."""
     import numpy as np
 
     largest = float(np.nanmax(result.apart)) if len(result.apart) else 0.0
@@ -254,7 +254,7 @@ def _play(path: Path, names: tuple[str, ...], rate: float) -> None:
         player.start(rate)
         return player
 
-    status, player = run_node(make, done=lambda node: bool(node.done))
+    status, player = run_node(make, is_done=lambda node: bool(node.done))
     if player is not None:
         click.echo(f"{player.published} messages published")
     sys.exit(status)

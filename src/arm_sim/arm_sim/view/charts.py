@@ -23,7 +23,6 @@ POINTS = 1200  # points of a curve
 FLAT = 1e-9  # values that count as zero, relative to 1 or to the largest value
 WIDTH = 380  # size of the panel in pixels
 
-
 ROLLING = {"energies": "energy [J]", "error": "error [rad]", "torque": "torque [N m]"}
 """Titles of rolling plots by field of a sample, in their order: energies are never all zero."""
 
@@ -36,12 +35,19 @@ class Sample(NamedTuple):
     energies: Array  # in [J]
 
 
+class _Handles(NamedTuple):
+    """Of a plot on the page."""
+
+    plot: Any
+    legend: Any
+
+
 class Charts:
     """Tabs with curves, of these names by title of a plot, in a panel of the page."""
 
     def __init__(self, server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> None:
         self._panel = panel = server.gui.add_panel()
-        self.names, self._handles = names, dict[str, tuple[Any, Any]]()
+        self.names, self._handles = names, dict[str, _Handles]()
         self._curves = dict[str, tuple[Array, Array]]()
         for title, curves in names.items():
             hidden = {"label": "", "width": 0, "points": {"show": False}}
@@ -58,7 +64,7 @@ class Charts:
                     axes=({"label": "time [s]"}, {"label": title}),
                     legend={"show": False}, aspect=1.25, padding=(12, 16, 0, 0),
                 )  # fmt: skip
-                self._handles[title] = plot, server.gui.add_html("")
+                self._handles[title] = _Handles(plot, server.gui.add_html(""))
             self.draw(title, np.zeros(0), np.zeros((0, len(curves))))
         panel.dock_left()
         panel.set_width(WIDTH)
@@ -67,7 +73,7 @@ class Charts:
     def draw(self, title: str, time: Array, values: Array) -> None:
         """Draw curves, values of shape (k, curves); the legend has their last values."""
         self._curves[title] = time, values
-        self._handles[title][0].data = _columns(time, values)
+        self._handles[title].plot.data = _columns(time, values)
         self._read(title, len(time) - 1)
 
     def read(self, time: float) -> None:
@@ -77,9 +83,9 @@ class Charts:
 
     def _read(self, title: str, row: int) -> None:
         """Write the legend of a plot, with the values of a row, or without, if there is none."""
-        time, values = self._curves[title]
-        shown = values[max(row, 0)] if len(time) else np.full(len(self.names[title]), np.nan)
-        text, handle = legend(self.names[title], shown), self._handles[title][1]
+        (time, values), names = self._curves[title], self.names[title]
+        row_values = values[max(row, 0)] if len(time) else np.full(len(names), np.nan)
+        text, handle = legend(names, row_values), self._handles[title].legend
         if handle.content != text:
             handle.content = text
 
@@ -106,7 +112,7 @@ class RollingCharts:
         self, server: viser.ViserServer, joints: Mapping[str, Sequence[str]],
         energies: Sequence[str], memory: float, sampled: float,
     ) -> None:  # fmt: skip
-        self._sampled, self._drawn = sampled, 0.0
+        self._sampled, self._last_draw = sampled, 0.0
         self._samples: dict[str, deque[tuple[float, Sample]]] = {
             arm: deque(maxlen=round(memory / sampled)) for arm in joints
         }
@@ -131,9 +137,9 @@ class RollingCharts:
 
     def draw(self, pause: float = 0.0) -> bool:
         """Draw all samples, unless they were drawn less than ``pause`` ago, in [s]."""
-        if monotonic() - self._drawn < pause:
+        if monotonic() - self._last_draw < pause:
             return False
-        self._drawn = monotonic()
+        self._last_draw = monotonic()
         for arm, samples in self._samples.items():
             for field in ROLLING:
                 title = self._title(arm, field)

@@ -272,7 +272,7 @@ class Interactive(View):
         self.run(False)
         for rig, actor in self._pairs:
             rig.restart()
-            actor.forget_way()
+            actor.clear_path()
             self._charts.clear(actor.name)
         self.draw()
 

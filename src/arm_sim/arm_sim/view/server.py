@@ -44,11 +44,11 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     Raises:
         ViewError: If the library is missing, or the address or port cannot be used.
     """
-    make, chosen = library().ViserServer, _free_port(host, port)
+    make, free = library().ViserServer, _free_port(host, port)
     from viser._messages import RunJavascriptMessage
 
     with _silent(), same_origin_only(host):
-        server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
+        server: viser.ViserServer = make(host=host, port=free, label=label, verbose=False)
     # The library can publish the page through a tunnel, on request of any visitor.
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_share_button=False, show_logo=False)

@@ -45,11 +45,11 @@ class _Bits(_Words):
 
     def convert(self, value: str, param: Any, ctx: click.Context | None) -> int:
         """The number with these bits, or a usage error."""
-        chosen = set(super().convert(value.lower(), param, ctx))
-        unknown = min(chosen - {*self._bits}, default="")
-        if unknown or not chosen:
+        names = set(super().convert(value.lower(), param, ctx))
+        unknown = min(names - {*self._bits}, default="")
+        if unknown or not names:
             self.fail(f"{value!r}; allowed: some of {choices(unknown, self._bits)}", param, ctx)
-        return reduce(or_, (self._bits[name] for name in chosen))
+        return reduce(or_, (self._bits[name] for name in names))
 
 
 KINDS = {
@@ -95,14 +95,11 @@ def _command(service: Service) -> click.Command:
             raise SystemExit(1) from None
 
     lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
-    subcommand = command(*lines, name=name, first=partial(_fields, service))(call)
+    fields = sorted(service.request, key=lambda field: field.name == "joint_names")
+    options = [_parameter(service, field) for field in fields]
+    subcommand = command(*lines, name=name, first=options)(call)
     subcommand.help, subcommand.short_help = service.help, service.short_help
     return subcommand
-
-
-def _fields(service: Service) -> list[click.Parameter]:
-    fields = sorted(service.request, key=lambda field: field.name == "joint_names")
-    return [_parameter(service, field) for field in fields]
 
 
 def _option(field: Field) -> str:
@@ -110,7 +107,7 @@ def _option(field: Field) -> str:
 
 
 def _parameter(service: Service, field: Field) -> click.Parameter:
-    """The option of a field; an argument if a number is all that is asked for."""
+    """The option of a field; an argument if the request has no other and is a number."""
     default, about = field.default.strip('"'), field.help
     if field.type == "bool":
         return click.Option([_option(field), field.name], is_flag=True, help=f"{about}.")
@@ -158,12 +155,11 @@ def _call(
     answer = Answer(service, response, vectors, joints)
     if as_json:
         answer.print_json("" if response.success else response.message)
-    elif service.done:  # numbers that were not sent are zero
-        facts = {field.name: 0 for field in service.request} | sent
-        facts |= {field.name: getattr(response, field.name) for field in service.response}
-        names = ", ".join(sent.get("joint_names", ())) or "all joints"
-        done = service.done.format(**facts, joints=names)
-        say(f"/{node.strip('/')}: {done}")
+    elif service.outcome:  # numbers that were not sent are zero
+        values = {field.name: 0 for field in service.request} | sent
+        values |= {field.name: getattr(response, field.name) for field in service.response}
+        values["joints"] = ", ".join(sent.get("joint_names", ())) or "all joints"
+        say(f"/{node.strip('/')}: {service.outcome.format(**values)}")
     else:
         answer.print()
     if not response.success:  # a part of the request

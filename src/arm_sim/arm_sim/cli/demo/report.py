@@ -32,7 +32,7 @@ MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
 
 DOTS = 45  # number of service answers that are drawn
-BEHIND: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
+REFERENCE: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
 CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
 
@@ -58,7 +58,7 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
         **{f"round_trip_{name}": trip[name] for name in ("p50", "p99", "max")},
         "questions": len(latencies),
         "service_p50": p50, "service_p99": p99, "service_max": longest,
-        "torque_difference": _largest(observed.asked_effort - observed.asked_for),
+        "torque_difference": _largest(observed.query_effort - observed.query_command),
         "error_rms": float(np.sqrt(np.mean(error**2))), "error_max": float(abs(error).max()),
         "goal_distance": _largest(observed.position[-1] - np.asarray(motion.waypoints[-1].q)),
         "effort_share": motion.effort_share,
@@ -129,7 +129,7 @@ def result_table(n: Numbers) -> Table:
     """The numbers as a table."""
 
     def times(name: str) -> tuple[str, str]:
-        p50, p99, longest = (1e6 * n[f"{name}_{which}"] for which in ("p50", "p99", "max"))
+        p50, p99, longest = (1e6 * n[f"{name}_{key}"] for key in ("p50", "p99", "max"))
         return f"{p50:.0f} µs", f"median; p99 {p99:.0f} µs, max {longest:.0f} µs"
 
     def error(name: str) -> tuple[str, str]:
@@ -167,15 +167,15 @@ def draw(
     short = [joint_words(names)[i] for i in joints]
     with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as (position, error, torque):
         position.plot(run.time, run.position[:, joints], label=short)
-        position.plot(run.time, run.reference[:, joints], label="reference", **BEHIND)
+        position.plot(run.time, run.reference[:, joints], label="reference", **REFERENCE)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
         error.plot(run.time, run.error[:, joints], lw=1.0)
         error.yaxis.set_major_formatter(EngFormatter(units(types, "rad", "m")))  # as 5 µrad
         error.set_ylabel("tracking error")
         torque.plot(run.time, run.effort[:, joints])
-        for color, answers in zip(COLORS, run.asked_effort.T[joints], strict=False):
+        for color, answers in zip(COLORS, run.query_effort.T[joints], strict=False):
             every = max(1, len(answers) // DOTS)
-            torque.plot(run.asked_time[::every], answers[::every], color=color, **CIRCLES)
+            torque.plot(run.query_time[::every], answers[::every], color=color, **CIRCLES)
         torque.plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
         torque.set(xlabel="time [s]", xlim=(0.0, max(duration, float(run.time[-1]))))
         torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")

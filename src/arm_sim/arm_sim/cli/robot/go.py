@@ -25,7 +25,7 @@ PEAK = 1.875  # ratio of a quintic's peak speed to its mean
 FASTEST = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
 LEAST = 1.0  # [s]
 _GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<operator>\+=|-=|=)(?P<number>.+)", re.DOTALL)
-_THERE = 1e-6  # [rad] or [m] between reference and start without a motion to it
+_SAME = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 POSE = VectorType(
     '"X Y Z QX QY QZ QW"', "7 numbers are expected, x y z in m and quaternion x y z w"
@@ -87,18 +87,19 @@ def go(
     from arm_sim.cli.robot.controller import Controller
 
     with Controller(node, timeout) as controller:
-        controller.meet()
-        here = controller.reference
+        controller.wait_for_state()
+        reference = controller.reference
         if pose is not None:
-            chosen, (numbers,) = controller.choose_frame(frame), pose.rows
+            task_frame, (numbers,) = controller.choose_frame(frame), pose.rows
             place = ", ".join(number(x, 4) for x in numbers[:3])
-            description = f"{chosen} straight to {place} m"
+            description = f"{task_frame} straight to {place} m"
             send = partial(controller.send_pose, numbers)
         elif points is None:
-            description, send = _joint_motion(controller, targets(joint_goals, here), duration)
+            target = targets(joint_goals, reference)
+            description, send = _joint_motion(controller, target, duration)
         else:
             start = points.start
-            if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
+            if any(abs(x - reference.get(name, x)) > _SAME for name, x in start.items()):
                 _follow(controller, *_joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
             description = f"{len(points.points)} points in {seconds} s"
@@ -107,39 +108,39 @@ def go(
 
 
 def _joint_motion(
-    controller: Controller, there: dict[str, float], duration: float | None
+    controller: Controller, target: dict[str, float], duration: float | None
 ) -> tuple[str, Callable[[], None]]:
-    """A motion of joints in words, and what sends it."""
-    here = controller.reference
-    seconds = duration or unhurried(there, here)
-    start = {name: f"{number(x, 4)} " for name, x in here.items()}  # not of those that follow
-    moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in there.items()]
-    words = f"{', '.join(moves)}, in {number(seconds, 3)} s"
-    return words, partial(controller.send_joints, there, seconds)
+    """Description of a motion of joints, and the function that sends it."""
+    reference = controller.reference
+    seconds = duration or unhurried(target, reference)
+    start = {name: f"{number(x, 4)} " for name, x in reference.items()}  # not of mimic joints
+    moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in target.items()]
+    description = f"{', '.join(moves)}, in {number(seconds, 3)} s"
+    return description, partial(controller.send_joints, target, seconds)
 
 
 def _follow(
     controller: Controller, description: str, send: Callable[[], None], tolerance: float,
     no_wait: bool = False,
 ) -> None:  # fmt: skip
-    """Send a goal, say what it is once it is accepted, and follow the motion to its end."""
-    words = controller.begin(send)
-    say(description, *([words] if "slower" in words else []))
+    """Send a goal, print its description once it is accepted, and follow the motion to its end."""
+    outcome = controller.begin(send)
+    say(description, *([outcome] if "slower" in outcome else []))
     if no_wait:
         return
     try:
-        whole = max(controller.remaining, 1e-9)
+        total = max(controller.remaining, 1e-9)
         with progress(sys.stdout) as show:
             for left in controller.motion():
-                show(total=whole, completed=whole - min(left, whole))
+                show(total=total, completed=total - min(left, total))
         joint, error = controller.settle(tolerance, _SETTLING)
     except KeyboardInterrupt:
         raise click.ClickException("no longer waiting; the arm continues to its goal") from None
     say(*controller.errors)
     if controller.replaced:
-        words = controller.words or "the controller holds the arm"
-        another = words.startswith(("following", "planning"))
-        cause = f"another goal has replaced it, {words}" if another else words
+        cause = controller.outcome or "the controller holds the arm"
+        if cause.startswith(("following", "planning")):
+            cause = f"another goal has replaced it, {cause}"
         raise click.ClickException(f"goal not reached: {cause}")
     if not error <= tolerance:
         off, allowed = number(error, 3), number(tolerance, 3)
@@ -175,19 +176,20 @@ def parse(words: Sequence[str]) -> dict[str, tuple[float, bool]]:
 
 
 def targets(
-    goals: Mapping[str, tuple[float, bool]], here: Mapping[str, float]
+    goals: Mapping[str, tuple[float, bool]], reference: Mapping[str, float]
 ) -> dict[str, float]:
     """Target positions of the joints, from their current reference.
 
     The controller decides about joints that have none: they follow others, or do not exist.
     """
     return {
-        name: value + (here.get(name, 0.0) if relative else 0.0)
+        name: value + (reference.get(name, 0.0) if relative else 0.0)
         for name, (value, relative) in goals.items()
     }
 
 
-def unhurried(there: Mapping[str, float], here: Mapping[str, float]) -> float:
+def unhurried(target: Mapping[str, float], reference: Mapping[str, float]) -> float:
     """A duration in [s] in which no joint gets faster than ``FASTEST``."""
-    farthest = max((abs(there[name] - here[name]) for name in there.keys() & here), default=0.0)
+    distances = (abs(target[name] - reference[name]) for name in target.keys() & reference)
+    farthest = max(distances, default=0.0)
     return max(LEAST, PEAK * farthest / FASTEST)

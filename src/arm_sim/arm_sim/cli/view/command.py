@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import click
 
@@ -30,12 +30,11 @@ class Size(click.ParamType):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[int, int]:
         """Parse the size, or fail with what is allowed."""
-        width, _, height = str(value).partition("x")
-        if not (width.isdecimal() and height.isdecimal()) or not (
-            16 <= int(width) <= 4096 and 16 <= int(height) <= 4096
-        ):
+        sides = str(value).split("x")
+        if len(sides) != 2 or not all(x.isdecimal() and 16 <= int(x) <= 4096 for x in sides):
             self.fail(f"{value!r}; allowed: 16x16 to 4096x4096, e.g. 960x600", param, ctx)
-        return int(width), int(height)
+        width, height = map(int, sides)
+        return width, height
 
 
 @dataclass(frozen=True)
@@ -130,20 +129,19 @@ def view(
     port = 0 if paths else port
     progress = [f"opening {' '.join(what) or 'the page'}"]
     with ExitStack() as stack:
-        if paths:
-            stack.enter_context(waiting(lambda: progress[-1], in_lines=True))
-        if live:
-            from arm_sim.cli.robot.listener import Listener
-            from arm_sim.cli.view.live import followed
+        with waiting(lambda: progress[-1], in_lines=True):
+            if live:
+                from arm_sim.cli.robot.listener import Listener
+                from arm_sim.cli.view.live import followed
 
-            page = followed(stack.enter_context(Listener()), live, what, host, port)
-        else:
-            motion = (duration, control) if paths else None
-            page = shown(what, host, port, motion, scene, topic, progress.append)
-        stack.enter_context(page)
-        if paths:
-            Pictures(paths, size or SIZE, time, rate, speed).write(page, progress.append)
-        else:
+                page = followed(stack.enter_context(Listener()), live, what, host, port)
+            else:
+                motion = Motion(duration, control) if paths else None
+                page = page_of(what, host, port, motion, scene, topic, progress.append)
+            stack.enter_context(page)
+            if paths:
+                Pictures(paths, size or SIZE, time, rate, speed).write(page, progress.append)
+        if not paths:
             click.echo(f"{page.url}  (Ctrl-C ends)")
             with suppress(KeyboardInterrupt), interruptible():
                 page.wait()
@@ -151,12 +149,19 @@ def view(
         click.echo(path)
 
 
-def shown(
-    sources: Sequence[str], host: str, port: int | None, motion: tuple[float, str] | None = None,
+class Motion(NamedTuple):
+    """How a scene moves in pictures."""
+
+    duration: float  # [s]
+    control: Literal["nothing", "weight"]  # weight: its weight is carried
+
+
+def page_of(
+    sources: Sequence[str], host: str, port: int | None, motion: Motion | None = None,
     scene: str | None = None, topic: str | None = None,
     on_progress: Callable[[str], object] = lambda text: None,
 ) -> View:  # fmt: skip
-    """A page of scenes, or of recordings; ``motion`` moves scenes for so many [s], held so."""
+    """A page of scenes, which move if ``motion`` is given, or of recordings."""
     from arm_dynamics.control import GravityCompensation
     from arm_sim import Recording
     from arm_sim.view import show
@@ -185,10 +190,9 @@ def shown(
         if motion is None:
             actors.append(simulator)
             continue
-        duration, control = motion
         on_progress(f"simulating {source}")
         weight = GravityCompensation(simulator.dynamics)
-        run = simulator.run(duration, weight.torque if control == "weight" else None)
+        run = simulator.run(motion.duration, weight.torque if motion.control == "weight" else None)
         console().print(checked(run), markup=False)
         actors.append(run)
     on_progress("drawing the page")

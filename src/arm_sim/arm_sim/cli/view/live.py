@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +30,9 @@ from arm_sim.view.view import opened
 if TYPE_CHECKING:
     import viser
 
-ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
+ENERGIES = {"kinetic": "kinetic", "potential": "potential", "total": "total", "supplied": "input",
+            "dissipated": "dissipated"}  # fmt: skip
+"""Fields of energies in messages by their names in the plot."""
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
 LISTENING = 0.01  # [s] of listening before each picture
@@ -55,7 +58,7 @@ class RunningArm:
             (CONTROLLER_STATE, _ERROR), (ENERGY, _ENERGY),
         ):  # fmt: skip
             keep = partial(self._newest.__setitem__, name)
-            listener.hear(topic, self._name(name), keep, raw=topic is JOINT_STATES)
+            listener.subscribe(topic, self._name(name), keep, raw=topic is JOINT_STATES)
 
     @property
     def name(self) -> str:
@@ -63,8 +66,8 @@ class RunningArm:
         robot = "arm" if self._model is None else self._model.pin.name
         return self.namespace.replace("/", " ") or robot
 
-    def meet(self, scene: str | None) -> ArmModel:
-        """Wait for the arm; its scene is that of its robot description unless given.
+    def connect(self, scene: str | None) -> ArmModel:
+        """Wait for the arm; its scene is that of its robot description unless one is named.
 
         Raises:
             ViewError: If no joint states arrive in time, or it is another robot.
@@ -102,10 +105,7 @@ class RunningArm:
         torque = of_joints(state.name, state.effort if complete else ())
         control, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
         error = of_joints(control.joint_names, control.position_error) if control else np.nan * q
-        energies = np.full(len(ENERGIES), np.nan)
-        if energy:
-            flows = energy.input, energy.dissipated
-            energies = np.array([energy.kinetic, energy.potential, energy.total, *flows])
+        energies = np.array([getattr(energy, field, np.nan) for field in ENERGIES.values()])
         now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
         return now, q, Sample(torque, error, energies)
 
@@ -136,6 +136,17 @@ class RunningArm:
         return f"/{self.namespace}/{topic}" if self.namespace else f"/{topic}"
 
 
+@dataclass
+class _Followed:
+    """An arm on the page; times in [s]."""
+
+    arm: RunningArm
+    actor: DrawnArm
+    begin: float = np.nan  # stamp of its first state, also after a restart
+    time: float = 0.0  # since then
+    received: float = -np.inf  # by the clock of this process
+
+
 @sealed
 class Follower(View):
     """A page that follows running arms; times count from the first data, or from a restart."""
@@ -147,42 +158,40 @@ class Follower(View):
         super().__init__(server, actors)
         self._listener = listener
         self._status = server.gui.add_markdown("waiting")
-        forget = server.gui.add_button("Clear path")
-        forget.on_click(lambda _: self._order(lambda: [x.forget_way() for x in self.actors]))
+        clear = server.gui.add_button("Clear path")
+        clear.on_click(lambda _: self._order(lambda: [x.clear_path() for x in self.actors]))
         for actor in actors:
             actor.draw(Instant(actor.marker.model.q0))
         joints = {actor.name: actor.marker.model.joint_names for actor in actors}
-        self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLED)
-        self._followed = tuple(zip(arms, actors, strict=True))
-        self._began, self._times, self._received = (dict[str, float]() for _ in range(3))
+        self._charts = RollingCharts(server, joints, tuple(ENERGIES), MEMORY, SAMPLED)
+        self._followed = [_Followed(*pair) for pair in zip(arms, actors, strict=True)]
 
     def _update(self, passed: float) -> None:
         self._listener.until(self._ended.is_set, LISTENING)
-        for arm, actor in self._followed:
-            if (newest := arm.newest()) is None:
+        for followed in self._followed:
+            if (newest := followed.arm.newest()) is None:
                 continue
-            (stamp, q, sample), name = newest, actor.name
-            at = stamp - self._began.setdefault(name, stamp)
-            if at < self._times.get(name, at):  # it was restarted
-                self._began[name], at = stamp, 0.0
-                self._charts.clear(name)
-                actor.forget_way()
-            self._received[name], self._times[name] = time.monotonic(), at
+            (stamp, q, sample), actor = newest, followed.actor
+            if not stamp - followed.begin >= followed.time:  # it has begun, perhaps again
+                followed.begin = stamp
+                self._charts.clear(actor.name)
+                actor.clear_path()
+            followed.time, followed.received = stamp - followed.begin, time.monotonic()
             with self._server.atomic():
                 actor.draw(Instant(q), leave_path=True)
-            self._charts.add(name, at, lambda sample=sample: sample)  # type: ignore[misc]
+            self._charts.add(actor.name, followed.time, lambda: sample)  # noqa: B023
         if self._charts.draw(CHARTED):
             self._report("")
 
     def _report(self, trouble: str) -> None:
         lines = []
-        for name in (actor.name for actor in self.actors):
-            silence, state = time.monotonic() - self._received.get(name, np.nan), ""
-            if np.isnan(silence):
+        for followed in self._followed:
+            silence, state = time.monotonic() - followed.received, ""
+            if np.isinf(silence):
                 state = ", no data yet"
             elif silence > OLD:
                 state = f", silent for {silence:.0f} s"
-            lines.append(f"{name}: t = {self._times.get(name, 0.0):.2f} s{state}")
+            lines.append(f"{followed.actor.name}: t = {followed.time:.2f} s{state}")
         self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
 
 
@@ -197,7 +206,7 @@ def followed(
             f"{len(namespaces)} are expected"
         )
     arms = [RunningArm(listener, namespace) for namespace in namespaces]
-    chosen = [*scenes] * len(arms) if scenes else [None] * len(arms)
-    models = [arm.meet(scene) for arm, scene in zip(arms, chosen, strict=False)]
+    of_each = [*scenes] * len(arms) if scenes else [None] * len(arms)
+    models = [arm.connect(scene) for arm, scene in zip(arms, of_each, strict=False)]
     page = partial(Follower, arms=arms, listener=listener)
     return opened(page, [arm.name for arm in arms], models, host, port)
