@@ -45,7 +45,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateWriter
+from arm_dynamics.ros.joint_state import (
+    Expected,
+    JointStateReader,
+    JointStateSink,
+    JointStateWriter,
+)
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
 
@@ -111,7 +116,7 @@ class ControllerNode(Node):
             self, self.goals, model, limits, self._selection.obstacle, self.answers, self._late
         )
         fields = ("position",) if self._velocity else ("position", "velocity")
-        self._reader = JointStateReader(names, fields, partial=False, extra=True)
+        self._reader = JointStateReader(Expected(names, fields, extra=True))
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._command = np.zeros(self.dynamics.n)
