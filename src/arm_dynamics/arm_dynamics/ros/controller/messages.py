@@ -14,7 +14,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import CdrReader
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common.convert import in_world
+from arm_dynamics.ros.common.poses import in_world
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.scene.urdf.joint_names import JointNames, Named
 from arm_dynamics.task_space.task_space import Pose

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
-from arm_dynamics.ros.common.scheduling import MiddlewareThreads
+from arm_dynamics.ros.common.threads.background import Background
+from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
