@@ -202,7 +202,7 @@ void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
 }
 
 int64_t advance(ticks_t* t, int64_t count) {
-  int64_t made = 0;
-  while (made < count && update(t, 0)) ++made;
-  return made;
+  int64_t completed = 0;
+  while (completed < count && update(t, 0)) ++completed;
+  return completed;
 }
