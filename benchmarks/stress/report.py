@@ -175,8 +175,7 @@ def draw(results: Sequence[Result], path: Path) -> None:
             shares.plot(*_share(mine), marker=mark, label=name)
             errors.plot(*_error(mine), marker=mark)
         for axis in (shares, errors):
-            axis.set(xscale="log", xlim=HALF_DECADES[[0, -1]],
-                     xlabel="step × fastest rate of the arm")  # fmt: skip
+            axis.set(xscale="log", xlabel="step × fastest rate of the arm")
         shares.set(ylim=(-3, 103), ylabel="stable runs [%]")
         errors.set(yscale="log", ylim=(ROUNDING / 2, 10), ylabel="median error of q / (1 + |q|)")
 

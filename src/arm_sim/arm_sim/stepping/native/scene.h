@@ -80,7 +80,8 @@ typedef struct {
 #define EVENTS 1
 #endif
 
-/* Call a generated function: CALL(equation, (arguments), (results)); results that are not asked for are null. */
+/* Call a generated function: CALL(equation, (arguments), (results)); results that are not asked for are null.
+ * Loops, not memcpy: that would read single stores back in one wide load, which waits for them. */
 enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its work space */ };
 #define LIST(...) __VA_ARGS__
 #define CALL(equation, given, found) \
@@ -90,8 +91,8 @@ enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its w
     const real* arg[MOST_ARGUMENTS]; \
     real *res[MOST_ARGUMENTS], w[SZ_W] __attribute__((aligned(64))); \
     long long int iw[MOST_INTEGERS]; \
-    memcpy(arg, all_given, sizeof all_given); \
-    memcpy(res, all_found, sizeof all_found); \
+    for (size_t k_ = 0; k_ < sizeof all_given / sizeof *all_given; ++k_) arg[k_] = all_given[k_]; \
+    for (size_t k_ = 0; k_ < sizeof all_found / sizeof *all_found; ++k_) res[k_] = all_found[k_]; \
     (equation)(arg, res, iw, w, 0); \
   } while (0)
 

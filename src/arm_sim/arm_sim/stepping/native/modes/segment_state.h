@@ -75,18 +75,18 @@ typedef struct {
   real* switch_values; /* ... of switches with their sizes */
 } memory_t;
 
-/* A smooth segment of a tick: command, and modes of joints and contacts. */
+/* A smooth segment of a tick: modes of joints and contacts, and command. */
 typedef struct {
-  const real* u;
-  control_t* control;
   modes_t p;
   contact_t* contact;
-  turning_t* turning; /* at its beginning, ... */
-  int turns;          /* ... if this is set, which a change of modes clears */
+  turning_t* turning; /* at its beginning, if `turns` is set, which a change of modes clears */
   real* turned;       /* whether the other direction has been tried for a joint that moved the wrong way */
-  memory_t* memory;
-  double step; /* length of the steps if the tick is time-stepped, else 0 */
+  int turns;
   int yields;      /* whether what holds together has just reached its limits */
+  double step; /* length of the steps if the tick is time-stepped, else 0 */
+  const real* u;
+  memory_t* memory;
+  control_t* control;
   const prediction_t* predicted; /* answers that are known beforehand, or null */
   trace_t* trace;   /* receives the segments of the tick, or null ... */
   record_t* record; /* ... and this one, or null */
@@ -119,20 +119,10 @@ static memory_t memory_of(const scene_t* scene, real* numbers) {
 }
 
 static segment_t segment_of(const scene_t* scene, real* numbers) {
-  segment_t segment;
+  real *contacts = numbers + P_LENGTH, *turnings = contacts + 8 * NC, *turned = turnings + 4 * NC;
+  segment_t segment = {
+      modes_of(scene, numbers), (contact_t*)contacts, (turning_t*)turnings, turned, 0, 0, 0.0, 0, 0, 0, 0, 0, 0};
   clear(numbers, SEGMENT);
-  segment.u = 0;
-  segment.control = 0;
-  segment.p = modes_of(scene, numbers);
-  segment.contact = (contact_t*)(numbers + P_LENGTH);
-  segment.turning = (turning_t*)(numbers + P_LENGTH + 8 * NC);
-  segment.turned = numbers + P_LENGTH + 12 * NC;
-  segment.turns = segment.yields = 0;
-  segment.memory = 0;
-  segment.step = 0.0;
-  segment.predicted = 0;
-  segment.trace = 0;
-  segment.record = 0;
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   return segment;
 }

@@ -39,9 +39,7 @@ static inline double dot(const double* a, const double* b, int count) {
 /* The largest magnitude. */
 static inline double largest_of(const double* values, int count) {
   double largest = 0.0;
-  for (int i = 0; i < count; ++i) {
-    const double size = values[i] < 0.0 ? -values[i] : values[i];
-    if (size > largest) largest = size;
-  }
+  for (int i = 0; i < count; ++i)
+    if (fabs(values[i]) > largest) largest = fabs(values[i]);
   return largest;
 }

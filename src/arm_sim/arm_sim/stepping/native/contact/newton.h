@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Contacts solved all together by Newton's method, with t = r_n - rho w_n and z = r_t - rho w_t, on
+ *
+ *     r_n = max(0, t),   r_t = z, or if |z| > mu t the vector of length mu t along z
+ *
+ * (Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution methods", Comput.
+ * Methods Appl. Mech. Eng. 92, 1991).
+ */
+
+#pragma once
+#include "contact/contact_problem.h"
+#include "contact/one_contact.h"
+
+#define FORCE_STEPS 60
+#define STEP_HALVINGS 12
+#define SOLVED 1e-15  /* residual of Newton's equations, relative to the contact's own forces, ... */
+#define ROUNDED 1e-10 /* ... the same where rounding prevents that, ... */
+#define REGULAR 1e-12 /* ... and multiple of the rows' scales that keeps them regular */
+
+static void find_motion(const scene_t* scene, const cones_t* cones, const double* r, double* w) {
+  for (int i = 0; i < MC; ++i) {
+    w[i] = cones->c[i];
+    for (int j = 0; j < MC; ++j) w[i] += AT(cones->W, MC, i, j) * r[j];
+  }
+}
+
+/* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
+static void turning_rows(const scene_t* scene, const cones_t* cones, int k, double rho, double pressed, const double* z,
+                         double size, const double* regular, double* J) {
+  const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
+  for (int j = 0; j < MC; ++j) {
+    double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
+    if (j == 3 * k) pressing += 1.0 - rho * regular[j];
+    for (int i = 0; i < 2; ++i) {
+      moving[i] = -rho * AT(cones->W, MC, 3 * k + 1 + i, j);
+      if (j == 3 * k + 1 + i) moving[i] += 1.0 - rho * regular[j];
+    }
+    const double ahead = along[0] * moving[0] + along[1] * moving[1];
+    for (int i = 0; i < 2; ++i)
+      J[MC * (3 * k + 1 + i) + j] -= mu * along[i] * pressing + part * (moving[i] - along[i] * ahead);
+  }
+}
+
+/* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual, as
+ * the accelerations that it would cause. */
+static double equations(const scene_t* scene, const cones_t* cones, const double* r, double* F, double* J) {
+  double w[MC + 1], regular[MC + 1], trace = 0.0, sum = 0.0;
+  find_motion(scene, cones, r, w);
+  for (int i = 0; i < MC; ++i) {
+    F[i] = r[i];
+    trace += AT(cones->W, MC, i, i);
+    for (int j = 0; j < MC; ++j) J[MC * i + j] = i == j;
+  }
+  for (int i = 0; i < MC; ++i) regular[i] = REGULAR * scale_of(AT(cones->W, MC, i, i), trace);
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    if (cones->allowed[k] == 0.0) continue;
+    const double rho = 3.0 / own_trace(scene, cones->W, k), mu = cones->mu[k], pressed = r[n] - rho * w[n];
+    if (pressed <= 0.0) continue;
+    const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
+    const int holds = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed;
+    for (int i = n; i < (holds ? n + 3 : n + 1); ++i) {
+      F[i] = rho * w[i];
+      for (int j = 0; j < MC; ++j) J[MC * i + j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
+    }
+    for (int i = 0; i < 2 && !holds; ++i) {
+      if (cones->slides[k] != 0.0) {
+        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->given[2 * k + i];
+        J[MC * (n + 1 + i) + n] = mu * cones->given[2 * k + i];
+      } else F[n + 1 + i] = r[n + 1 + i] - mu * pressed * z[i] / size;
+    }
+    if (!holds && cones->slides[k] == 0.0) turning_rows(scene, cones, k, rho, pressed, z, size, regular, J);
+  }
+  for (int i = 0; i < MC; ++i) {
+    const double caused = F[i] * own_trace(scene, cones->W, i / 3);
+    sum += caused * caused;
+  }
+  return sum;
+}
+
+static void read_answers(const scene_t* scene, const cones_t* cones, const double* r, answer_t* answers) {
+  double w[MC + 1];
+  find_motion(scene, cones, r, w);
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    const double rho = cones->allowed[k] != 0.0 ? 3.0 / own_trace(scene, cones->W, k) : 0.0, pressed = r[n] - rho * w[n];
+    const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
+    answers[k] = apart;
+    if (cones->allowed[k] == 0.0 || pressed <= 0.0) continue;
+    for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
+    answers[k].state = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed ? STICKS : SLIDES;
+    for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
+      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->given[2 * k + i] : -z[i] / size;
+  }
+}
+
+/* Largest residual of the laws, relative to the forces of its contact. */
+static double relative_residual(const scene_t* scene, const cones_t* cones, const double* r, const double* F) {
+  double most = 0.0;
+  for (int k = 0; k < NC; ++k) {
+    const double left = fmax(fabs(F[3 * k]), fmax(fabs(F[3 * k + 1]), fabs(F[3 * k + 2])));
+    if (left != 0.0) most = fmax(most, left / (own_size(scene, cones, r, k) + 1e-300));
+  }
+  return most;
+}
+
+/* Improve forces by Newton's method until they satisfy the laws, to rounding: 0 if they do not. */
+static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_t* answers) {
+  double trial[MC + 1], after[MC + 1], F[MC + 1], J[MC * MC + 1], step[MC + 1], left;
+  for (int i = 0; i < MC; ++i) trial[i] = r[i];
+  double size = equations(scene, cones, trial, F, J);
+  for (int turn = 0, better = 1;; ++turn) {
+    double length = 1.0, next = size;
+    left = relative_residual(scene, cones, trial, F);
+    if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;
+    for (int i = 0; i < MC; ++i) step[i] = -F[i];
+    if (!solve_linear(MC, J, step)) break;
+    better = 0;
+    for (int k = 0; k < STEP_HALVINGS && !better; ++k) {
+      for (int i = 0; i < MC; ++i) after[i] = trial[i] + length * step[i];
+      next = equations(scene, cones, after, F, J);
+      better = next < (1.0 - 1e-4 * length) * size;
+      length *= 0.5;
+    }
+    for (int i = 0; i < MC; ++i) trial[i] = after[i];
+    size = next;
+  }
+  if (!(left <= ROUNDED)) return 0;
+  for (int i = 0; i < MC; ++i) r[i] = trial[i];
+  read_answers(scene, cones, r, answers);
+  return 1;
+}
