@@ -213,8 +213,8 @@ def test_a_giant_request_leaves_no_memory_behind(ros: Ros, ask: Ask) -> None:
     assert in_c(node) > before
     assert node._compiled is not None
     assert ask(INVERSE_DYNAMICS).success is False  # the giant is done with by then
-    known = node._compiled._known[0]
-    assert len(known._response.read().effort) == 0
+    answer = node._compiled._running[0]
+    assert len(answer._response.read().effort) == 0
 
 
 def test_who_shuts_down_ends_the_thread(ros: Ros, ask: Ask) -> None:

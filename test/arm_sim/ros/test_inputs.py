@@ -14,8 +14,8 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.joint_state import reader
 from arm_dynamics.ros.joint_state.serialization import parsed
+from arm_sim.ros import command_reader
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
@@ -127,7 +127,7 @@ def test_messages_of_a_rival_are_analysed_once(
     """Refused a thousand times a second, they would slow down the loop."""
     lead(inputs)
     analysed = list[bytes]()
-    monkeypatch.setattr(reader, "parsed", lambda raw: analysed.append(raw) or parsed(raw))
+    monkeypatch.setattr(command_reader, "parsed", lambda raw: analysed.append(raw) or parsed(raw))
     for count in (1, 2, 3):
         assert inputs.on_joint_commands(command(source="other", joint1=9.0)) is None
         assert (inputs.refused, len(analysed)) == (count, 1)

@@ -15,7 +15,7 @@ from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
 import models
 from arm_dynamics.exceptions import CompilerMissing
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
 from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping

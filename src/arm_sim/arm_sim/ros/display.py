@@ -81,20 +81,20 @@ class Display:
             if (topics := frames_topics()) is not None:
                 about = Links(model), joints.names, params.frame_prefix
                 self._tf, self.frames = Frames(node, *about, *topics), "published"
-        self._updates, self._heard, self._wanted = count(), False, False
+        self._updates, self._sends_states, self._sends_frames = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
         self._timer.cancel()
         self._update_timer = steady_timer(node, _PERIOD, self.update)
 
     def update(self) -> None:
         """Check for subscribers, and start or stop publishing."""
-        idle = not (self._heard or self._wanted)
-        self._heard, self._wanted = self._states.heard, False
+        idle = not (self._sends_states or self._sends_frames)
+        self._sends_states, self._sends_frames = self._states.heard, False
         if self._tf is not None:
             if next(self._updates) % _SELDOM == 0:
                 self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
-            self._wanted = self.frames == "published" and self._tf.heard
-        if not (self._heard or self._wanted):
+            self._sends_frames = self.frames == "published" and self._tf.heard
+        if not (self._sends_states or self._sends_frames):
             self._timer.cancel()
         elif idle:
             self._timer.reset()
@@ -106,9 +106,9 @@ class Display:
         except ArmError:
             return  # without ticks there is nothing new
         self._all.fill()
-        if self._heard:
+        if self._sends_states:
             self._states.send(stamp)
-        if self._wanted:
+        if self._sends_frames:
             self._tf.publish(stamp, self._all.arrays[0])
 
     def _copy(self) -> int:
@@ -143,8 +143,8 @@ class Frames:
     def rivals(self) -> bool:
         """Whether a robot_state_publisher of the same namespace publishes frames."""
         here = self._node.get_namespace()
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        return any(one.node_name == _RSP and one.node_namespace == here for one in found)
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        return any(p.node_name == _RSP and p.node_namespace == here for p in publishers)
 
     def publish(self, stamp: int, positions: Array) -> None:
         """Publish the moving ones at positions of all joints, with a stamp in [ns]."""
@@ -154,11 +154,10 @@ class Frames:
 
 
 def _named(pairs: Sequence[tuple[str, str]], prefix: str) -> list[TransformStamped]:
-    made = []
-    for parent, child in pairs:
-        made.append(TransformStamped(child_frame_id=prefix + child))
-        made[-1].header.frame_id = prefix + parent
-    return made
+    transforms = [TransformStamped(child_frame_id=prefix + child) for _, child in pairs]
+    for transform, (parent, _) in zip(transforms, pairs, strict=True):
+        transform.header.frame_id = prefix + parent
+    return transforms
 
 
 def _fill(transforms: Sequence[TransformStamped], numbers: Array, stamp: Any) -> None:

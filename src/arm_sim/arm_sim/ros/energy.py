@@ -32,7 +32,7 @@ class EnergyTopic:
     """
 
     def __init__(
-        self, node: Node, engine: TickEngine, period: float, wanted: Callable[[], bool],
+        self, node: Node, engine: TickEngine, period: float, also_read: Callable[[], bool],
         stamp: Callable[[int], int], send: Callable[[Topic, Any, Energy, int], None],
     ) -> None:  # fmt: skip
         """Advertise the topic, and build what the first account needs.
@@ -41,11 +41,11 @@ class EnergyTopic:
             node: The node.
             engine: The engine.
             period: Simulated time between messages in [s].
-            wanted: Returns whether anything else reads the account.
+            also_read: Returns whether anything else reads the account.
             stamp: Returns the stamp for a simulated time, both in [ns].
             send: Called with the topic, its publisher, a message, and its stamp in [ns].
         """
-        self._engine, self._wanted, self._context = engine, wanted, node.context
+        self._engine, self._also_read, self._context = engine, also_read, node.context
         self._stamp, self._send = stamp, send
         self._thread: Thread | None = None
         self._opened, self._ended = Event(), Event()
@@ -62,7 +62,7 @@ class EnergyTopic:
     def after_tick(self) -> None:
         """Open or close the account as required, and publish it; in the ticking thread."""
         heard, engine = self.heard, self._engine
-        engine.keep_account(heard or self._wanted())
+        engine.keep_account(heard or self._also_read())
         if heard and (account := engine.account()) is not None:
             self._publish(account)
 
@@ -79,14 +79,14 @@ class EnergyTopic:
 
     def update(self) -> None:
         """Open or close the account as required; not for the ticking thread."""
-        wanted, engine = self.heard or self._wanted(), self._engine
-        if wanted == engine.accounted:
+        needed, engine = self.heard or self._also_read(), self._engine
+        if needed == engine.accounted:
             return
         try:
-            engine.queue.run(lambda: engine.keep_account(wanted))
+            engine.queue.run(lambda: engine.keep_account(needed))
         except InvalidInput:  # no tick has ended for long; the next update tries again
             return
-        if wanted:
+        if needed:
             self._opened.set()
         else:
             self._opened.clear()

@@ -19,8 +19,9 @@ from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import FAILED, JointStateReader, Numbers
+from arm_dynamics.ros.joint_state import FAILED, Clip, Expected, JointStateReader, Numbers
 from arm_sim.inputs import clipped
+from arm_sim.ros.command_reader import CommandReader
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.rivals import Rivals
@@ -49,11 +50,12 @@ class Inputs:
         self._model = engine.simulator.model
         self._limit = self._model.command_limit.tolist()
         self._joints = JointCommands(self._model, engine.arbiter.admit)
-        options = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
-        names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **options)
-        self.reader = JointStateReader(
-            names, ("effort",), other=references, admit=self._joints.admit, **options
+        names, clip = self._model.joint_names, Clip(self._limit, self._clipped)
+        efforts = Expected(names, ("effort",), partial=True)
+        every = Expected(names, ("effort", "position", "velocity"), partial=True, gaps=True)
+        self.reader = CommandReader(
+            JointStateReader(efforts, self._joints.admit, clip),
+            JointStateReader(every, self._joints.note, clip),
         )
         self._newest: PolledSubscription | None = None
         self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
@@ -78,14 +80,14 @@ class Inputs:
 
         ``again`` takes a message and its arrival in [ns] after C has failed to, or raises why.
         """
-        self.reader.open(place)
+        self.reader.efforts.open(place)
         self._again = again
-        self._engine.ticks.source, self._engine.ticks.reader = self.reader.places
+        self._engine.ticks.source, self._engine.ticks.reader = self.reader.efforts.places
 
     def close(self) -> None:
         """End the subscription."""
         self._engine.ticks.at_once = 0
-        self.reader.close()
+        self.reader.efforts.close()
         if self._newest is not None:
             self._newest.close()
             self._newest = None
@@ -101,7 +103,7 @@ class Inputs:
         watched = self.rivals is not None and bool(self.rivals.alarm.message)
         delayed = self._engine.commands.line is not None
         if leader is not None and len(leader[1]) == self._model.n and not (watched or delayed):
-            whole = self.reader.whole_from(leader[0])
+            whole = self.reader.efforts.whole_from(leader[0])
             ticks.leads[: len(whole)] = whole
         else:
             ticks.leads[:] = [0] * len(ticks.leads)
@@ -112,7 +114,7 @@ class Inputs:
         Returns whether no newer one is expected: after the answer to the newest state none is,
         unless there are other sources. A read without result takes as long as one with a message.
         """
-        ticks, reader = self._engine.ticks, self.reader
+        ticks, reader = self._engine.ticks, self.reader.efforts
         taken = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
         if taken is None:
             self._refuse(InvalidInput("a message was lost"))
@@ -154,7 +156,7 @@ class Inputs:
         """Register efforts of all joints that C has read."""
         if (efforts := self._engine.commands.read()) is not None:
             self._joints.follow(efforts)
-            self.reader.keep(efforts)
+            self.reader.efforts.keep(efforts)
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
@@ -180,7 +182,7 @@ class Inputs:
             return
         numbers = tuple(tau.tolist())
         if any_beyond(numbers, self._limit):
-            numbers = self._cut(numbers)
+            numbers = self._clipped(numbers)
         self._engine.queue.post(lambda: self._put_efforts(numbers))
 
     def _put_efforts(self, numbers: Numbers) -> None:
@@ -205,7 +207,7 @@ class Inputs:
             self.refused_wrenches += 1
             self._log.warning(f"wrench ignored: {plain(error)}")
 
-    def _cut(self, tau: Numbers) -> Numbers:
+    def _clipped(self, tau: Numbers) -> Numbers:
         """Clip efforts to their limits, with a warning."""
         limits = self._limit
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)

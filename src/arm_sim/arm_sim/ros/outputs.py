@@ -78,18 +78,41 @@ class Outputs:
     """
 
     def __init__(
-        self, node: Node, engine: TickEngine, params: SimParams, account_wanted: Callable[[], bool]
+        self, node: Node, engine: TickEngine, params: SimParams, account_read: Callable[[], bool]
     ) -> None:
         """Advertise the topics and attach to the engine.
 
-        ``account_wanted`` returns whether anything besides ``~/energy`` needs the energy account.
+        ``account_read`` returns whether anything besides ``~/energy`` reads the energy account.
         """
         self._engine = engine
         self._simulator = simulator = engine.simulator
-        arm, n, x = simulator.arm, simulator.n, simulator.arm.x
+        self._by_the_clock = params.tick_source == CLOCK
+        self.tap: Callable[[Topic, int, bytes], None] | None = None
+        self.stamps = _stamps(node, params, simulator.dt)
+        self._advertise_states(node, params)
+        self._multipliers = None
+        if simulator.model.scene.bilateral:
+            self._multipliers = advertise(node, MULTIPLIERS)
+            simulator.multipliers()  # builds in advance what would delay the loop
+        self.clock = SimClock(node) if params.publish_clock else None
+        stamp = self.stamps.near if self._by_the_clock else self.stamps.at
+        period = params.energy_period
+        self.energy = EnergyTopic(node, engine, period, account_read, stamp, self._publish)
+        if self._by_the_clock:
+            self.energy.watch(period / (params.realtime_factor or 1.0))
+            steady_timer(node, _POLL, self._update)
+        self._share(params.publish_every)
+        engine.on_idle.append(lambda: self.repeat(simulator.dt))
+        engine.on_jump.append(self.publish)
+        engine.on_pause.append(self._release)
+
+    def _advertise_states(self, node: Node, params: SimParams) -> None:
+        """Joint states, of all joints if that is set, and the exact ones if there are sensors."""
+        simulator, arm = self._simulator, self._simulator.arm
+        n, x, names = simulator.n, arm.x, simulator.joint_names
         self._drives = None if arm.plant.torques is None else DriveTorques(arm)
         effort = arm.acted if self._drives is None else self._drives.values
-        truth, names = (x[:n], x[n : 2 * n], effort), simulator.joint_names
+        truth = x[:n], x[n : 2 * n], effort
 
         def sink(topic: Topic, names: Sequence[str], arrays: Sequence[Array]) -> JointStateSink:
             writer = JointStateWriter(names, frame_id=params.frame_id)
@@ -105,27 +128,6 @@ class Outputs:
             self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
             self.states = sink(JOINT_STATES, names, self.reported)
-        self._multipliers = None
-        if simulator.model.scene.bilateral:
-            self._multipliers = advertise(node, MULTIPLIERS)
-            simulator.multipliers()  # builds in advance what would delay the loop
-        self._by_the_clock = params.tick_source == CLOCK
-        self.stamps = stamps = SimulatedTime()
-        if params.stamps == ROS:
-            even = self._by_the_clock and params.realtime_factor == 1.0
-            tick = round(1e9 * simulator.dt) if even else 0
-            self.stamps = stamps = NodeTime(node.get_clock(), tick)
-        self.clock = SimClock(node) if params.publish_clock else None
-        period, stamp = params.energy_period, stamps.near if self._by_the_clock else stamps.at
-        self.energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
-        if self._by_the_clock:
-            self.energy.watch(period / (params.realtime_factor or 1.0))
-            steady_timer(node, _POLL, self._update)
-        self.tap: Callable[[Topic, int, bytes], None] | None = None
-        self._share(params.publish_every)
-        engine.on_idle.append(lambda: self.repeat(simulator.dt))
-        engine.on_jump.append(self.publish)
-        engine.on_pause.append(self._release)
 
     def _share(self, every: int) -> None:
         """Let C publish joint states after every so many ticks."""
@@ -197,3 +199,11 @@ class Outputs:
         publisher.publish(raw)
         if self.tap is not None:
             self.tap(topic, stamp, raw)
+
+
+def _stamps(node: Node, params: SimParams, dt: float) -> SimulatedTime | NodeTime:
+    """The source of stamps; by the clock at its own pace, ticks are due at even times."""
+    if params.stamps != ROS:
+        return SimulatedTime()
+    even = params.tick_source == CLOCK and params.realtime_factor == 1.0
+    return NodeTime(node.get_clock(), round(1e9 * dt) if even else 0)

@@ -15,7 +15,7 @@ from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
 from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, NONE, JointStateReader, parsed
+from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.timing.latency import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
@@ -48,7 +48,7 @@ class Rivals:
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
         self._known = {outputs.states.sender}  # this sim, and publishers of other joints
         self._rival, self._heard = b"", 0.0  # who was heard last, and when
-        self._reader = JointStateReader((), (), partial=True, extra=True)
+        self._reader = JointStateReader(Expected((), (), extra=True))
         self._newest: PolledSubscription | None = None
         self.alarm, self.changed = Alarm(node), lambda: None
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from arm_dynamics import InvalidInput, Scene
 from arm_dynamics.ros.common.params import SCENE, parameter
-from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_dynamics.ros.common.robot_source import DescriptionParams
+from arm_dynamics.ros.common.threads.privileges import ThreadParams
 from arm_sim.ros.commands.latest import BRAKE, POLICIES
 from arm_sim.ros.timing.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.ros.timing.stamps import AUTO, CHOICES, ROS, SIM

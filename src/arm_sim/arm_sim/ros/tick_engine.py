@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
@@ -204,17 +204,17 @@ class TickEngine:
         if not self.may_step:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self._run(library().read_commands)
-        done = self._run(library().advance, steps)
-        if done < steps:
-            raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
+        completed = self._run(library().advance, steps)
+        if completed < steps:
+            raise SimulationDiverged(f"after {completed} of {steps} steps; that state is kept")
 
     def _diverged(self) -> None:
         """Pause at the last good state."""
         error = self._arm.diverged()
         self._fail(f"paused, the last good state is kept; reset or set the joint state: {error}")
 
-    def _fail(self, why: str) -> None:
-        self.ticks.paused, self.failure = True, why
+    def _fail(self, reason: str) -> None:
+        self.ticks.paused, self.failure = True, reason
         _call(self.on_failure)
 
     # --- what C asks for -----------------------------------------------------------------------
@@ -351,11 +351,11 @@ class TickEngine:
         """Whether the energy account is kept."""
         return self._meter is not None
 
-    def keep_account(self, wanted: bool) -> None:
+    def keep_account(self, needed: bool) -> None:
         """Open the energy account if it is needed, or close it if it is not."""
         with self._noting:
-            self.ticks.room = ROWS if wanted else 0
-            if not wanted:
+            self.ticks.room = ROWS if needed else 0
+            if not needed:
                 self._meter = None
             elif self._meter is None:
                 self.ticks.kept = self.ticks.noted = 0

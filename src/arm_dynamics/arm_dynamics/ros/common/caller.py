@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from arm_dynamics.exceptions import InvalidInput, NoAnswer
-from arm_dynamics.ros.common.scheduling import arrange_middleware_threads
+from arm_dynamics.ros.common.threads.scheduling import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
@@ -44,7 +44,7 @@ class PolledClient:
         """Send a request; return its number."""
         return int(self._handle.send_request(request))
 
-    def receive(self, asked: Collection[int], timeout: float) -> Any | None:
+    def receive(self, requests: Collection[int], timeout: float) -> Any | None:
         """The first answer to any of the requests of these numbers within ``timeout`` in [s]."""
         end = time.monotonic_ns() + int(1e9 * timeout)
         while (left := end - time.monotonic_ns()) > 0:
@@ -52,7 +52,7 @@ class PolledClient:
             self._waiting.add_client(self._handle)
             self._waiting.wait(left)
             info, response = self._handle.take_response(self._response)
-            if info is not None and info.request_id.sequence_number in asked:
+            if info is not None and info.request_id.sequence_number in requests:
                 return response
         return None
 
@@ -91,9 +91,8 @@ class TemporaryNode:
 
     def nodes(self) -> list[str]:
         """Full names of the other nodes."""
-        found = self._node.get_node_names_and_namespaces()
-        mine = self._node.get_name()
-        return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != mine)
+        nodes, own_name = self._node.get_node_names_and_namespaces(), self._node.get_name()
+        return sorted(f"{space.rstrip('/')}/{name}" for name, space in nodes if name != own_name)
 
     def where(self, node: str | None = None) -> str:
         """The visible nodes, and what to check if none, or not this one, is among them."""
@@ -134,18 +133,18 @@ class Caller(TemporaryNode):
         if (client := self._clients.get((node, service.name))) is None:
             name = service.name.replace("~", _full_name(node))
             client = self._clients[node, service.name] = PolledClient(self._node, service, name)
-        met = client in self._answered
-        if not (met and repeatable):  # a check takes 10 µs
+        has_answered = client in self._answered
+        if not (has_answered and repeatable):  # a check takes 10 µs
             end = time.monotonic() + self._timeout
             while not client.ready():
                 if time.monotonic() >= end:
                     self._answered.discard(client)
                     raise NoAnswer(self._not_offered(client.name))
                 time.sleep(_POLL)
-            if not (met or repeatable):
+            if not (has_answered or repeatable):
                 time.sleep(_SETTLE)
         # A server that has answered before may have been restarted, but it needs time to work.
-        patience = self._timeout / 3.0 if met else _RETRY
+        patience = self._timeout / 3.0 if has_answered else _RETRY
         response = self._response(client, request, patience if repeatable else None)
         if response is None:
             self._answered.discard(client)
@@ -161,23 +160,23 @@ class Caller(TemporaryNode):
 
     def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:
         """The response; the request is repeated after ``patience`` in [s], unless that is None."""
-        end, response, asked = time.monotonic() + self._timeout, None, set[int]()
+        end, response, requests = time.monotonic() + self._timeout, None, set[int]()
         while response is None and (left := end - time.monotonic()) > 0.0:
-            asked.add(client.send(request))
+            requests.add(client.send(request))
             if patience is None:
-                return client.receive(asked, left)
+                return client.receive(requests, left)
             servers = partial(self._node.count_services, client.name)
             if client not in self._offering:
                 self._offering[client] = servers()
             before = self._offering[client]
-            response = self._watched(client, asked, min(patience, left), servers)
+            response = self._receive_from(client, requests, min(patience, left), servers)
             # Wait longer each time, but repeat at least three times.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
             patience = longer if self._offering[client] == before else _RETRY
         return response
 
-    def _watched(
-        self, client: PolledClient, asked: set[int], patience: float, servers: Callable[[], int]
+    def _receive_from(
+        self, client: PolledClient, requests: set[int], patience: float, servers: Callable[[], int]
     ) -> Any | None:
         """Wait for an answer, but only until the number of servers changes.
 
@@ -185,19 +184,19 @@ class Caller(TemporaryNode):
         """
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0.0:
-            if (response := client.receive(asked, min(_POLL_COUNT, left))) is not None:
+            if (response := client.receive(requests, min(_POLL_COUNT, left))) is not None:
                 return response
-            if (now := servers()) != self._offering[client]:
-                self._offering[client] = now
+            if (count := servers()) != self._offering[client]:
+                self._offering[client] = count
                 break
         return None
 
     def _not_offered(self, name: str) -> str:
         lines = [f"no node offers {name} (waited {self._timeout:g} s)"]
-        wanted, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
-        others = [o for o, _ in offered if o.rsplit("/", 1)[1] == wanted and o != name]
-        if others:
-            lines.append(f"it is offered as {', '.join(others)}")
+        service, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
+        elsewhere = [o for o, _ in offered if o.rsplit("/", 1)[1] == service and o != name]
+        if elsewhere:
+            lines.append(f"it is offered as {', '.join(elsewhere)}")
         return "\n  ".join([*lines, self.where(name.rsplit("/", 1)[0])])
 
 

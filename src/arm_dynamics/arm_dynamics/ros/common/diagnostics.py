@@ -45,7 +45,7 @@ class Finding:
             name=f"{node.get_fully_qualified_name().lstrip('/')}: {self.part}",
             message="; ".join(self._messages) or "ok",
             hardware_id=node.get_fully_qualified_name(),
-            values=[KeyValue(key=k, value=_text(v)) for k, v in self.values.items()],
+            values=[KeyValue(key=key, value=_text(x)) for key, x in self.values.items()],
         )
 
 
@@ -60,10 +60,10 @@ class Growth:
         before, self._before[name] = self._before.get(name, 0), count
         return count - before if count >= before else count
 
-    def warn(self, found: Finding, count: int, what: str) -> None:
-        """Add a warning if a count of ``what`` has grown."""
-        if grown := self.of(what, count):
-            found.add(WARN, f"{grown} {what}")
+    def warn(self, finding: Finding, count: int, event: str) -> None:
+        """Add a warning if the count of an event has grown."""
+        if growth := self.of(event, count):
+            finding.add(WARN, f"{growth} {event}")
 
 
 class Lateness:
@@ -107,8 +107,8 @@ class Lateness:
 class Diagnosis:
     """A timer that collects findings and publishes them while there are subscribers."""
 
-    def __init__(self, node: Node, find: Callable[[], Sequence[Finding]]) -> None:
-        self._node, self._find, self._same_name = node, find, Alarm(node)
+    def __init__(self, node: Node, inspect: Callable[[], Sequence[Finding]]) -> None:
+        self._node, self._inspect, self._same_name = node, inspect, Alarm(node)
         self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = steady_timer(node, PERIOD, self.publish)
 
@@ -122,10 +122,10 @@ class Diagnosis:
         self._same_name.set(same_name(self._node))
         if not self.has_subscribers:
             return
-        found, executor = self._find(), self._node.executor
-        found[0].add(WARN, self._same_name.message)
-        found[0].values["executor"] = "none" if executor is None else type(executor).__name__
-        message = DiagnosticArray(status=[f.message(self._node) for f in found])
+        findings, executor = self._inspect(), self._node.executor
+        findings[0].add(WARN, self._same_name.message)
+        findings[0].values["executor"] = "none" if executor is None else type(executor).__name__
+        message = DiagnosticArray(status=[finding.message(self._node) for finding in findings])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 

@@ -31,8 +31,10 @@ class PolledSubscription:
 
     def take(self) -> tuple[bytes, int] | None:
         """Return a new message and the system time of its arrival in [ns], or None."""
-        taken = self._handle.take_message(self._type, True)
-        return None if taken is None else (taken[0], taken[1]["received_timestamp"])
+        if (message := self._handle.take_message(self._type, True)) is None:
+            return None
+        raw, about = message
+        return raw, about["received_timestamp"]
 
     @property
     def pointer(self) -> int:

@@ -43,16 +43,16 @@ def make_executor(node: Node) -> Executor:
 
 def _dispatches(executor: Executor, node: Node) -> bool:
     """Test whether a timer of the node is called."""
-    called: list[bool] = []
-    timer = steady_timer(node, 0.001, lambda: called.append(True))
+    calls: list[bool] = []
+    timer = steady_timer(node, 0.001, lambda: calls.append(True))
     end = time.monotonic() + _PROBE_TIMEOUT
     try:
         # More than once: a pending request is handled first.
-        while not called and (left := end - time.monotonic()) > 0.0:
+        while not calls and (left := end - time.monotonic()) > 0.0:
             executor.spin_once(timeout_sec=left)
     finally:
         node.destroy_timer(timer)
-    return bool(called)
+    return bool(calls)
 
 
 def spin(node: Node, done: Callable[[], bool]) -> None:
@@ -77,16 +77,16 @@ def guarded(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]
     """A callback for messages whose exceptions are logged and do not end the node."""
     log = Throttled(node.get_logger())
 
-    def called(message: Any) -> None:
+    def guarded_callback(message: Any) -> None:
         try:
             callback(message)
         except Exception as error:
             log.error(plain(f"a message was ignored after an unexpected failure: {error!r}"))
 
-    return called
+    return guarded_callback
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
     """Subscribe by a callback that is ``guarded``."""
-    called = guarded(node, callback)
-    return node.create_subscription(topic.type, topic.name, called, topic.subscribe, raw=raw)
+    safe = guarded(node, callback)
+    return node.create_subscription(topic.type, topic.name, safe, topic.subscribe, raw=raw)

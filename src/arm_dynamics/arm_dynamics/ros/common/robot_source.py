@@ -60,25 +60,27 @@ class DescriptionParams(DescriptionLimits):
     )
 
 
-def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
+def scene_for(
+    node: Node, argument: Any, name: str, params: DescriptionParams
+) -> tuple[Scene, str]:
     """The scene of a node that cannot start without one, and its source.
 
-    The first match wins: the constructor's scene, the parameter ``scene``, the parameter
-    ``robot_description``, the topic. A description is URDF text, never the name of a file, so no
-    message makes a node read files.
+    The first match wins: the constructor's ``argument``, the ``name`` in the parameter ``scene``,
+    the parameter ``robot_description``, the topic. A description is URDF text, never the name of a
+    file, so no message makes a node read files.
 
     Raises:
         ArmError: If there is none, or it cannot be used.
     """
-    if given is not None or scene:
+    if argument is not None or name:
         warn_unused(node, params.robot_description)
-        found, source = load_scene(given if given is not None else scene), FROM_SCENE
+        scene, source = load_scene(argument if argument is not None else name), FROM_SCENE
     elif params.robot_description:
-        found, source = described_scene(params.robot_description, params), FROM_PARAMETER
+        scene, source = described_scene(params.robot_description, params), FROM_PARAMETER
     else:
         text = _awaited(node, params.description_timeout)
-        found, source = described_scene(text, params), FROM_TOPIC
-    return compensating(found) if params.gravity_compensated else found, source
+        scene, source = described_scene(text, params), FROM_TOPIC
+    return compensating(scene) if params.gravity_compensated else scene, source
 
 
 def described_scene(text: str, limits: DescriptionLimits) -> Scene:
@@ -111,8 +113,9 @@ def _awaited(node: Node, timeout: float) -> str:
         end = time.monotonic() + timeout
         with closing(PolledSubscription(node, ROBOT_DESCRIPTION)) as newest:
             while time.monotonic() < end:
-                if (taken := newest.take()) is not None:
-                    return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
+                if (message := newest.take()) is not None:
+                    raw, _ = message
+                    return str(deserialize_message(raw, ROBOT_DESCRIPTION.type).data)
                 time.sleep(_POLL)
     raise InvalidInput(
         "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transports where Fast DDS's defaults do not suffice, and cleanup after killed processes.
 
-Shared memory is Fast DDS's default, and its ports belong to the whole machine. Who writes to a
-port wakes the reader while holding the port's lock. If it is killed then, the lock is never given
-back, and all others that write to this port wait for ever, the loop of a simulator among them. So
-our nodes use UDP, which is as fast (docs/how-to/fast-dds.md).
+Shared memory is Fast DDS's default, and its ports belong to the whole machine. A process that
+writes to a port wakes the reader while it holds the port's lock. If it is killed then, the lock is
+never released, and all others that write to this port wait for ever, the loop of a simulator among
+them. So our nodes use UDP, which is as fast (docs/how-to/fast-dds.md).
 
 By shared memory, the end of a message larger than the sender's 512 kB is lost and sent again some
 milliseconds later, repeatedly until it is complete.
@@ -80,8 +80,8 @@ def clear_dead(folder: Path = FOLDER) -> int:
 def _removed(folder: Path, name: str) -> bool:
     locks = [folder / f"{name}{lock}" for lock in _LOCKS]
     is_port = name.startswith(tuple(f"{begin}port" for begin in SEGMENTS))
-    begun = not is_port and not any(lock.exists() for lock in locks)
-    if begun or any(map(_is_held, locks)):  # a segment gets its lock last, a port first
+    incomplete = not is_port and not any(lock.exists() for lock in locks)
+    if incomplete or any(map(_is_held, locks)):  # a segment gets its lock last, a port first
         return False
     for path in (folder / name, *locks, folder / f"sem.{name}_mutex"):
         path.unlink(missing_ok=True)

@@ -120,8 +120,8 @@ class TrajectoryMessage:
                     + (f"more than {1e-9 * before:g} s" if i else "at least 0 s")
                 )
             before = time
-            for what in ("positions", "velocities", "accelerations", "effort"):
-                self._check(f"{what} of point {i}", getattr(point, what), what == "positions")
+            for field in ("positions", "velocities", "accelerations", "effort"):
+                self._check(f"{field} of point {i}", getattr(point, field), field == "positions")
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
             if abs(v) > STANDING:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
@@ -138,12 +138,12 @@ class TrajectoryMessage:
 def refuse_multi_dof(goal: Any) -> None:
     """Refuse goals for joints of several degrees of freedom by ``InvalidInput``."""
     several = goal.multi_dof_trajectory
-    for what, given in (
+    for what, entries in (
         ("multi_dof_trajectory", [*several.joint_names, *several.points]),
         ("component_path_tolerance", goal.component_path_tolerance),
         ("component_goal_tolerance", goal.component_goal_tolerance),
     ):
-        if len(given):
+        if len(entries):
             raise InvalidInput(f"{what} is given; allowed: none (joints have one degree)")
 
 

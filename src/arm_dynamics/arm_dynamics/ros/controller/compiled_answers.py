@@ -186,9 +186,9 @@ class CompiledAnswers:
         answers.interrupt = 0
         parts.report.prepare(params.state_period, parts.goals)
         answers.gap, answers.far = params.gap_limit, params.jump_limit
-        (given, _, memory), (torque, after) = law.call.inputs, law.call.outputs
+        (inputs, _, memory), (torque, after) = law.call.inputs, law.call.outputs
         answers.law, answers.limit = addressof(law.call.entry), _place(law.limit)
-        answers.input, answers.torque = _place(given), _place(torque)
+        answers.input, answers.torque = _place(inputs), _place(torque)
         answers.memory, answers.next_memory = _place(memory), _place(after)
         answers.remembered = memory.size
         answers.gain, answers.back_emf = map(_place, factors or (None, None))
@@ -250,8 +250,8 @@ class CompiledAnswers:
         """Answer the state that C has taken with this outcome."""
         if outcome != FAILED:
             self._answer(self._reader.raw)
-        elif taken := self._newest.take():  # or it raises an error with the reason
-            self._answer(taken[0])
+        elif message := self._newest.take():  # or it raises an error with the reason
+            self._answer(message[0])
 
 
 def _place(array: Array | None) -> int | None:

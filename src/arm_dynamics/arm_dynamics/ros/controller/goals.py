@@ -19,8 +19,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, counted, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.convert import in_world
+from arm_dynamics.ros.common.poses import in_world
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.messages import PathBytes, TrajectoryBytes, path_of, waypoints
 from arm_dynamics.task_space.task_space import TaskSpace

@@ -22,9 +22,9 @@ from arm_dynamics.control.factory import (
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
-from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import watch
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers
 from arm_dynamics.ros.controller.controller_params import ControllerParams
@@ -120,8 +120,8 @@ class ControllerSelection:
         frame, axes = params.settings.frame, params.settings.axes
         if frame:  # rejected here, not when a controller first uses it
             TaskSpace(self._dynamics, frame, selection=axes)
-        settings, chosen = self._settings(params), self._loaded.maker(params.controller)
-        control = make_controller(chosen, self._dynamics, settings)
+        settings, maker = self._settings(params), self._loaded.maker(params.controller)
+        control = make_controller(maker, self._dynamics, settings)
         refuse_unsteady(settings)
         return control
 
@@ -178,10 +178,10 @@ class ControllerSelection:
 
     def _check_overreach(self) -> None:
         """Warn of gains that the loop, as late as it is now, does not carry."""
-        settings, chosen = self._settings(self.params), self._loaded.maker(self.params.controller)
+        settings, maker = self._settings(self.params), self._loaded.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay
-        self.overreach = overreach(chosen, self._dynamics, settings, delay)
+        self.overreach = overreach(maker, self._dynamics, settings, delay)
         if self.overreach:
             self._node.get_logger().warning(self.overreach)
 

@@ -60,8 +60,8 @@ class TrackingTopic:
         """
         self.prepare(period, goals)
         motion = joined(state, reference)
-        given = byref(self._shared), stamp, tau.size, motion.ctypes.data
-        if library().report(*given, np.ascontiguousarray(tau).ctypes.data):
+        arguments = byref(self._shared), stamp, tau.size, motion.ctypes.data
+        if library().report(*arguments, np.ascontiguousarray(tau).ctypes.data):
             self._publisher.publish(bytes(self._raw))  # again: it gives the reason
 
     def prepare(self, period: float, goals: Goals) -> None:

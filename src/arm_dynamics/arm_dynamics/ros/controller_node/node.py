@@ -45,7 +45,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateWriter
+from arm_dynamics.ros.joint_state import (
+    Expected,
+    JointStateReader,
+    JointStateSink,
+    JointStateWriter,
+)
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
 
@@ -85,8 +90,8 @@ class ControllerNode(Node):
         super().__init__("controller", **node_kwargs)
         prepare()  # now, not while a state waits
         params = declare(self, ControllerParams)
-        chosen, _ = scene_for(self, scene, params.scene, params)
-        self.dynamics = Dynamics(rigid_twin(chosen))
+        robot_scene, _ = scene_for(self, scene, params.scene, params)
+        self.dynamics = Dynamics(rigid_twin(robot_scene))
         names, model = self.dynamics.joint_names, self.dynamics.model
         self.answers, self._log = CompiledAnswers(), AnswerLog()
         limits = Limits.of(model, params.acceleration_limit or float("inf"))
@@ -111,7 +116,7 @@ class ControllerNode(Node):
             self, self.goals, model, limits, self._selection.obstacle, self.answers, self._late
         )
         fields = ("position",) if self._velocity else ("position", "velocity")
-        self._reader = JointStateReader(names, fields, partial=False, extra=True)
+        self._reader = JointStateReader(Expected(names, fields, extra=True))
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._command = np.zeros(self.dynamics.n)
@@ -269,11 +274,11 @@ class ControllerNode(Node):
             answers = self.answers.summary()
             answers["longest time between states [s]"] = self._late.longest
             name, cut = self._selection.active_params.controller, self._saturated_joints()
-            found = self._log.finding(name, cut, about, answers)
-            found.add(WARN, self._late.message)
-            found.add(WARN, self._selection.overreach)
-            found.add(ERROR, self._source.alarm.message)
-            return [found]
+            finding = self._log.finding(name, cut, about, answers)
+            finding.add(WARN, self._late.message)
+            finding.add(WARN, self._selection.overreach)
+            finding.add(ERROR, self._source.alarm.message)
+            return [finding]
 
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
         """Follow a trajectory from the current reference, or report why not."""

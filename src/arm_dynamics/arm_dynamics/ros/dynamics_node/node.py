@@ -17,11 +17,11 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, warn_unused
+from arm_dynamics.ros.common.services import answering
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 

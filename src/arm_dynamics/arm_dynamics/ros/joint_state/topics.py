@@ -54,9 +54,9 @@ class JointStateSink:
     @property
     def sender(self) -> bytes:
         """Identifier of this publisher, see ``publishers``."""
-        found = bytearray(ctypes.sizeof(c_void_p) + HEADER.constants["GID"])
-        library().publisher_gid(self._handle.pointer, address(found))
-        return bytes(found[ctypes.sizeof(c_void_p) :])
+        gid = bytearray(ctypes.sizeof(c_void_p) + HEADER.constants["GID"])
+        library().publisher_gid(self._handle.pointer, address(gid))
+        return bytes(gid[ctypes.sizeof(c_void_p) :])  # a pointer comes first
 
     @property
     def heard(self) -> bool:

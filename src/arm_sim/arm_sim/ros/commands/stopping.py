@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.ros.commands.latest import BRAKE
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm

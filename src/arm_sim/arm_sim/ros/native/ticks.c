@@ -44,26 +44,21 @@ static int has_space(ticks_t* t, int64_t size) {
 
 /* Whether the command that was read last need not be seen by Python, which has admitted its source. */
 static int is_admitted(ticks_t* t, int64_t outcome) {
-  int64_t kind;
-  if (outcome != KNOWN) return 0;
-  memcpy(&kind, t->reader->found + 16, 8);
-  if (!t->leads[kind]) return 0;
+  if (outcome != KNOWN || !t->leads[t->reader->kind]) return 0;
   return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + 31));
 }
 
 /* Accept the command that was read last; returns whether it answers the newest state. */
 static int64_t accept(ticks_t* t) {
   slot_t* s = t->slot;
-  int64_t arrival;
-  memcpy(&t->stamp, t->reader->found, 8);
-  memcpy(&arrival, t->reader->found + 8, 8);
-  memcpy(s->efforts, t->reader->found + 24, 8 * t->joints);
+  t->stamp = t->reader->stamp;
+  memcpy(s->efforts, t->reader->numbers, 8 * t->joints);
   hear(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
   s->kind = EFFORTS;
   s->fresh = s->any = s->unread = 1;
   s->lasting = 0;
   if (t->copy) put_record(t->chunk, t->commands, t->log, t->log, t->reader->raw, t->reader->length);
-  return answered(t->trip, t->stamp, arrival);
+  return answered(t->trip, t->stamp, t->reader->arrival);
 }
 
 /* Process a message; returns whether no newer one is expected. */
@@ -207,7 +202,7 @@ void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
 }
 
 int64_t advance(ticks_t* t, int64_t count) {
-  int64_t made = 0;
-  while (made < count && update(t, 0)) ++made;
-  return made;
+  int64_t completed = 0;
+  while (completed < count && update(t, 0)) ++completed;
+  return completed;
 }

@@ -5,6 +5,7 @@ Depends on the engine, its topics, and the writers of recordings; a separate thr
 writes. Public are the parts that the sim node uses.
 """
 
-from arm_sim.ros.record.ticks import TickRecorder, recorder_of
+from arm_sim.ros.record.node_recorder import recorder_of
+from arm_sim.ros.record.ticks import TickRecorder
 
 __all__ = ["TickRecorder", "recorder_of"]

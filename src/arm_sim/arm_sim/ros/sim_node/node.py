@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
-from arm_dynamics.ros.common.scheduling import MiddlewareThreads
+from arm_dynamics.ros.common.threads.background import Background
+from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
@@ -74,15 +74,15 @@ class SimNode(Node):
         self.params = params = declare(self, SimParams)
         self._refused_privileges: list[str] = []
         self.recorder: TickRecorder | None = None
-        chosen, source = scene_for(self, scene, params.scene, params)
-        self.simulator = simulator_of(chosen, params)
+        robot_scene, source = scene_for(self, scene, params.scene, params)
+        self.simulator = simulator_of(robot_scene, params)
         in_background = params.tick_source == CLOCK
         self._background = Background("servos") if in_background else None
         self.engine = engine = self._engine_of(params)
         self._apply(params)
         self.inputs = inputs = Inputs(self, engine)
-        trip, heard = inputs.round_trip, lambda: self.diagnosis.has_subscribers
-        self._outputs = Outputs(self, engine, params, account_wanted=heard)
+        trip, account_read = inputs.round_trip, lambda: self.diagnosis.has_subscribers
+        self._outputs = Outputs(self, engine, params, account_read=account_read)
         self.rivals = inputs.rivals = Rivals(self, self._outputs, trip)
         self.rivals.changed = self._note_rivals
         if params.tick_source != HAND:
@@ -117,7 +117,7 @@ class SimNode(Node):
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         if params.publish_description and source != FROM_TOPIC:
-            advertise(self, ROBOT_DESCRIPTION).publish(String(data=chosen.description))
+            advertise(self, ROBOT_DESCRIPTION).publish(String(data=robot_scene.description))
         watch(self, params, self._apply)
         self._complete = True
         self._start()

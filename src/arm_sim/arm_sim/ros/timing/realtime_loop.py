@@ -11,7 +11,7 @@ from ctypes import addressof, c_int64
 from dataclasses import dataclass
 from typing import Any
 
-from arm_dynamics.ros.common.scheduling import shorten_slice
+from arm_dynamics.ros.common.threads.scheduling import shorten_slice
 from arm_sim.ros.node_library import LOOP
 from arm_sim.ros.timing.latency import Histogram, Percentiles
 

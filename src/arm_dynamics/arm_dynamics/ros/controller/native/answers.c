@@ -137,11 +137,9 @@ static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int
 /* Answer the state that was read last; 0: Python must answer it. */
 static int answer(answers_t* a, int64_t began) {
   const joint_state_t* s = a->reader;
-  const int64_t n = a->joints;
-  int64_t stamp;
+  const int64_t n = a->joints, stamp = s->stamp;
   if (!a->active || __atomic_load_n(&a->interrupt, __ATOMIC_ACQUIRE)) return 0;
-  memcpy(&stamp, s->found, 8);
-  memcpy(a->input, s->found + 24, 16 * n);
+  memcpy(a->input, s->numbers, 16 * n);
   if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
   if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
   const double t = 1e-9 * (double)(stamp - a->start);
