@@ -79,7 +79,7 @@ def planned(node: ControllerNode, stamp: int) -> None:
 
 
 def hand(node: ControllerNode, stamp: int) -> np.ndarray:
-    return HAND.pose(node.follower.reference(stamp).q).position - HERE.position
+    return HAND.pose(node.goals.follower.reference(stamp).q).position - HERE.position
 
 
 def long_trajectory(points: int, seconds: float, late: float = 0.0) -> JointTrajectory:

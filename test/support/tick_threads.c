@@ -128,7 +128,7 @@ static int64_t count_of(const histogram_t* h) {
   return sum + 0 * __atomic_load_n(&h->longest, __ATOMIC_RELAXED);
 }
 
-/* TickEngine._note; counts ticks whose efforts belong together. */
+/* EnergyAccount.note; counts ticks whose efforts belong together. */
 static void note(ticks_t* t) {
   pthread_mutex_lock(&noting);
   const int64_t kept = __atomic_load_n(&t->kept, __ATOMIC_ACQUIRE);

@@ -52,5 +52,5 @@ def still(*q: float) -> Reference:
 
 def reference_of(node: ControllerNode, stamp: int) -> np.ndarray:
     """Position, velocity and acceleration that the node follows, shape (3, 2)."""
-    found = node.follower.reference(stamp)
+    found = node.goals.follower.reference(stamp)
     return np.array([found.q, found.v, found.a])

@@ -64,7 +64,7 @@ def test_hand_over_is_without_a_jump_both_ways(ros: Ros) -> None:
     np.testing.assert_array_equal(effort(node, 2 * MS, q), ours)
     for k in range(3, 30):
         tau = effort(node, k * MS, q)
-    reference = node.follower.reference(29 * MS)
+    reference = node.goals.follower.reference(29 * MS)
     assert_close(tau, expected.torque(Measured(q, np.zeros(2)), reference), 1e-12)
     assert change(node, controller="pd_gravity").successful
     np.testing.assert_array_equal(effort(node, 30 * MS, q), tau)

@@ -64,12 +64,12 @@ class Live:
         self.made += 1
 
     def _open(self) -> None:
-        self.node.engine.keep_account(True)
+        self.node.engine.energy.keep(True)
         self._since = self.made
 
     def read(self) -> None:
         """Read the account."""
-        account = self.node.engine.account()
+        account = self.node.engine.energy.read()
         assert account is not None
         self.spans.append((self._since, self.made, account))
 

@@ -99,7 +99,7 @@ def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[...,
     gripper = driver(["finger"])
     gripper.speaks.set()
     made = sim(ros)
-    ros.spin_until(lambda: len(made.rivals._known) == 2)
+    ros.spin_until(lambda: len(made.rivals._harmless) == 2)
     made.rivals.update()
     assert not made.rivals.alarm.message and made.rivals._newest is None  # it listens no more
 

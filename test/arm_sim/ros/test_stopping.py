@@ -196,13 +196,13 @@ def test_joints_below_a_millirad_per_second_are_held_at_once(
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
     node = braked(ros, command_timeout=0.0)
     ticks(node, 5)
-    node.engine.keep_account(True)
+    node.engine.energy.keep(True)
     q = node.simulator.state.q.tolist()
     request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=q, velocity=[1.0, 0.0])
     assert node.requests.answer(SET_JOINT_STATE, request).success
-    moving = node.engine.account()
+    moving = node.engine.energy.read()
     node.tick()
-    stopped = node.engine.account()
+    stopped = node.engine.energy.read()
     assert moving is not None and stopped is not None
     assert stopped.kinetic == 0.0
     np.testing.assert_allclose(moving.changed - stopped.changed, moving.kinetic, rtol=1e-9)

@@ -41,10 +41,10 @@ class SimDiagnostics:
     outputs: Outputs
     display: Display
     lockstep: Lockstep | None
-    refused_privileges: Sequence[str]
     recorder: TickRecorder | None
     rivals: Rivals
     lateness: Lateness
+    refused_privileges: Sequence[str] = ()  # since the ticking thread has begun
     growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
@@ -52,9 +52,9 @@ class SimDiagnostics:
         findings = [self._check_loop(), self._check_commands(), self._check_simulation()]
         if self.recorder is not None:
             findings.append(self._check_recorder(self.recorder))
-        return (
-            findings if self.lockstep is None else [*findings, self._check_lockstep(self.lockstep)]
-        )
+        if self.lockstep is not None:
+            findings.append(self._check_lockstep(self.lockstep))
+        return findings
 
     def _check_loop(self) -> Finding:
         report, params, finding = self.loop.report(), self.params, Finding("loop")
@@ -128,10 +128,10 @@ class SimDiagnostics:
             finding.add(ERROR, self.outputs.clock.alarm.message)
         finding.add(ERROR, self.rivals.alarm.message)
         finding.add(ERROR, engine.failure)
-        if (off := engine.energy_error) > UNBALANCED:
+        if (error := engine.energy.error) > UNBALANCED:
             finding.add(
                 WARN,
-                f"the energy account is off by {off:.2g} of the energy that moved, more than "
+                f"the energy account is off by {error:.2g} of the energy that moved, more than "
                 f"{UNBALANCED:g}: with time steps of {engine.simulator.dt:g} s reduce dt or set a "
                 "tolerance",
             )
@@ -152,10 +152,10 @@ class SimDiagnostics:
     def _check_lockstep(self, lockstep: Lockstep) -> Finding:
         finding = Finding("lockstep")
         finding.values = {
-            "asked again": lockstep.asked_again, "ignored": lockstep.waiting.ignored,
+            "asked again": lockstep.repeated, "ignored": lockstep.waiting.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        self.growth.warn(finding, lockstep.asked_again, "states had to be published again")
+        self.growth.warn(finding, lockstep.repeated, "states had to be published again")
         if lockstep.gone:
             finding.add(ERROR, "the partner does not answer; time stands still")
         return finding

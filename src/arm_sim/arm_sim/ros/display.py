@@ -89,11 +89,11 @@ class Display:
     def update(self) -> None:
         """Check for subscribers, and start or stop publishing."""
         idle = not (self._sends_states or self._sends_frames)
-        self._sends_states, self._sends_frames = self._states.heard, False
+        self._sends_states, self._sends_frames = self._states.has_subscribers, False
         if self._tf is not None:
             if next(self._updates) % _SELDOM == 0:
                 self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
-            self._sends_frames = self.frames == "published" and self._tf.heard
+            self._sends_frames = self.frames == "published" and self._tf.has_subscribers
         if not (self._sends_states or self._sends_frames):
             self._timer.cancel()
         elif idle:
@@ -136,7 +136,7 @@ class Frames:
         self._message = moving.type(transforms=_named(links.moving, prefix))
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
         return bool(self._publisher.get_subscription_count())
 

@@ -17,7 +17,7 @@ from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.energy_meter import Account
 
-_UNHEARD = 1.0  # [s] between evaluations that only diagnostics read
+_UNPUBLISHED = 1.0  # [s] between evaluations that only diagnostics read
 
 
 class EnergyTopic:
@@ -55,22 +55,22 @@ class EnergyTopic:
         engine.simulator.arm.compiled.energy_account.prepare()
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
-        return bool(self._publisher.get_subscription_count() > 0)
+        return bool(self._publisher.get_subscription_count())
 
     def after_tick(self) -> None:
         """Open or close the account as required, and publish it; in the ticking thread."""
-        heard, engine = self.heard, self._engine
-        engine.keep_account(heard or self._also_read())
-        if heard and (account := engine.account()) is not None:
+        published, energy = self.has_subscribers, self._engine.energy
+        energy.keep(published or self._also_read())
+        if published and (account := energy.read()) is not None:
             self._publish(account)
 
     def account(self) -> Account | None:
         """The account, by the clock as evaluated last; None while it is closed."""
         if self._thread is None:
-            return self._engine.account()
-        return self._latest if self._engine.accounted else None
+            return self._engine.energy.read()
+        return self._latest if self._engine.energy.is_open else None
 
     def watch(self, period: float) -> None:
         """Evaluate and publish every ``period`` in [s] in a thread of its own, see ``update``."""
@@ -79,11 +79,11 @@ class EnergyTopic:
 
     def update(self) -> None:
         """Open or close the account as required; not for the ticking thread."""
-        needed, engine = self.heard or self._also_read(), self._engine
-        if needed == engine.accounted:
+        needed, engine = self.has_subscribers or self._also_read(), self._engine
+        if needed == engine.energy.is_open:
             return
         try:
-            engine.queue.run(lambda: engine.keep_account(needed))
+            engine.queue.run(lambda: engine.energy.keep(needed))
         except InvalidInput:  # no tick has ended for long; the next update tries again
             return
         if needed:
@@ -99,18 +99,18 @@ class EnergyTopic:
             self._thread.join()
 
     def _run(self, period: float) -> None:
-        published = -1
+        last_step = -1
         while self._opened.wait() and not self._ended.is_set():
-            heard, account = self.heard, self._engine.account()
+            published, account = self.has_subscribers, self._engine.energy.read()
             self._latest = account
-            if heard and account is not None and account.step != published:
-                published = account.step
+            if published and account is not None and account.step != last_step:
+                last_step = account.step
                 try:
                     self._publish(account)
                 except Exception:
                     if self._context.ok():  # otherwise ROS has been shut down meanwhile
                         raise
-            self._ended.wait(period if heard else _UNHEARD)
+            self._ended.wait(period if published else _UNPUBLISHED)
 
     def _publish(self, account: Account) -> None:
         energies = account._asdict()

@@ -115,11 +115,11 @@ class Inputs:
         unless there are other sources. A read without result takes as long as one with a message.
         """
         ticks, reader = self._engine.ticks, self.reader.efforts
-        taken = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
-        if taken is None:
+        arrived = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
+        if arrived is None:
             self._refuse(InvalidInput("a message was lost"))
             return False
-        stamp = self.on_joint_commands(*taken)
+        stamp = self.on_joint_commands(*arrived)
         ticks.stamp = -1 if stamp is None else stamp
         answers = bool(stamp) and stamp == self.round_trip.newest
         return answers and self._engine.arbiter.alone
@@ -131,7 +131,7 @@ class Inputs:
             Its stamp in [ns], or None if it was refused.
         """
         slot = self._engine.commands
-        self._show(JOINT_COMMANDS, raw)
+        self._tapped(JOINT_COMMANDS, raw)
         try:
             self._catch_up()
             stamp, numbers = self.reader.read(raw)
@@ -148,7 +148,7 @@ class Inputs:
         self.round_trip.answered(stamp, arrival)
         return stamp
 
-    def _show(self, topic: Topic, message: Any) -> None:
+    def _tapped(self, topic: Topic, message: Any) -> None:
         if self.tap is not None:
             self.tap(topic, message)
 
@@ -160,7 +160,7 @@ class Inputs:
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
-        self._show(COMMANDS, message)
+        self._tapped(COMMANDS, message)
         if not self._explained:  # once, since the type does not say what the numbers are
             self._explained = True
             units = zip(self._model.joint_names, self._model.command_unit, strict=True)
@@ -198,7 +198,7 @@ class Inputs:
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Apply a wrench to the frame in the header."""
-        self._show(WRENCH, message)
+        self._tapped(WRENCH, message)
         force, moment = message.wrench.force, message.wrench.torque
         wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:
@@ -215,6 +215,6 @@ class Inputs:
         pairs = zip(tau, limits, strict=True)
         return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)
 
-    def _refuse(self, why: InvalidInput) -> None:
+    def _refuse(self, error: InvalidInput) -> None:
         self.refused += 1
-        self._log.warning(f"command ignored: {plain(why)}")
+        self._log.warning(f"command ignored: {plain(error)}")

@@ -155,8 +155,8 @@ class SimParams(ThreadParams, DescriptionParams):
 
 def simulator_of(scene: Scene, params: SimParams) -> Simulator:
     """The simulation of a scene, with the method and tick of the parameters."""
-    chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
-    return Simulator(scene, **{name: value for name, value in chosen.items() if value})
+    options = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
+    return Simulator(scene, **{name: value for name, value in options.items() if value})
 
 
 def greeting(simulator: Simulator, params: SimParams) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from functools import partial
 from typing import Any, Self
 
@@ -28,11 +28,18 @@ _POLL_COUNT = 0.05  # [s] between checks of the number of servers, while waiting
 
 
 class PolledClient:
-    """A client of a service that needs no executor; its node must not be spun elsewhere."""
+    """A client of a service that needs no executor; its node must not be spun elsewhere.
+
+    Attributes:
+        name: Full name of the service.
+        has_answered: Whether the last request was answered.
+        server_count: Number of servers at the last look; None before the first.
+    """
 
     def __init__(self, node: Node, service: Service, name: str) -> None:
         client = node.create_client(service.type, name)
         self.name: str = client.service_name
+        self.has_answered, self.server_count = False, None
         self._response, self._handle = service.type.Response, client.handle
         self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
 
@@ -113,8 +120,6 @@ class Caller(TemporaryNode):
         super().__init__("arm_call", domain)
         self._timeout = timeout
         self._clients: dict[tuple[str, str], PolledClient] = {}
-        self._answered: set[PolledClient] = set()
-        self._offering: dict[PolledClient, int] = {}
 
     def close(self) -> None:
         """Leave the graph; may be called repeatedly."""
@@ -133,21 +138,20 @@ class Caller(TemporaryNode):
         if (client := self._clients.get((node, service.name))) is None:
             name = service.name.replace("~", _full_name(node))
             client = self._clients[node, service.name] = PolledClient(self._node, service, name)
-        has_answered = client in self._answered
-        if not (has_answered and repeatable):  # a check takes 10 µs
+        if not (client.has_answered and repeatable):  # a check takes 10 µs
             end = time.monotonic() + self._timeout
             while not client.ready():
                 if time.monotonic() >= end:
-                    self._answered.discard(client)
+                    client.has_answered = False
                     raise NoAnswer(self._not_offered(client.name))
                 time.sleep(_POLL)
-            if not (has_answered or repeatable):
+            if not (client.has_answered or repeatable):
                 time.sleep(_SETTLE)
         # A server that has answered before may have been restarted, but it needs time to work.
-        patience = self._timeout / 3.0 if has_answered else _RETRY
+        patience = self._timeout / 3.0 if client.has_answered else _RETRY
         response = self._response(client, request, patience if repeatable else None)
+        client.has_answered = response is not None
         if response is None:
-            self._answered.discard(client)
             if not client.ready():
                 raise NoAnswer(self._not_offered(client.name))
             doubt = "" if repeatable else " The request may have been carried out nevertheless"
@@ -155,40 +159,29 @@ class Caller(TemporaryNode):
                 f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
             )
-        self._answered.add(client)
         return response
 
     def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:
         """The response; the request is repeated after ``patience`` in [s], unless that is None."""
-        end, response, requests = time.monotonic() + self._timeout, None, set[int]()
-        while response is None and (left := end - time.monotonic()) > 0.0:
+        end, requests = time.monotonic() + self._timeout, set[int]()
+        count_servers = partial(self._node.count_services, client.name)
+        while (left := end - time.monotonic()) > 0.0:
             requests.add(client.send(request))
             if patience is None:
                 return client.receive(requests, left)
-            servers = partial(self._node.count_services, client.name)
-            if client not in self._offering:
-                self._offering[client] = servers()
-            before = self._offering[client]
-            response = self._receive_from(client, requests, min(patience, left), servers)
+            if client.server_count is None:
+                client.server_count = count_servers()
+            # Requests to a server that was killed are lost, and it counts for up to 20 s: if the
+            # number of servers changes, the request is repeated at once.
+            count, due = client.server_count, time.monotonic() + min(patience, left)
+            while client.server_count == count and (wait := due - time.monotonic()) > 0.0:
+                response = client.receive(requests, min(_POLL_COUNT, wait))
+                if response is not None:
+                    return response
+                client.server_count = count_servers()
             # Wait longer each time, but repeat at least three times.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
-            patience = longer if self._offering[client] == before else _RETRY
-        return response
-
-    def _receive_from(
-        self, client: PolledClient, requests: set[int], patience: float, servers: Callable[[], int]
-    ) -> Any | None:
-        """Wait for an answer, but only until the number of servers changes.
-
-        A killed server still counts for up to 20 s: requests to it are lost.
-        """
-        end = time.monotonic() + patience
-        while (left := end - time.monotonic()) > 0.0:
-            if (response := client.receive(requests, min(_POLL_COUNT, left))) is not None:
-                return response
-            if (count := servers()) != self._offering[client]:
-                self._offering[client] = count
-                break
+            patience = longer if client.server_count == count else _RETRY
         return None
 
     def _not_offered(self, name: str) -> str:

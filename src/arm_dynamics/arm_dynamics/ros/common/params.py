@@ -74,7 +74,7 @@ def declare[P](node: Node, kind: type[P]) -> P:
         value = node._parameter_overrides[name].value  # rclpy provides it in no other way
         raise InvalidInput(f"parameter '{name}' is {value!r}; allowed: {allowed}")
 
-    return _with(kind(), value_of)
+    return _replaced(kind(), value_of)
 
 
 def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:
@@ -85,7 +85,7 @@ def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:
         parameters.append((name, value, about))
         return value
 
-    _with(params() if isinstance(params, type) else params, unchanged)
+    _replaced(params() if isinstance(params, type) else params, unchanged)
     return parameters
 
 
@@ -111,7 +111,7 @@ def watch[P](
         nonlocal present
         before, values = present, {p.name: p.value for p in parameters}
         try:
-            after = _with(before, lambda name, value, about: values.get(name, value))
+            after = _replaced(before, lambda name, value, about: values.get(name, value))
             if after != before or values.keys() & set(renewed):
                 present = after  # first, as it may be set back at once
                 apply(after)
@@ -124,7 +124,7 @@ def watch[P](
         stale = [
             Parameter(name, value=_for_ros(value, about))
             for name, value, about in listed(present)
-            if _plain(name, node.get_parameter(name).value, value, about) != value
+            if _typed(name, node.get_parameter(name).value, value, about) != value
         ]
         if stale:
             node.set_parameters_atomically(stale)
@@ -148,21 +148,21 @@ def _for_ros(value: Any, about: Mapping[str, Any]) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
+def _replaced[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
     """The dataclass with other values, checked by name, current value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
         present, about = getattr(params, item.name), item.metadata
         if is_dataclass(present):
-            changes[item.name] = _with(present, value_of)
+            changes[item.name] = _replaced(present, value_of)
         elif "description" in about:
             name = about.get("parameter", item.name)
-            changes[item.name] = _plain(name, value_of(name, present, about), present, about)
+            changes[item.name] = _typed(name, value_of(name, present, about), present, about)
     return replace(params, **changes)  # type: ignore[type-var]
 
 
-def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
-    """Convert a parameter's value to the type of ``like``; a number is accepted for a list."""
+def _typed(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any:
+    """A value in the type of the present one; a number is accepted for a list."""
     if value is None:
         raise InvalidInput(f"parameter '{name}' has no value; a parameter cannot be removed")
     allowed = about.get("choices")
@@ -170,14 +170,14 @@ def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
         raise InvalidInput(
             f"parameter '{name}' is '{value}'; allowed: one of {choices(value, allowed)}"
         )
-    if not (about.get("each_joint") or isinstance(like, list | tuple)):
+    if not (about.get("each_joint") or isinstance(present, list | tuple)):
         return value
     values = [value] if isinstance(value, bool | int | float | str) else list(value)
-    if any(isinstance(x, bool) for x in values) and not isinstance(like, bool):
+    if any(isinstance(x, bool) for x in values) and not isinstance(present, bool):
         raise InvalidInput(f"parameter '{name}' is {value}; numbers are expected")
     if about.get("each_joint"):  # as the core expects them
         return values[0] if len(values) == 1 else values
-    return type(like)(values)
+    return type(present)(values)
 
 
 def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:

@@ -230,7 +230,7 @@ class CompiledAnswers:
         self.count += count
         parts.goals.stamp = parts.jumps.stamp
         parts.control.note(self._tau.copy())
-        parts.log.add(count, 1e-9 * answers.seen, bytes(parts.sink.raw))
+        parts.log.add(count, 1e-9 * answers.last_time, bytes(parts.sink.raw))
 
     def _end(self) -> None:
         if self._receiver:

@@ -27,11 +27,11 @@ NONE = math.inf  # tolerance that is never exceeded
 _ERASED = -1.0
 
 
-def resolved(what: str, requested: float, default: float) -> float:
+def resolved(name: str, requested: float, default: float) -> float:
     """The effective tolerance: positive ones unchanged, inf and -1 none, 0 the default.
 
     Source: comments of control_msgs/JointTolerance; -1 up to the rounding of a float32. Other
-    negative numbers and NaN are refused by ``InvalidInput``, which names ``what``.
+    negative numbers and NaN are refused by ``InvalidInput``, which has the ``name``.
     """
     if requested > 0.0:
         return requested
@@ -39,7 +39,7 @@ def resolved(what: str, requested: float, default: float) -> float:
         return default
     if abs(requested - _ERASED) < np.finfo(np.float32).eps:
         return NONE
-    raise InvalidInput(f"{what} is {requested}; allowed: 0 (default), -1 (none) and positive ones")
+    raise InvalidInput(f"{name} is {requested}; allowed: 0 (default), -1 (none) and positive ones")
 
 
 class Allowed(Structure):

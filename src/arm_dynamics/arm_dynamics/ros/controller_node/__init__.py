@@ -23,7 +23,7 @@ def main(args: list[str] | None = None) -> NoReturn:
     """Run the node until it is interrupted, and end the program with its status."""
     end_when_interrupted()
     from arm_dynamics.ros.common.executable import execute
-    from arm_dynamics.ros.controller import ControllerParams
+    from arm_dynamics.ros.controller.controller_params import ControllerParams
     from arm_dynamics.ros.controller_node.node import ControllerNode
 
     sys.exit(execute(ControllerNode, ControllerParams, args, own_thread=True))

@@ -25,19 +25,16 @@ from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding,
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare
 from arm_dynamics.ros.common.robot_source import scene_for
-from arm_dynamics.ros.controller import (
-    AnswerLog,
-    CompiledAnswers,
-    ControllerParams,
-    ControllerSelection,
-    Goals,
-    Jumps,
-    Parts,
-    StateSource,
-    TrackingTopic,
-    TrajectoryAction,
-)
+from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers, Parts
 from arm_dynamics.ros.controller.controller_library import prepare
+from arm_dynamics.ros.controller.controller_params import ControllerParams
+from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.ros.controller.jumps import Jumps
+from arm_dynamics.ros.controller.selection import ControllerSelection
+from arm_dynamics.ros.controller.state_source import StateSource
+from arm_dynamics.ros.controller.tracking import TrackingTopic
+from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -51,7 +48,6 @@ from arm_dynamics.ros.joint_state import (
     JointStateSink,
     JointStateWriter,
 )
-from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
 
 
@@ -164,11 +160,6 @@ class ControllerNode(Node):
     def params(self) -> ControllerParams:
         """The parameters in force."""
         return self._selection.params
-
-    @property
-    def follower(self) -> Follower | None:
-        """Computes the reference; None until the first joint state."""
-        return self.goals.follower
 
     @property
     def busy(self) -> bool:

@@ -50,7 +50,7 @@ class Batch:
             )
         self.q = self._rows("position", position)
 
-    def read(self, what: str, values: Sequence[float]) -> Array:
+    def read(self, name: str, values: Sequence[float]) -> Array:
         """Another vector, as long as the positions or empty for zeros; (k, n), in model order.
 
         Raises:
@@ -59,8 +59,8 @@ class Batch:
         if len(values) == 0:
             return np.zeros_like(self.q)
         if len(values) != self.q.size:
-            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: 0 or {self.q.size}")
-        return self._rows(what, values)
+            raise InvalidInput(f"{name} has {len(values)} numbers; allowed: 0 or {self.q.size}")
+        return self._rows(name, values)
 
     def written(self, values: Array, shape: Sequence[str | int] = ("n",)) -> array[float]:
         """Write k values of a shape in n and numbers as the flat vector of a response."""
@@ -69,12 +69,12 @@ class Batch:
                 values = np.take(values, self._order, axis) if size == "n" else values
         return to_array(finite_answer(values))
 
-    def _rows(self, what: str, values: Sequence[float]) -> Array:
+    def _rows(self, name: str, values: Sequence[float]) -> Array:
         rows = np.array(values, float).reshape(-1, len(self.joint_names))
         if not all_finite(rows):
             point, joint = np.argwhere(~np.isfinite(rows))[0]
             raise InvalidInput(
-                f"{what} of joint '{self.joint_names[joint]}' at point {point} is "
+                f"{name} of joint '{self.joint_names[joint]}' at point {point} is "
                 f"{rows[point, joint]}; allowed: finite numbers"
             )
         return rows[:, self._back]

@@ -4,16 +4,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from arm_dynamics.ros.common.diagnostics import WARN, Finding, Growth
 
-Answer = Callable[[Any, Any], Any]
-
 
 class RequestCounts:
-    """Counts the calls of service callbacks.
+    """Counts requests to services.
 
     Attributes:
         descriptions_refused: Robot descriptions that could not be used.
@@ -26,18 +25,14 @@ class RequestCounts:
         self._since = time.monotonic()
         self._growth = Growth()
 
-    def counted(self, answer: Answer) -> Answer:
-        """The callback ``answer``, counted."""
-
-        def counting(request: Any, response: Any) -> Any:
-            began = time.monotonic()
-            response = answer(request, response)
-            self._requests += 1
-            self._refused += not response.success
-            self._busy += time.monotonic() - began
-            return response
-
-        return counting
+    @contextmanager
+    def counting(self, response: Any) -> Iterator[None]:
+        """Count a request, whose response is filled meanwhile."""
+        began = time.monotonic()
+        yield
+        self._requests += 1
+        self._refused += not response.success
+        self._busy += time.monotonic() - began
 
     def finding(self, in_c: Any | None) -> Finding:
         """The counts, for ``/diagnostics``, with ``counts_t`` of services.h if C answers, too."""

@@ -73,18 +73,14 @@ class DynamicsNode(Node):
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
             watch(self, params, self._redescribe, renewed=["robot_description"])
-        answers = {
-            service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
-        }
         with suppress(KernelError):  # without compiled code, Python answers all
             self._compiled = CompiledServices(
-                self, native(), lambda service, *call: answers[service](*call),
-                lambda: self._dynamics, self._lock,
-            )  # fmt: skip
-        in_c = [service for service, *_ in COMPILED] if self._compiled else []
-        for service, callback in answers.items():
+                self, native(), self.answer, lambda: self._dynamics, self._lock
+            )
+        in_c = {compiled.service for compiled in COMPILED} if self._compiled else set()
+        for service in ANSWERS:
             if service not in in_c:
-                self.create_service(service.type, service.name, callback)
+                self.create_service(service.type, service.name, partial(self.answer, service))
         self._diagnosis = Diagnosis(self, self.diagnostics)
 
     def destroy_node(self) -> None:
@@ -153,7 +149,7 @@ class DynamicsNode(Node):
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; errors are reported in the response."""
-        with self._lock, answering(response, self._log):
+        with self._counts.counting(response), self._lock, answering(response, self._log):
             ANSWERS[service](self.dynamics, request, response)
         return response
 

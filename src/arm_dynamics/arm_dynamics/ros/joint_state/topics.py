@@ -59,7 +59,7 @@ class JointStateSink:
         return bytes(gid[ctypes.sizeof(c_void_p) :])  # a pointer comes first
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
         return bool(self._handle.get_subscription_count())
 

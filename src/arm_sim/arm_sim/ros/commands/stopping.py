@@ -74,9 +74,9 @@ class Stopping:
         if not self._holds:
             arm = self._arm
             self._begun = arm.step_count if self._begun is None else self._begun
-            taken = (arm.step_count - self._begun) * arm.dt
+            duration = (arm.step_count - self._begun) * arm.dt
             speed = abs(arm.x[arm.n : 2 * arm.n]).max()
-            if speed > SLOW and taken < LONGEST and self._servos.ready:
+            if speed > SLOW and duration < LONGEST and self._servos.ready:
                 return self._still
             self.hold()
         if policy == BRAKE or not self._servos.ready:

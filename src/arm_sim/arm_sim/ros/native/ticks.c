@@ -176,7 +176,7 @@ void by_the_clock(ticks_t* t, due_t* due) {
 /* Process the next message that arrives soon; 0: none does, or others have their turn. */
 static int next_answer(ticks_t* t, const waiting_t* w) {
   int64_t now;
-  while ((now = time_of(CLOCK_MONOTONIC)) - w->asked < w->soon && now < w->end && !t->broken) {
+  while ((now = time_of(CLOCK_MONOTONIC)) - w->published < w->soon && now < w->end && !t->broken) {
     const int64_t outcome = t->take(t->source, t->reader);
     if (outcome != NONE) {
       process(t, outcome);
@@ -197,7 +197,7 @@ void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
     do tick(t);
     while (!t->paused && !t->broken && t->step_count % t->every);
     w->stamp = t->paused ? -1 : simulated_time(t);
-    w->asked = w->first = time_of(CLOCK_MONOTONIC);
+    w->published = w->first = time_of(CLOCK_MONOTONIC);
   } while (w->stamp >= 0 && next_answer(t, w));
 }
 

@@ -41,7 +41,7 @@ class SimulateSteps:
         if result.result.result != OK:
             goal.abort()
             return result
-        self._goal, self._made, self._result, self._done = goal, 0, result, Future()
+        self._goal, self._completed, self._result, self._done = goal, 0, result, Future()
         self._timer.reset()
         return await self._done
 
@@ -55,20 +55,22 @@ class SimulateSteps:
 
     def _part(self) -> None:
         """Execute some ticks, unless the goal was cancelled."""
-        goal, asked = self._goal, self._goal.request.steps
+        goal, total = self._goal, self._goal.request.steps
         if goal.is_cancel_requested:
-            self._result.result.error_message = f"cancelled after {self._made} of {asked} steps"
+            self._result.result.error_message = (
+                f"cancelled after {self._completed} of {total} steps"
+            )
             self._finish(goal.canceled)
             return
-        steps = min(max(1, min(asked // _PARTS, _LARGEST)), asked - self._made)
+        steps = min(max(1, min(total // _PARTS, _LARGEST)), total - self._completed)
         with filled_result(self._result.result, self._log):
             self._engine.queue.run(lambda: self._engine.step(steps))
-            self._made += steps
+            self._completed += steps
         if self._result.result.result != OK:
             self._finish(goal.abort)
             return
-        left = asked - self._made
-        feedback = self._kind.Feedback(completed_steps=self._made, remaining_steps=left)
+        left = total - self._completed
+        feedback = self._kind.Feedback(completed_steps=self._completed, remaining_steps=left)
         goal.publish_feedback(feedback)
         if not left:
             self._finish(goal.succeed)

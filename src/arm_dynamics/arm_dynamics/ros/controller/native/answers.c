@@ -127,8 +127,8 @@ static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int
   memcpy(a->tau, a->torque, 8 * n);
   memcpy(a->memory, a->next_memory, 8 * a->remembered);
   remember(a->last, s->raw, s->length);
-  a->seen = now();
-  const int64_t duration = a->seen - began;
+  a->last_time = now();
+  const int64_t duration = a->last_time - began;
   a->busy += duration;
   if (duration > a->longest) a->longest = duration;
   ++a->count;
@@ -161,9 +161,9 @@ void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Whether a state is of another publisher than the one that is followed, which was heard lately. */
 static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
-  const int same = !memcmp(f->who, sender, GID), strange = !same && now - f->heard < LATELY;
-  if (same) f->heard = now;
-  if (strange) f->ignored = now, memcpy(f->other, sender, GID);
+  const int same = !memcmp(f->sender, sender, GID), strange = !same && now - f->last_time < LATELY;
+  if (same) f->last_time = now;
+  if (strange) f->other_time = now, memcpy(f->other, sender, GID);
   return strange;
 }
 
