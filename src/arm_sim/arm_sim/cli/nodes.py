@@ -46,12 +46,12 @@ def sim(
     Args:
         report: At the end, write timing statistics of the loop to this file.
     """
-    from arm_sim.ros.sim_node import SimNode
+    from arm_sim.ros import SimNode
 
     made = _run(SimNode, scene, rest, with_parent)
     if report is not None and made is not None:
         loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}
-        trip = asdict(made.inputs.round_trip.percentiles())
+        trip = asdict(made.inputs.round_trip.histogram.percentiles())
         content = {"loop": loop, "round_trip": trip}
         if (recorder := made.recorder) is not None:
             content["recording"] = recorder.report()
@@ -68,7 +68,7 @@ def dynamics(
 
     Without SCENE it waits for a URDF on the topic robot_description.
     """
-    from arm_dynamics.ros.dynamics_node import DynamicsNode
+    from arm_dynamics.ros import DynamicsNode
 
     _run(DynamicsNode, scene, rest, with_parent)
 
@@ -88,7 +88,7 @@ def controller(
     subscribes to joint_states and controller/joint_trajectory and publishes joint_commands. Its
     scene may differ from the simulator's, to study model errors.
     """
-    from arm_dynamics.ros.controller_node import ControllerNode
+    from arm_dynamics.ros import ControllerNode
 
     _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
 

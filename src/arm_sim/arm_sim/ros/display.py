@@ -16,8 +16,8 @@ from arm_dynamics import ArmError, ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints, Links
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics

@@ -13,12 +13,12 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
-from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
 
 _PERIOD = 0.5  # [s] between looks
