@@ -64,7 +64,7 @@ class Rivals:
             InvalidInput: If somebody does, and goes on for a while.
         """
         began = time.monotonic()
-        while self._has_rivals() and time.monotonic() - max(began, self._rival_time) < _SILENCE:
+        while self._find_rivals() and time.monotonic() - max(began, self._rival_time) < _SILENCE:
             if time.monotonic() - began > _LEAVING:
                 raise InvalidInput(self._message())
             time.sleep(0.02)
@@ -73,7 +73,7 @@ class Rivals:
 
     def update(self) -> None:
         """Look whether others published within the last second."""
-        persists = self._has_rivals() and time.monotonic() - self._rival_time < _SILENCE
+        persists = self._find_rivals() and time.monotonic() - self._rival_time < _SILENCE
         if persists != bool(self.alarm.message):
             self.alarm.set(self._message() if persists else "")
             self._on_change()
@@ -95,7 +95,7 @@ class Rivals:
             self._newest.close()
             self._newest = None
 
-    def _has_rivals(self) -> bool:
+    def _find_rivals(self) -> bool:
         """Whether there are publishers that may be of this arm; if so, listen."""
         node, topic = self._node, self._topic
         if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._harmless:

@@ -60,7 +60,7 @@ WORTH = 20  # number of requests after which compiling a service is worth the ti
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))
 _ENDED = HEADER.constants["ENDED"]
-_SHARED = HEADER.structure("answer_t")
+_SharedAnswer = HEADER.structure("answer_t")
 
 
 def code_of(entries: Sequence[Entry], dynamics: Dynamics) -> Any | None:
@@ -94,7 +94,7 @@ class _Answer:
             compiled.service.type.Response(success=True, joint_names=names)
         )
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
-        self.shared = _SHARED(
+        self.shared = _SharedAnswer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
             names=ctypes.addressof(self._names),
             joints=len(names), most=compiled.most,
@@ -167,7 +167,7 @@ class CompiledServices:
         """Stop answering for the current arm, before another one is set."""
         with self._lock:
             for k, answer in self._running.items():
-                self._native.use(self._server, k, ctypes.byref(_SHARED()))
+                self._native.use(self._server, k, ctypes.byref(_SharedAnswer()))
                 answer.close()
             self._running.clear()
             self._requested.clear()
