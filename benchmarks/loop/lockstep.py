@@ -105,8 +105,8 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     _spin(executor, lambda: simulator.arm.step_count >= ticks, 1e-2 * ticks + 60.0)
     rate = (simulator.arm.step_count - before) / (time.perf_counter() - began)
     engine.pause(True)
-    asked = node.lockstep.asked_again if node.lockstep else 0
-    return {"rate": rate, "asked again": asked}
+    repeated = node.lockstep.repeated if node.lockstep else 0
+    return {"rate": rate, "asked again": repeated}
 
 
 def _spin(executor: Any, done: Any, timeout: float) -> None:

@@ -83,9 +83,7 @@ def motion(ros: Ros, sim: SimNode, controller: ControllerNode) -> np.ndarray:
     states = watched(sim)
     ros.spin_until(lambda: controller.goals.follower is not None)
     controller.on_joint_trajectory(trajectory(sim))
-    ros.spin_until(
-        lambda: controller.goals.follower.remaining(0) > 0.0
-    )  # planned, if planning waits
+    ros.spin_until(lambda: controller.goals.follower.remaining(0) > 0.0)  # once it is planned
     sim.engine.pause(False)
     ros.spin_until(lambda: sim.simulator.arm.step_count >= TICKS, timeout=60.0)
     return np.array(states)

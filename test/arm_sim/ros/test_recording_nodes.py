@@ -102,7 +102,7 @@ def test_a_bag_of_a_node_has_its_metadata(ros: Ros, tmp_path: Path) -> None:
 
 def test_without_the_parameter_nothing_is_recorded(ros: Ros) -> None:
     node = by_hand(ros)
-    assert node.recorder is None and node.inputs.tap is None
+    assert node.recorder is None
     assert "recording" not in [finding.part for finding in node.diagnostics()]
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pushes, payload, friction, the first command and diagnostics, on a sim node ticked by hand."""
 
+from ctypes import byref
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +24,7 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_sim import Simulator
 from arm_sim.ros.commands.arbiter import STREAM
+from arm_sim.ros.node_library import library
 from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.timing.latency import Percentiles
 from arm_sim.ros.timing.realtime_loop import LoopReport
@@ -186,7 +188,7 @@ def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
     trip = node.inputs.round_trip
     trip.reset()
     for state, arrival in (7, 3_000_000), (8, 5_000_000):  # 3 and 5 ms after they were sent
-        trip.sent(state)
+        library().sent(byref(trip), state)
         sent = trip._times[(trip.next - 1) % 256]
         assert trip.answered(state, sent + arrival)
     node.inputs.on_wrench(pushed("tip", 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))

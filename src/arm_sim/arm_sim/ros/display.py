@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
+from std_msgs.msg import Header
 
-from arm_dynamics import ArmError
+from arm_dynamics import ArmError, ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints, Links
 from arm_dynamics.ros.common.convert import to_time
@@ -31,13 +32,15 @@ class AllJointStates:
     """Arrays for all joints, filled from those of the arm's joints.
 
     Attributes:
-        arrays: Positions, velocities and efforts, each of shape (len(joints.names),).
+        names: All joints.
+        arrays: Their positions, velocities and efforts, each of shape (len(names),).
     """
 
-    def __init__(self, joints: AllJoints, own: Sequence[Array]) -> None:
-        """Use these joints, and the published arrays of the arm's own joints."""
-        self._joints, self._own = joints, tuple(own)
-        self.arrays = tuple(np.zeros(len(joints.names)) for _ in own)
+    def __init__(self, model: ArmModel, own: Sequence[Array]) -> None:
+        """Use the published arrays of the arm's own joints."""
+        self._joints, self._own = AllJoints(model), tuple(own)
+        self.names = self._joints.names
+        self.arrays = tuple(np.zeros(len(self.names)) for _ in own)
 
     def fill(self) -> None:
         """Copy the current contents of the arm's arrays."""
@@ -68,19 +71,19 @@ class Display:
         """
         self._engine, self._own, self._stamp = engine, arrays, stamp
         model = engine.simulator.model
-        joints = AllJoints(model)
         self._copies = tuple(array.copy() for array in arrays)
-        self._all = AllJointStates(joints, self._copies)
+        self._all = AllJointStates(model, self._copies)
         self.frames, self._tf = "off", None
         if params.display_rate == 0.0:
             return
-        writer = JointStateWriter(joints.names, frame_id=params.frame_id)
+        writer = JointStateWriter(self._all.names, frame_id=params.frame_id)
         self._states = JointStateSink(node, ALL_JOINT_STATES, writer, self._all.arrays)
         if params.publish_tf:
             self.frames = "not published: tf2_msgs is not installed"
             if (topics := frames_topics()) is not None:
-                about = Links(model), joints.names, params.frame_prefix
-                self._tf, self.frames = Frames(node, *about, *topics), "published"
+                links, prefix = Links(model), params.frame_prefix
+                self._tf = Frames(node, links, self._all.names, prefix, *topics)
+                self.frames = "published"
         self._updates, self._sends_states, self._sends_frames = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
         self._timer.cancel()
@@ -88,7 +91,6 @@ class Display:
 
     def update(self) -> None:
         """Check for subscribers, and start or stop publishing."""
-        idle = not (self._sends_states or self._sends_frames)
         self._sends_states, self._sends_frames = self._states.has_subscribers, False
         if self._tf is not None:
             if next(self._updates) % _SELDOM == 0:
@@ -96,7 +98,7 @@ class Display:
             self._sends_frames = self.frames == "published" and self._tf.has_subscribers
         if not (self._sends_states or self._sends_frames):
             self._timer.cancel()
-        elif idle:
+        elif self._timer.is_canceled():
             self._timer.reset()
 
     def show(self) -> None:
@@ -154,10 +156,10 @@ class Frames:
 
 
 def _named(pairs: Sequence[tuple[str, str]], prefix: str) -> list[TransformStamped]:
-    transforms = [TransformStamped(child_frame_id=prefix + child) for _, child in pairs]
-    for transform, (parent, _) in zip(transforms, pairs, strict=True):
-        transform.header.frame_id = prefix + parent
-    return transforms
+    return [
+        TransformStamped(header=Header(frame_id=prefix + parent), child_frame_id=prefix + child)
+        for parent, child in pairs
+    ]
 
 
 def _fill(transforms: Sequence[TransformStamped], numbers: Array, stamp: Any) -> None:

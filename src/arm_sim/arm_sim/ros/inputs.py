@@ -42,7 +42,7 @@ class Inputs:
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
         rivals: Know of other sims, for which a command may be; None if there cannot be any.
-        tap: Called with topic and message of every input that is read here, if set.
+        tap: Called with topic and message of every input that is read here.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
@@ -61,7 +61,7 @@ class Inputs:
         self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.rivals: Rivals | None = None
-        self.tap: Callable[[Topic, Any], None] | None = None
+        self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
         self._explained = False
         engine.ticks.trip = addressof(self.round_trip)
         engine.ticks.answer(read=self._read)
@@ -131,7 +131,7 @@ class Inputs:
             Its stamp in [ns], or None if it was refused.
         """
         slot = self._engine.commands
-        self._tapped(JOINT_COMMANDS, raw)
+        self.tap(JOINT_COMMANDS, raw)
         try:
             self._catch_up()
             stamp, numbers = self.reader.read(raw)
@@ -148,10 +148,6 @@ class Inputs:
         self.round_trip.answered(stamp, arrival)
         return stamp
 
-    def _tapped(self, topic: Topic, message: Any) -> None:
-        if self.tap is not None:
-            self.tap(topic, message)
-
     def _catch_up(self) -> None:
         """Register efforts of all joints that C has read."""
         if (efforts := self._engine.commands.read()) is not None:
@@ -160,7 +156,7 @@ class Inputs:
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
-        self._tapped(COMMANDS, message)
+        self.tap(COMMANDS, message)
         if not self._explained:  # once, since the type does not say what the numbers are
             self._explained = True
             units = zip(self._model.joint_names, self._model.command_unit, strict=True)
@@ -198,7 +194,7 @@ class Inputs:
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Apply a wrench to the frame in the header."""
-        self._tapped(WRENCH, message)
+        self.tap(WRENCH, message)
         force, moment = message.wrench.force, message.wrench.torque
         wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:

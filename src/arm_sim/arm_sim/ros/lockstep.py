@@ -44,8 +44,7 @@ class Lockstep:
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
         self._period = 0.5 * params.lockstep_retry
-        self.repeated = 0
-        self.gone = False
+        self.repeated, self.gone = 0, False
         self.waiting = LOOP.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.read_from(self._subscription.handle.pointer, self._take)

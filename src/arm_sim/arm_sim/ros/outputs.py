@@ -14,7 +14,6 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.model.description import AllJoints
 from arm_dynamics.ros.common.convert import as_bytes, to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
@@ -73,8 +72,8 @@ class Outputs:
         energy: Keeps and publishes the energy account.
         stamps: Source of stamps.
         clock: Publishes simulated time, or None.
-        tap: Called with topic, stamp in [ns] and bytes of every output but the joint states of
-            ticks, if set.
+        tap: Called with topic, bytes and stamp in [ns] of every output but the joint states of
+            ticks.
     """
 
     def __init__(
@@ -87,7 +86,7 @@ class Outputs:
         self._engine = engine
         self._simulator = simulator = engine.simulator
         self._by_the_clock = params.tick_source == CLOCK
-        self.tap: Callable[[Topic, int, bytes], None] | None = None
+        self.tap: Callable[[Topic, Any, int], None] = lambda topic, raw, stamp: None
         self.stamps = _stamps(node, params, simulator.dt)
         self._advertise_states(node, params)
         self._multipliers = None
@@ -123,9 +122,8 @@ class Outputs:
         self._truth = None if sensors is None else sink(GROUND_TRUTH, names, truth)
         self._all = None
         if params.publish_all_joints:
-            joints = AllJoints(simulator.model)
-            self._all = AllJointStates(joints, self.reported)
-            self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
+            self._all = AllJointStates(simulator.model, self.reported)
+            self.states = sink(JOINT_STATES, self._all.names, self._all.arrays)
         else:
             self.states = sink(JOINT_STATES, names, self.reported)
 
@@ -141,7 +139,8 @@ class Outputs:
         if self._multipliers is not None or not self._by_the_clock:
             ticks.seldom = self.energy.every
             self._engine.on_seldom.append(self._publish_seldom)
-        ticks.answer(fill=self._fill, unsent=self._unsent)
+        # What C could not publish is published again, which raises the reason.
+        ticks.answer(fill=self._fill, unsent=lambda: self.states.publish(bytes(self.states.raw)))
 
     def _update(self) -> None:
         """Prepare for readers and clocks that came or went; not in the ticking thread."""
@@ -152,8 +151,7 @@ class Outputs:
         """Publish the current state, and the clock."""
         ticks = self._engine.ticks
         library().publish_state(byref(ticks))
-        if self.tap is not None:
-            self.tap(JOINT_STATES, ticks.published, self.states.raw)
+        self.tap(JOINT_STATES, self.states.raw, ticks.published)
 
     def _fill(self) -> None:
         """Fill arrays that C does not compute."""
@@ -161,10 +159,6 @@ class Outputs:
             self._drives.update()
         if self._all is not None:
             self._all.fill()
-
-    def _unsent(self) -> None:
-        """Publish again what C could not: raises the reason."""
-        self.states.publish(bytes(self.states.raw))
 
     def repeat(self, elapsed: float) -> None:
         """Publish the current state periodically; ``elapsed`` in [s] since the last call."""
@@ -197,8 +191,7 @@ class Outputs:
         message.header.stamp = to_time(stamp)
         raw = as_bytes(message)
         publisher.publish(raw)
-        if self.tap is not None:
-            self.tap(topic, stamp, raw)
+        self.tap(topic, raw, stamp)
 
 
 def _stamps(node: Node, params: SimParams, dt: float) -> SimulatedTime | NodeTime:

@@ -7,7 +7,7 @@ coroutine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,6 +25,7 @@ from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
 from arm_dynamics.ros.common.diagnostics import Lateness
+from arm_dynamics.ros.common.executor import Turn
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
@@ -85,13 +86,6 @@ class Active:
     def is_followed(self) -> bool:
         """Whether no other goal has replaced it."""
         return self.follower.newest[1] is self.motion
-
-
-class _Yield:
-    """Yields to other callbacks."""
-
-    def __await__(self) -> Generator[None]:
-        yield
 
 
 class TrajectoryAction:
@@ -215,7 +209,7 @@ class TrajectoryAction:
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not accepted.done() and planner.busy:
-            await _Yield()
+            await Turn()
             with self._lock:
                 planner.deliver()
         if not accepted.done():

@@ -6,14 +6,7 @@ Depends on the interfaces, ``common`` and the core's compiler, and on none of th
 
 from arm_dynamics.ros.joint_state.expected import Expected
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, SOURCE, address
-from arm_dynamics.ros.joint_state.reader import (
-    FAILED,
-    NONE,
-    Clip,
-    JointStateReader,
-    Numbers,
-    Read,
-)
+from arm_dynamics.ros.joint_state.reader import FAILED, NONE, Clip, JointStateReader, Numbers, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter, parsed
 from arm_dynamics.ros.joint_state.topics import JointStateSink, Sink
 

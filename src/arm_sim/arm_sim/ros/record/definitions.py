@@ -42,9 +42,7 @@ def definition_of(kind: str) -> str:
         fields = getattr(type_of(member), "get_fields_and_field_types", dict)().values()
         inside = [match for field in fields for match in re.findall(r"(\w+)/(\w+)", field)]
         kinds += dict.fromkeys(x for p, n in inside if (x := f"{p}/msg/{n}") not in kinds)
-    texts = (
-        f"\n{rule}\nMSG: {member.replace('/msg/', '/')}\n{_text(member)}" for member in kinds[1:]
-    )
+    texts = (f"\n{rule}\nMSG: {used.replace('/msg/', '/')}\n{_text(used)}" for used in kinds[1:])
     return "".join([_text(kind), *texts])
 
 

@@ -43,16 +43,12 @@ def recorder_of(
     except OSError as error:
         raise InvalidInput(f"parameter 'record' = '{path}': {error.strerror or error}") from error
 
-    def record_output(topic: Topic, stamp: int, raw: Any) -> None:
+    def record(topic: Topic, message: Any, stamp: int = 0) -> None:
         if topic is JOINT_STATES:
-            recorder.published(stamp, raw)
+            recorder.published(stamp, message)
         else:
-            recorder.message(names[topic.name], stamp, raw)
-
-    def record_input(topic: Topic, message: Any) -> None:
-        recorder.message(names[topic.name], 0, as_bytes(message))
+            recorder.message(names[topic.name], stamp, as_bytes(message))
 
     engine.ticks.commands = recorder.channels[names[JOINT_COMMANDS.name]]  # C records them
-    outputs.tap = record_output
-    inputs.tap = record_input
+    inputs.tap = outputs.tap = record
     return recorder

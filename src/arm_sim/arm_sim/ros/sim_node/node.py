@@ -27,10 +27,11 @@ from arm_sim.ros.node_library import library
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.services import SimServices
-from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_of
+from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting
 from arm_sim.ros.standard import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
+from arm_sim.simulation.simulator import Simulator
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder
@@ -73,7 +74,9 @@ class SimNode(Node):
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
         robot_scene, source = scene_for(self, scene, params.scene, params)
-        self.simulator = simulator_of(robot_scene, params)
+        self.simulator = Simulator(
+            robot_scene, params.integrator or None, params.dt or None, params.tolerance or None
+        )
         self._background = Background("servos") if params.tick_source == CLOCK else None
         self.engine = engine = self._engine_of(params)
         self.inputs = inputs = Inputs(self, engine)

@@ -44,14 +44,13 @@ class Entities:
         ]
         robot, joints = model.whole.name or "robot", ", ".join(model.joint_names)
         about = f"an arm of {model.n} joints: {joints}"
-        entities = [Entity(robot, ROBOT, about, ("arm",), frames[0][0])]
+        self._all = {robot: Entity(robot, ROBOT, about, ("arm",), frames[0][0])}
         for i, frame in frames:
             joint = frame.parentJoint
             moves = f"moved by {model.pin.names[joint]}" if joint else "fixed to the world"
             tags = ("link", "moving" if joint else "fixed")
             link = f"{robot}/{frame.name}"
-            entities.append(Entity(link, OBJECT, f"a link, {moves}", tags, i))
-        self._all = {entity.name: entity for entity in entities}
+            self._all[link] = Entity(link, OBJECT, f"a link, {moves}", tags, i)
 
     def named(self, name: str) -> Entity:
         """The entity of a name.
@@ -74,9 +73,9 @@ class Entities:
         """
         bounds = filters.bounds
         if bounds.type != _EMPTY or bounds.points:
-            bounds_text = f"bounds of type {bounds.type} with {len(bounds.points)} points"
+            requested = f"bounds of type {bounds.type} with {len(bounds.points)} points"
             allowed = f"allowed: empty bounds (type {_EMPTY}, without points)"
-            raise Refusal(UNSUPPORTED, f"{bounds_text}: bounds are not supported; {allowed}")
+            raise Refusal(UNSUPPORTED, f"{requested}: bounds are not supported; {allowed}")
         mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
         if mode not in (_ANY, _ALL):
             raise InvalidInput(f"filter_mode is {mode}; allowed: 0 (any) or 1 (all)")

@@ -86,12 +86,10 @@ class StandardServices:
 
     def _features(self, request: Any, response: Any) -> Any:
         """List the supported features."""
-        features = response.features
+        offer = response.features
         names = [name for service in self.offered for name in FEATURES.get(service, ())]
-        features.features = sorted(
-            getattr(features, name) for name in names if hasattr(features, name)
-        )
-        features.custom_info = (
+        offer.features = sorted(getattr(offer, name) for name in names if hasattr(offer, name))
+        offer.custom_info = (
             "one robot arm; entities are the robot and its links, as robot/link; their "
             "accelerations are left zero"
         )

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from array import array
 from ctypes import Structure, addressof, byref
 from dataclasses import dataclass
 
@@ -38,16 +37,11 @@ class Histogram(Structure):
     _fields_ = LOOP.fields("histogram_t")
 
     def __init__(self) -> None:
-        self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
         # Persistent arrays: allocating large arrays every second would fragment the memory of a
         # process that runs for days.
-        self._bins = np.frombuffer(self._counts, np.int64)
+        self._bins = np.zeros(_FINE + _COARSE, np.int64)
         self._below = np.zeros_like(self._bins)
         super().__init__(bins=self._bins.ctypes.data)
-
-    def add(self, nanoseconds: int) -> None:
-        """Count one duration in [ns]."""
-        library().count_duration(byref(self), nanoseconds)
 
     def percentiles(self) -> Percentiles:
         """Summarize the durations so far; for one thread at a time."""
@@ -78,19 +72,14 @@ class RoundTrip(Structure):
     _fields_ = LOOP.fields("trip_t")
 
     def __init__(self) -> None:
-        self._stamps, self._times = array("q", [-1] * _SENT), array("q", [0] * _SENT)
-        stamps, times = (numbers.buffer_info()[0] for numbers in (self._stamps, self._times))
-        super().__init__(stamps=stamps, times=times)
+        self._stamps, self._times = np.full(_SENT, -1), np.zeros(_SENT, np.int64)
+        super().__init__(stamps=self._stamps.ctypes.data, times=self._times.ctypes.data)
         self.reset()
 
     def reset(self) -> None:
         """Reset the counters."""
         self._histogram = Histogram()
         self.trips = addressof(self._histogram)
-
-    def sent(self, stamp: int) -> None:
-        """Register that the state of ``stamp`` in [ns] is published now."""
-        library().sent(byref(self), stamp)
 
     def answered(self, stamp: int, arrival: int) -> bool:
         """Register when, in [ns] of the system, a command for a state arrived: the first counts.
