@@ -132,7 +132,7 @@ def test_a_state_is_published_again_once_for_each_time_of_waiting(ros: Ros) -> N
     assert found.values == {"asked again": 2, "ignored": 1, "partner gone": False}
     said = found.message(sim)
     assert (said.level, said.message) == (
-        DiagnosticStatus.WARN, "2 states had to be published again",
+        DiagnosticStatus.WARN, "2 states published again",
     )  # fmt: skip
 
 
