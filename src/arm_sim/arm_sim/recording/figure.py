@@ -22,7 +22,7 @@ QUANTITIES = {
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
-_APART = 5e-3  # of what a panel shows: curves that are closer to each other coincide
+_APART = 5e-3  # of the range of a panel: curves that are closer to each other coincide
 _ENERGY = "energy [J]"
 _ACCOUNT = ("T, kinetic", "V, potential", "T + V", "work", "heat", "residual")
 _ENERGY_COLORS = (*figures.COLORS[:2], "#000000", *figures.COLORS[2:])
@@ -84,28 +84,28 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     return figures.shown_once(figure, figure)
 
 
-def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[str]:
+def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> list[str]:
     """Joints to draw: the requested ones, else all that every recording has."""
     for other in recordings:
         if not isinstance(other, RecordedMotion):
             raise InvalidInput(f"plot: {other!r} is no recording; plot(joints=[…]) chooses joints")
         if not len(other):
             raise InvalidInput("plot: a recording without states has nothing to draw")
-    if isinstance(asked, str):
-        raise InvalidInput(f"joints = '{asked}'; a list of names is expected, ['{asked}']")
+    if isinstance(requested, str):
+        raise InvalidInput(f"joints = '{requested}'; a list of names is expected, ['{requested}']")
     shared = [
         name for name in recordings[0].joint_names
         if all(name in recording.joint_names for recording in recordings)
     ]  # fmt: skip
     if not shared:
-        told = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
-        raise InvalidInput(f"the recordings share no joint: {told}")
-    if unknown := [name for name in asked if name not in shared]:
+        joints = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
+        raise InvalidInput(f"the recordings share no joint: {joints}")
+    if unknown := [name for name in requested if name not in shared]:
         raise InvalidInput(
             f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
         )
-    if asked:
-        return list(asked)
+    if requested:
+        return list(requested)
     columns = [recordings[0].joint_names.index(name) for name in shared]
     return [shared[i] for i in figures.most_moved(recordings[0].q[:, columns])]
 
