@@ -70,9 +70,8 @@ def draw_torques(identification: Identification, path: Path) -> None:
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
     torques = {"nominal": shown.nominal[rows], "identified": shown.predicted[rows]}
-    with torque_panels(
-        path, identification.scene, order[rows], shown.measured[rows], torques
-    ) as panels:
+    drawn = identification.scene, order[rows], shown.measured[rows], torques
+    with torque_panels(path, *drawn) as panels:
         for name, (left, right) in zip(identification.joint_names, panels, strict=True):
             error = identification.torque_error[name]
             percent = "unknown" if np.isnan(error) else f"{100 * error:.1f} %"
@@ -102,21 +101,15 @@ def draw_friction(identification: Identification, path: Path) -> None:
         identification: The identification.
         path: The figure.
     """
-    shown, n, types = (
-        identification.torques,
-        len(identification.joint_names),
-        ArmModel(identification.scene).joint_types,
-    )
-    columns = min(4, n)
-    lines = -(-n // columns)
+    shown, types = identification.torques, ArmModel(identification.scene).joint_types
+    names = joint_words(identification.joint_names)
+    columns = min(4, len(names))
+    lines = -(-len(names) // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
-        for j, (at, name) in enumerate(
-            zip(axes.flat, joint_words(identification.joint_names), strict=False)
-        ):
-            at.plot(
-                shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", ms=2, label="measured"
-            )
+        for j, (at, name) in enumerate(zip(axes.flat, names, strict=False)):
+            measured = shown.v[rows, j], shown.friction[rows, j]
+            at.plot(*measured, ".", color="0.7", ms=2, label="measured")
             fit = identification.friction[j]
             if fit is not None and fit.kinds:
                 at.plot(*_law(identification, j), color=COLORS[1], label="identified law")
