@@ -48,6 +48,7 @@ class Client:
 
     def __init__(self, world: World, name: str) -> None:
         self.name, self._world = name, world
+        self.has_answered, self.server_count = False, None
 
     def ready(self) -> bool:
         return self._world.now >= self._world.offered

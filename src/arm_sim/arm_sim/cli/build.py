@@ -180,8 +180,8 @@ def _of_derivatives(simulator: Simulator) -> Parts:
 
 def _of_nodes(simulator: Simulator) -> Parts:
     """What the loops of the nodes compute of a scene."""
-    from arm_dynamics.ros.dynamics import COMPILED, code_of
-    from arm_sim.ros.outputs import DriveTorques
+    from arm_dynamics.ros.dynamics.compiled_services import COMPILED, code_of
+    from arm_sim.ros.drive_torques import DriveTorques
 
     yield "servo", lambda: simulator.arm.compiled.servo  # for position commands and stops
     if simulator.arm.plant.torques is not None:

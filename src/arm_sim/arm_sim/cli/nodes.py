@@ -47,12 +47,12 @@ def sim(
         report: At the end, write timing statistics of the loop to this file.
     """
     click.echo("starting the simulator …", err=True)  # before imports and compilers take seconds
-    from arm_sim.ros.sim_node import SimNode
+    from arm_sim.ros import SimNode
 
     node = _run(SimNode, scene, rest, with_parent)
     if report is not None and node is not None:
         loop = {**asdict(node.loop.report()), "bars": node.loop.lateness.bars()}
-        trip = asdict(node.inputs.round_trip.percentiles())
+        trip = asdict(node.inputs.round_trip.histogram.percentiles())
         content = {"loop": loop, "round_trip": trip}
         if (recorder := node.recorder) is not None:
             content["recording"] = recorder.report()
@@ -70,7 +70,7 @@ def dynamics(
     Without SCENE it waits for a URDF on the topic robot_description.
     """
     click.echo("starting the dynamics node …", err=True)
-    from arm_dynamics.ros.dynamics_node import DynamicsNode
+    from arm_dynamics.ros import DynamicsNode
 
     _run(DynamicsNode, scene, rest, with_parent)
 
@@ -91,7 +91,7 @@ def controller(
     scene may differ from the simulator's, to study model errors.
     """
     click.echo("starting the controller …", err=True)
-    from arm_dynamics.ros.controller_node import ControllerNode
+    from arm_dynamics.ros import ControllerNode
 
     _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
 

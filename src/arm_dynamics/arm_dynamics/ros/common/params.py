@@ -62,7 +62,7 @@ def declare[P](node: Node, kind: type[P]) -> P:
         InvalidInput: If a value given at start is of a wrong type or not allowed.
     """
 
-    def declared(name: str, default: Any, about: Mapping[str, Any]) -> Any:
+    def value_of(name: str, default: Any, about: Mapping[str, Any]) -> Any:
         default = _for_ros(default, about)
         try:
             return node.declare_parameter(name, default, _descriptor(about, default)).value
@@ -71,22 +71,22 @@ def declare[P](node: Node, kind: type[P]) -> P:
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
         except InvalidParameterTypeException:
             allowed = _WRITTEN.get(type(default), "a list")
-        given = node._parameter_overrides[name].value  # rclpy provides it in no other way
-        raise InvalidInput(f"parameter '{name}' is {given!r}; allowed: {allowed}")
+        value = node._parameter_overrides[name].value  # rclpy provides it in no other way
+        raise InvalidInput(f"parameter '{name}' is {value!r}; allowed: {allowed}")
 
-    return _with(kind(), declared)
+    return _replaced(kind(), value_of)
 
 
 def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:
     """Names, values and metadata of parameters, in order; of a type its defaults."""
-    found: list[tuple[str, Any, Mapping[str, Any]]] = []
+    parameters: list[tuple[str, Any, Mapping[str, Any]]] = []
 
-    def noted(name: str, default: Any, about: Mapping[str, Any]) -> Any:
-        found.append((name, default, about))
-        return default
+    def unchanged(name: str, value: Any, about: Mapping[str, Any]) -> Any:
+        parameters.append((name, value, about))
+        return value
 
-    _with(params() if isinstance(params, type) else params, noted)
-    return found
+    _replaced(params() if isinstance(params, type) else params, unchanged)
+    return parameters
 
 
 def watch[P](
@@ -111,10 +111,10 @@ def watch[P](
         nonlocal present
         before, values = present, {p.name: p.value for p in parameters}
         try:
-            wanted = _with(before, lambda name, value, about: values.get(name, value))
-            if wanted != before or values.keys() & set(renewed):
-                present = wanted  # first, as it may be set back at once
-                apply(wanted)
+            after = _replaced(before, lambda name, value, about: values.get(name, value))
+            if after != before or values.keys() & set(renewed):
+                present = after  # first, as it may be set back at once
+                apply(after)
         except ArmError as error:
             present = before
             return SetParametersResult(reason=plain(error))  # not successful
@@ -124,7 +124,7 @@ def watch[P](
         stale = [
             Parameter(name, value=_for_ros(value, about))
             for name, value, about in listed(present)
-            if _plain(name, node.get_parameter(name).value, value, about) != value
+            if _typed(name, node.get_parameter(name).value, value, about) != value
         ]
         if stale:
             node.set_parameters_atomically(stale)
@@ -148,37 +148,36 @@ def _for_ros(value: Any, about: Mapping[str, Any]) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
+def _replaced[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
     """The dataclass with other values, checked by name, current value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
         present, about = getattr(params, item.name), item.metadata
         if is_dataclass(present):
-            changes[item.name] = _with(present, value_of)
+            changes[item.name] = _replaced(present, value_of)
         elif "description" in about:
             name = about.get("parameter", item.name)
-            changes[item.name] = _plain(name, value_of(name, present, about), present, about)
+            changes[item.name] = _typed(name, value_of(name, present, about), present, about)
     return replace(params, **changes)  # type: ignore[type-var]
 
 
-def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
-    """Convert a parameter's value to the type of ``like``; a number is accepted for a list."""
+def _typed(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any:
+    """A value in the type of the present one; a number is accepted for a list."""
     if value is None:
         raise InvalidInput(f"parameter '{name}' has no value; a parameter cannot be removed")
-    wanted = about.get("choices")
-    if wanted and value not in wanted:
+    allowed = about.get("choices")
+    if allowed and value not in allowed:
         raise InvalidInput(
-            f"parameter '{name}' is '{value}'; allowed: one of {choices(value, wanted)}"
+            f"parameter '{name}' is '{value}'; allowed: one of {choices(value, allowed)}"
         )
-    several = about.get("each_joint") or isinstance(like, list | tuple)
-    if not several:
+    if not (about.get("each_joint") or isinstance(present, list | tuple)):
         return value
-    listed = [value] if isinstance(value, bool | int | float | str) else list(value)
-    if any(isinstance(one, bool) for one in listed) and not isinstance(like, bool):
+    values = [value] if isinstance(value, bool | int | float | str) else list(value)
+    if any(isinstance(x, bool) for x in values) and not isinstance(present, bool):
         raise InvalidInput(f"parameter '{name}' is {value}; numbers are expected")
     if about.get("each_joint"):  # as the core expects them
-        return listed[0] if len(listed) == 1 else listed
-    return type(like)(listed)
+        return values[0] if len(values) == 1 else values
+    return type(present)(values)
 
 
 def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
