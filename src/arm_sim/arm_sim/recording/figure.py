@@ -129,28 +129,26 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
 
 
 def _energies(recording: RecordedMotion) -> Iterator[_Curve]:
-    """Energies with their colours: none that is zero, and one for all that coincide."""
+    """Energies with their colours: none that is zero, and one for all that coincide.
+
+    The potential energy is that above its least; work and heat are drawn if they are cheap.
+    """
     if recording.of_robot or recording.origin is None:
         return
-    curves, colors = _account(recording), (*COLORS[:2], "#000000", *COLORS[2:])
-    apart = _APART * max((np.ptp(values) for _, values in curves if len(values)), default=0.0)
-    rest = [(*curve, color) for curve, color in zip(curves, colors, strict=False)]
-    while rest := [one for one in rest if abs(one[1]).max(initial=0.0) > apart]:
-        alike = [one for one in rest if abs(one[1] - rest[0][1]).max() <= apart]
-        yield " = ".join(label for label, _, _ in alike), rest[0][1], rest[0][2]
-        rest = [one for one in rest[1:] if abs(one[1] - alike[0][1]).max() > apart]
-
-
-def _account(recording: RecordedMotion) -> list[tuple[str, Array]]:
-    """Energies, that of rest from its least; work and heat, if they are cheap to compute."""
-    rest = recording.energy - recording.kinetic
-    rest = rest - rest.min(initial=np.inf)
-    energies = [("T, kinetic", recording.kinetic), ("V, potential", rest),
-                ("T + V", recording.kinetic + rest)]  # fmt: skip
-    if recording.account.makes_ticks_again(recording.x) and len(recording) > LONG:
-        return energies
-    return [*energies, ("work", recording.supplied), ("heat", recording.lost),
-            ("residual", recording.balance)]  # fmt: skip
+    kinetic, potential = recording.kinetic, recording.energy - recording.kinetic
+    potential = potential - potential.min(initial=np.inf)
+    energies = {"T, kinetic": kinetic, "V, potential": potential, "T + V": kinetic + potential}
+    if len(recording) <= LONG or not recording.account.makes_ticks_again(recording.x):
+        flows = recording.supplied, recording.lost, recording.balance
+        energies |= dict(zip(("work", "heat", "residual"), flows, strict=True))
+    colors = (*COLORS[:2], "#000000", *COLORS[2:])
+    apart = _APART * max((np.ptp(x) for x in energies.values() if len(x)), default=0.0)
+    curves = [(*item, color) for item, color in zip(energies.items(), colors, strict=False)]
+    while curves := [curve for curve in curves if abs(curve[1]).max(initial=0.0) > apart]:
+        _, values, color = curves[0]
+        alike = [label for label, other, _ in curves if abs(other - values).max() <= apart]
+        yield " = ".join(alike), values, color
+        curves = [curve for curve in curves if curve[0] not in alike]
 
 
 def _marks(axis: Any, recording: RecordedMotion) -> None:
