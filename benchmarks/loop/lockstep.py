@@ -20,7 +20,7 @@ from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import ClosedLoop, Recording, Simulator
 from arm_sim.cli.demo.processes import DemoFailed, Processes
 from arm_sim.plant.actuation import computed_torque
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 START = 500_000_000  # [ns] of simulated time, when the motion begins
 POINTS, STEP = 5, 2.0  # points of the motion and time from one to the next in [s]
@@ -88,7 +88,7 @@ def across(
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher = node.create_publisher(JointTrajectory, "controller/joint_trajectory", 10)
-    answers = lambda: node.inputs.round_trip.percentiles().count  # noqa: E731
+    answers = lambda: node.inputs.round_trip.histogram.percentiles().count  # noqa: E731
     _spin(executor, lambda: publisher.get_subscription_count() and answers(), 30.0)
     message = JointTrajectory(joint_names=list(node.simulator.joint_names))
     message.header.stamp.nanosec = START

@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from trajectory_msgs.msg import JointTrajectory
 from two_link_control import MS, effort
 
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 
 Goal = FollowJointTrajectory.Goal
 Result = FollowJointTrajectory.Result

@@ -13,10 +13,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
+from arm_sim.ros import SimNode
 from arm_sim.ros.commands.latest import LatestCommand
 from arm_sim.ros.node_library import library
-from arm_sim.ros.sim_node import SimNode
 
 NAMES = list(models.dynamics("two_link").joint_names)
 TAU = [1.5, -0.5]

@@ -30,8 +30,8 @@ from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_sim.ros.sim_node import SimNode
+from arm_dynamics.ros import ControllerNode
+from arm_sim.ros import SimNode
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros

@@ -22,7 +22,7 @@ from two_link_control import NAMES, point, state, still, trajectory
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.control import NAMES as CONTROLLERS
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.task_space.task_space import TaskSpace
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]

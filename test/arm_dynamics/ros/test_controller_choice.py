@@ -17,11 +17,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller import selection as module
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros

@@ -25,7 +25,7 @@ from two_link_control import (
 
 import models
 from arm_dynamics import ArmError
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros

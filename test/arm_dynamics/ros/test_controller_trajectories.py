@@ -10,7 +10,7 @@ from trajectory_msgs.msg import JointTrajectory
 from two_link_control import MS, NAMES, effort, point, reference_of, trajectory, wanted
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.trajectory import Reference
 from tolerances import ALGEBRA, assert_close
 

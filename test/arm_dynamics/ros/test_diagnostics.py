@@ -14,8 +14,7 @@ from std_msgs.msg import String
 from two_link_control import MS, effort, point, state, trajectory
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 
 pytestmark = pytest.mark.ros
 

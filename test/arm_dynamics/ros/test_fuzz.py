@@ -19,8 +19,8 @@ from sensor_msgs.msg import JointState
 import models
 from arm_dynamics import load_scene
 from arm_dynamics.codegen.compiler import find_compiler
-from arm_dynamics.ros.dynamics import COMPILED, compiled_services
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import DynamicsNode
+from arm_dynamics.ros.dynamics import compiled_services
 from arm_dynamics.ros.joint_state import Expected, JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
@@ -76,7 +76,7 @@ def test_requests_of_any_kind(
     assert node._compiled is not None
     clients = {
         service: ros.peer.create_client(service.type, service.name.replace("~", "/dynamics"))
-        for service, *_ in COMPILED
+        for service, *_ in compiled_services.COMPILED
     }
     for client in clients.values():
         ros.spin_until(client.service_is_ready)

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.direct import PolledSubscription
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import NONE, Expected, JointStateReader, JointStateSink, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter

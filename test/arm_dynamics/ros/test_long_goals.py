@@ -14,8 +14,8 @@ from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller.goals import Goal
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.trajectory.follower import Outset
 from arm_dynamics.trajectory.reference import Motion, hold

@@ -13,9 +13,9 @@ from two_link_control import MS, effort, point, state, trajectory
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import Measured, PDGravity
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.diagnostics import ERROR, OK
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros

@@ -15,7 +15,7 @@ from arm_dynamics.control import Settings
 from arm_dynamics.ros.common.params import declare, listed, parameter, watch
 from arm_dynamics.ros.controller.action_goal import follow_params
 from arm_dynamics.ros.controller.controller_params import ControllerParams
-from arm_dynamics.ros.dynamics_node import DynamicsParams
+from arm_dynamics.ros.dynamics_node.node import DynamicsParams
 from arm_sim.ros.sim_params import SimParams
 
 pytestmark = pytest.mark.ros

@@ -17,8 +17,8 @@ from sensor_msgs.msg import JointState
 from two_link_control import MS, NAMES, effort, point, reference_of, state, trajectory
 
 import models
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller import trajectory_action
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.trajectory import Reference
 from arm_dynamics.trajectory.reference import Motion, hold
 from tolerances import ALGEBRA, assert_close

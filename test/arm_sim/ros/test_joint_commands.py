@@ -14,8 +14,8 @@ from sim_by_hand import NAMES, by_hand, command, ticks
 import models
 from arm_dynamics.ros.interfaces import STEP
 from arm_dynamics.ros.joint_state import Expected, JointStateReader
+from arm_sim.ros import SimNode
 from arm_sim.ros.command_reader import CommandReader
-from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
 

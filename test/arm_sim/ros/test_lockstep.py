@@ -17,13 +17,13 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.caller import Caller
 from arm_dynamics.ros.common.executor import spin
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import PAUSE, RESET, RESET_COUNTERS, STEP
 from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

@@ -14,8 +14,9 @@ import models
 from arm_sim import Simulator
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.ros.timing.latency import Histogram, RoundTrip
+from arm_sim.ros.timing.histogram import Histogram
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
+from arm_sim.ros.timing.round_trip import RoundTrip
 
 pytestmark = pytest.mark.ros
 
@@ -213,12 +214,12 @@ def test_the_first_answer_to_a_state_counts() -> None:
     trip.answered(299, now + 10**12)  # once more
     trip.answered(300, now + 10**12)  # to no state
     trip.answered(0, now + 10**12)  # to one that is forgotten
-    assert trip.percentiles().count == 1
-    assert trip.percentiles().max <= 1e-9 * (now - began)
+    assert trip.histogram.percentiles().count == 1
+    assert trip.histogram.percentiles().max <= 1e-9 * (now - began)
     trip.reset()
-    assert trip.percentiles().count == 0
+    assert trip.histogram.percentiles().count == 0
     trip.answered(44, now)  # the oldest that is remembered
-    assert trip.percentiles().count == 1
+    assert trip.histogram.percentiles().count == 1
 
 
 def test_an_answer_acts_until_the_next_one_comes() -> None:

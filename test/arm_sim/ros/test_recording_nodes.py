@@ -21,17 +21,16 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics import ArmError, InvalidInput
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
 from arm_sim import Recording, Simulator
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import messages
 from arm_sim.replay import replay
+from arm_sim.ros import SimNode
 from arm_sim.ros.record.definitions import definition_of
 from arm_sim.ros.record.player import Player
 from arm_sim.ros.record.topics import TopicRecorder
-from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
 

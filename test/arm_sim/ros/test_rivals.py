@@ -19,7 +19,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_sim import Recording
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

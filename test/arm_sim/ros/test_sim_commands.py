@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray
 import models
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.interfaces import RESET
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

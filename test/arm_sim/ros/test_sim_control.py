@@ -23,10 +23,10 @@ import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_sim import Simulator
+from arm_sim.ros import SimNode
 from arm_sim.ros.commands.arbiter import STREAM
 from arm_sim.ros.node_library import library
-from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.timing.latency import Percentiles
+from arm_sim.ros.timing.histogram import Percentiles
 from arm_sim.ros.timing.realtime_loop import LoopReport
 
 pytestmark = pytest.mark.ros
@@ -399,7 +399,7 @@ def test_counters_are_reset(ros: Ros) -> None:
     ticks(node, 5)
     counts = lambda: [  # noqa: E731
         node.inputs.refused, node.inputs.refused_wrenches, node.engine.arbiter.refused,
-        node.engine.commands.stale_count, node.inputs.round_trip.percentiles().count,
+        node.engine.commands.stale_count, node.inputs.round_trip.histogram.percentiles().count,
     ]  # fmt: skip
     assert counts() == [3, 1, 3, 1, 1]
     assert "3 commands ignored" in finding(node, "commands").message

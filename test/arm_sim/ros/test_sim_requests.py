@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 
 import models
 from arm_dynamics.ros.interfaces import PAUSE, RESET, SET_JOINT_STATE, STEP
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

@@ -17,9 +17,9 @@ import models
 from arm_dynamics.exceptions import CompilerMissing
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
+from arm_sim.ros import SimNode
 from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
-from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.sim_params import SimParams
 from models import features
 

@@ -25,9 +25,9 @@ import models
 from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim import Recording, Simulator
+from arm_sim.ros import SimNode
 from arm_sim.ros.node_library import library
-from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.histogram import Histogram
 from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
@@ -218,7 +218,7 @@ def test_energies_are_published_beside_ticks_by_the_clock(ros: Ros) -> None:
     ros.peer.create_subscription(JointState, "joint_states", answer, 10)
     ros.spin_until(lambda: len(energies) >= 10)
     node.loop.stop()
-    assert node.inputs.round_trip.percentiles().count > 0
+    assert node.inputs.round_trip.histogram.percentiles().count > 0
     stamps = np.array([s.header.stamp.sec * SECOND + s.header.stamp.nanosec for s in said])
     assert (np.diff(stamps) >= 0).all() and stamps[-1] <= time.time_ns()
     times = [to_nanoseconds(e.header.stamp) for e in energies]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.display import Display
@@ -23,7 +24,7 @@ from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 if TYPE_CHECKING:
-    from arm_sim.ros.record import TickRecorder
+    from arm_sim.ros.record.ticks import TickRecorder
 
 UNBALANCED = 1e-3
 """Error of the energy balance, relative to the energy that moved, that is worth a warning."""
@@ -75,7 +76,7 @@ class SimDiagnostics:
     def _check_commands(self) -> Finding:
         engine, finding = self.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = self.inputs, self.inputs.round_trip.percentiles()
+        inputs, trip = self.inputs, self.inputs.round_trip.histogram.percentiles()
         topic = self.node.resolve_topic_name(JOINT_COMMANDS.name)
         publishers = self.node.count_publishers(topic)
         finding.values = {

@@ -5,26 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import count
-from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from std_msgs.msg import Header
 
 from arm_dynamics import ArmError, ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints, Links
-from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
+from arm_sim.ros.frames import Frames
 from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
-_RSP = "robot_state_publisher"
 _PERIOD, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
 
 
@@ -117,54 +111,3 @@ class Display:
         for copy, array in zip(self._copies, self._own, strict=True):
             copy[:] = array
         return self._stamp()
-
-
-class Frames:
-    """Transforms of the links: the fixed ones once (latched), the others on request."""
-
-    def __init__(
-        self, node: Node, links: Links, names: Sequence[str], prefix: str, moving: Topic,
-        still: Topic,
-    ) -> None:  # fmt: skip
-        """Advertise, and publish the fixed ones; ``names`` are the joints of later positions."""
-        self._node, self._links, self._names = node, links, names
-        self._publisher, static = advertise(node, moving), advertise(node, still)
-        self._topic = node.resolve_topic_name(moving.name)
-        links.place({})
-        fixed = moving.type(transforms=_named(links.fixed, prefix))
-        now = node.get_clock().now().to_msg()
-        _fill(fixed.transforms, links.fixed_transforms(), now)
-        static.publish(fixed)
-        self._message = moving.type(transforms=_named(links.moving, prefix))
-
-    @property
-    def has_subscribers(self) -> bool:
-        """Whether there are subscribers."""
-        return bool(self._publisher.get_subscription_count())
-
-    def rivals(self) -> bool:
-        """Whether a robot_state_publisher of the same namespace publishes frames."""
-        here = self._node.get_namespace()
-        publishers = self._node.get_publishers_info_by_topic(self._topic)
-        return any(p.node_name == _RSP and p.node_namespace == here for p in publishers)
-
-    def publish(self, stamp: int, positions: Array) -> None:
-        """Publish the moving ones at positions of all joints, with a stamp in [ns]."""
-        self._links.place(dict(zip(self._names, positions.tolist(), strict=True)))
-        _fill(self._message.transforms, self._links.transforms(), to_time(stamp))
-        self._publisher.publish(self._message)
-
-
-def _named(pairs: Sequence[tuple[str, str]], prefix: str) -> list[TransformStamped]:
-    return [
-        TransformStamped(header=Header(frame_id=prefix + parent), child_frame_id=prefix + child)
-        for parent, child in pairs
-    ]
-
-
-def _fill(transforms: Sequence[TransformStamped], numbers: Array, stamp: Any) -> None:
-    for message, (x, y, z, qx, qy, qz, qw) in zip(transforms, numbers.tolist(), strict=True):
-        message.header.stamp = stamp
-        at, turn = message.transform.translation, message.transform.rotation
-        at.x, at.y, at.z = x, y, z
-        turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw

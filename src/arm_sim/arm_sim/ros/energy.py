@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Event, Thread
 from typing import Any
 
@@ -11,13 +12,13 @@ from arm_msgs.msg import Energy
 from rclpy.node import Node
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.energy_meter import Account
 
-_UNPUBLISHED = 1.0  # [s] between evaluations that only diagnostics read
+_UNPUBLISHED = 0.5  # [s] between evaluations without subscribers, for diagnostics
 
 
 class EnergyTopic:
@@ -48,7 +49,7 @@ class EnergyTopic:
         self._engine, self._also_read, self._context = engine, also_read, node.context
         self._stamp, self._send = stamp, send
         self._thread: Thread | None = None
-        self._opened, self._ended = Event(), Event()
+        self._ended = Event()
         self._latest: Account | None = None
         self.every = max(1, round(period / engine.simulator.dt))
         self._publisher = advertise(node, ENERGY)
@@ -82,25 +83,18 @@ class EnergyTopic:
         needed, engine = self.has_subscribers or self._also_read(), self._engine
         if needed == engine.energy.is_open:
             return
-        try:
+        with suppress(InvalidInput):  # no tick has ended for long; the next update tries again
             engine.queue.run(lambda: engine.energy.keep(needed))
-        except InvalidInput:  # no tick has ended for long; the next update tries again
-            return
-        if needed:
-            self._opened.set()
-        else:
-            self._opened.clear()
 
     def close(self) -> None:
         """End the thread."""
         if self._thread is not None:
             self._ended.set()
-            self._opened.set()
             self._thread.join()
 
     def _run(self, period: float) -> None:
-        last_step = -1
-        while self._opened.wait() and not self._ended.is_set():
+        published, last_step = False, -1
+        while not self._ended.wait(period if published else _UNPUBLISHED):
             published, account = self.has_subscribers, self._engine.energy.read()
             self._latest = account
             if published and account is not None and account.step != last_step:
@@ -110,7 +104,6 @@ class EnergyTopic:
                 except Exception:
                     if self._context.ok():  # otherwise ROS has been shut down meanwhile
                         raise
-            self._ended.wait(period if published else _UNPUBLISHED)
 
     def _publish(self, account: Account) -> None:
         energies = account._asdict()

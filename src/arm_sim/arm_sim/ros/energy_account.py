@@ -20,15 +20,14 @@ class EnergyAccount:
     """Energies of an arm since the account was opened; closed at first.
 
     C keeps states and efforts of the last ticks (``ticks_t`` of ticks.h), which are evaluated when
-    the account is read, by any thread. It is opened, closed and told of changes by the ticking
-    thread.
+    the account is read, by any thread. Only the ticking thread opens, closes and changes it.
     """
 
     def __init__(self, arm: SimulatedArm, ticks: Ticks) -> None:
         """Let C keep the ticks of an arm here."""
         self._arm, self._ticks, self._lock = arm, ticks, Lock()
         self._states, self._efforts = np.zeros((ROWS, arm.plant.nx)), np.zeros((ROWS, arm.n))
-        self._steps = np.zeros(ROWS, np.int64)  # negative: noted with the tick after it
+        self._steps = np.zeros(ROWS, np.int64)  # negative: brakes held the arm
         ticks.trail, ticks.acted = self._states.ctypes.data, self._efforts.ctypes.data
         ticks.ticks = self._steps.ctypes.data
         self._meter: EnergyMeter | None = None

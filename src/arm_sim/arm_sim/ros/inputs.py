@@ -17,7 +17,7 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.direct import PolledSubscription
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import FAILED, Clip, Expected, JointStateReader, Numbers
 from arm_sim.inputs import clipped
@@ -26,7 +26,7 @@ from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.round_trip import RoundTrip
 
 _UNNAMED = "~/commands"  # the source of commands without a header
 _NEVER = -1  # their stamp
@@ -58,7 +58,7 @@ class Inputs:
             JointStateReader(every, self._joints.note, clip),
         )
         self._newest: PolledSubscription | None = None
-        self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
+        self._take_again: Callable[[], tuple[bytes, int] | None] = lambda: None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.rivals: Rivals | None = None
         self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
@@ -75,13 +75,14 @@ class Inputs:
         self.read_from(newest.pointer, newest.take)
         self._engine.ticks.at_once = AT_ONCE
 
-    def read_from(self, place: int, again: Callable[[], tuple[bytes, int] | None]) -> None:
+    def read_from(self, place: int, take_again: Callable[[], tuple[bytes, int] | None]) -> None:
         """Let C read the messages of an ``rcl_subscription_t``.
 
-        ``again`` takes a message and its arrival in [ns] after C has failed to, or raises why.
+        ``take_again`` returns a message and its arrival in [ns] after C has failed to, or raises
+        why.
         """
         self.reader.efforts.open(place)
-        self._again = again
+        self._take_again = take_again
         self._engine.ticks.source, self._engine.ticks.reader = self.reader.efforts.places
 
     def close(self) -> None:
@@ -115,7 +116,7 @@ class Inputs:
         unless there are other sources. A read without result takes as long as one with a message.
         """
         ticks, reader = self._engine.ticks, self.reader.efforts
-        arrived = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
+        arrived = self._take_again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
         if arrived is None:
             self._refuse(InvalidInput("a message was lost"))
             return False

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from ctypes import addressof, byref, c_void_p
+from ctypes import addressof, byref
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,13 @@ from arm_msgs.msg import Multipliers
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.ros.common.convert import as_bytes, to_time
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.display import AllJointStates
+from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.node_library import library
@@ -27,37 +26,9 @@ from arm_sim.ros.sim_params import CLOCK, SimParams
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.clock import SimClock
 from arm_sim.ros.timing.stamps import ROS, NodeTime, SimulatedTime
-from arm_sim.simulation.simulated_arm import SimulatedArm
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 _POLL = 0.5  # [s] between checks for subscribers of infrequent topics
-
-
-class DriveTorques:
-    """Torques of a simulation's drives at the end of the last tick; see ``Simulator.effort``.
-
-    Attributes:
-        values: In [N m] or [N], shape (n,).
-        place: Address of the compiled function that updates them, as a ``kernel.Entry``, or None.
-    """
-
-    @one_at_a_time
-    def __init__(self, arm: SimulatedArm) -> None:
-        """Compile them; for a scene with models with internal states."""
-        torques = arm.plant.torques
-        assert torques is not None
-        self._arm = arm
-        self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
-        self.values, entry = self._call.outputs[0], self._call.entry
-        self.place = None
-        if entry is not None:
-            inputs = (c_void_p * 2).from_address(entry.arguments)
-            inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
-            self.place = addressof(entry)
-
-    def update(self) -> None:
-        """Evaluate them without compiled code."""
-        self._call(self._arm.x, self._arm.acted)
 
 
 class Outputs:

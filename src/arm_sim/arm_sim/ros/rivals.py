@@ -13,12 +13,12 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
-from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
 
 _PERIOD = 0.5  # [s] between looks
@@ -64,7 +64,7 @@ class Rivals:
             InvalidInput: If somebody does, and goes on for a while.
         """
         began = time.monotonic()
-        while self._has_rivals() and time.monotonic() - max(began, self._rival_time) < _SILENCE:
+        while self._find_rivals() and time.monotonic() - max(began, self._rival_time) < _SILENCE:
             if time.monotonic() - began > _LEAVING:
                 raise InvalidInput(self._message())
             time.sleep(0.02)
@@ -73,7 +73,7 @@ class Rivals:
 
     def update(self) -> None:
         """Look whether others published within the last second."""
-        persists = self._has_rivals() and time.monotonic() - self._rival_time < _SILENCE
+        persists = self._find_rivals() and time.monotonic() - self._rival_time < _SILENCE
         if persists != bool(self.alarm.message):
             self.alarm.set(self._message() if persists else "")
             self._on_change()
@@ -95,7 +95,7 @@ class Rivals:
             self._newest.close()
             self._newest = None
 
-    def _has_rivals(self) -> bool:
+    def _find_rivals(self) -> bool:
         """Whether there are publishers that may be of this arm; if so, listen."""
         node, topic = self._node, self._topic
         if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._harmless:

@@ -159,8 +159,9 @@ class TickEngine:
     @property
     def held(self) -> str:
         """What stops or holds the arm without a command: ``brakes``, ``servos``, or ``no``."""
-        stopping = self.stopping
-        return "no" if not stopping.acts else "brakes" if stopping.locked else "servos"
+        if not self.stopping.acts:
+            return "no"
+        return "brakes" if self.stopping.locked else "servos"
 
     # --- ticking -------------------------------------------------------------------------------
 

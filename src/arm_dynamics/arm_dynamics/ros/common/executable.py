@@ -48,7 +48,7 @@ def execute(
         The exit status, see ``run``.
     """
     words = tuple(sys.argv[1:] if args is None else args)
-    if _HELP & set(words[: _end(words)]):
+    if _HELP & set(words[: _count_before_ros(words)]):
         print(usage(kind, params))
         return 0
     try:
@@ -68,8 +68,8 @@ def split_words(words: Words) -> tuple[str | None, Words]:
     Raises:
         InvalidInput: If a word is neither.
     """
-    end = _end(words)
-    before = words[:end]
+    count = _count_before_ros(words)
+    before = words[:count]
     for i, word in enumerate(before):
         if i or word.startswith("-") or ":=" in word:
             rule = next((plain(word, 80) for word in before if ":=" in word), "NAME:=VALUE")
@@ -79,11 +79,11 @@ def split_words(words: Words) -> tuple[str | None, Words]:
                 f"'{plain(word, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, "
                 f"then for example {_ROS} {flag} {rule}"
             )
-    return (before[0] if before else None), words[end:]
+    return (before[0] if before else None), words[count:]
 
 
-def _end(words: Words) -> int:
-    """Index of the first ROS argument."""
+def _count_before_ros(words: Words) -> int:
+    """Number of words before the ROS arguments."""
     return words.index(_ROS) if _ROS in words else len(words)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest executor available, timers and subscriptions."""
+"""The fastest executor available, its timers, and turns of coroutines."""
 
 from __future__ import annotations
 
@@ -10,10 +10,6 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-
-from arm_dynamics.exceptions import plain
-from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.interfaces import Topic
 
 _PROBE_TIMEOUT = 0.5  # [s]
 _SPIN_TIMEOUT = 0.25  # [s] between checks whether to end, without events
@@ -79,22 +75,3 @@ class Turn:
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any:
     """A timer on the steady clock, period in [s]; ROS timers stop when simulated time does."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-
-def guarded(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]:
-    """A callback for messages whose exceptions are logged and do not end the node."""
-    log = Throttled(node.get_logger())
-
-    def guarded_callback(message: Any) -> None:
-        try:
-            callback(message)
-        except Exception as error:
-            log.error(plain(f"a message was ignored after an unexpected failure: {error!r}"))
-
-    return guarded_callback
-
-
-def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
-    """Subscribe by a callback that is ``guarded``."""
-    safe = guarded(node, callback)
-    return node.create_subscription(topic.type, topic.name, safe, topic.subscribe, raw=raw)

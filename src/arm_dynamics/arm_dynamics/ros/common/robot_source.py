@@ -13,8 +13,8 @@ from rclpy.serialization import deserialize_message
 
 from arm_dynamics.actuation.command_map import compensating
 from arm_dynamics.exceptions import InvalidInput, ModelError
-from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.params import parameter
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Scene
@@ -78,7 +78,7 @@ def scene_for(
     elif params.robot_description:
         scene, source = described_scene(params.robot_description, params), FROM_PARAMETER
     else:
-        text = _awaited(node, params.description_timeout)
+        text = _description_from_topic(node, params.description_timeout)
         scene, source = described_scene(text, params), FROM_TOPIC
     return compensating(scene) if params.gravity_compensated else scene, source
 
@@ -106,7 +106,7 @@ def warn_unused(node: Node, description: str) -> None:
         )
 
 
-def _awaited(node: Node, timeout: float) -> str:
+def _description_from_topic(node: Node, timeout: float) -> str:
     topic = node.resolve_topic_name(ROBOT_DESCRIPTION.name)
     if timeout:
         node.get_logger().info(f"no scene: waiting for a robot description on {topic}")

@@ -57,6 +57,7 @@ class Jumps:
             joint = kind - _MOVED
             moved = abs(state.q[joint] - self._q[joint])
             jump = f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"
-        self._before.known *= kind == _STEADY  # so C measures no time between states across a jump
+        if kind != _STEADY:
+            self._before.valid = 0  # so C measures no time between states across a jump
         library().note_state(*compared)
         return jump

@@ -24,8 +24,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
-from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.executor import Turn
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
@@ -187,9 +187,9 @@ class TrajectoryAction:
 
     def _end(self, event: str, code: str, why: str) -> None:
         active, self.active = self.active, None
-        self._result(active.handle, event, code, why)
+        self._publish_result(active.handle, event, code, why)
 
-    def _result(self, handle: Any, event: str, code: str, why: str) -> None:
+    def _publish_result(self, handle: Any, event: str, code: str, why: str) -> None:
         result = ACTION.type.Result(error_string=why)
         result.error_code = getattr(ACTION.type.Result, code)
         getattr(handle, event)()
@@ -273,7 +273,7 @@ class TrajectoryAction:
             coming = self._coming
             handle.execute()
             if coming is None or coming.request is not handle.request or not coming.is_followed:
-                self._result(handle, "abort", "INVALID_GOAL", _REPLACED)
+                self._publish_result(handle, "abort", "INVALID_GOAL", _REPLACED)
                 return
             self._coming, self.active, coming.handle = None, coming, handle
 
@@ -288,7 +288,7 @@ class TrajectoryAction:
             if self.active is not None and self.active.handle == handle:
                 self.active = None
                 self._goals.brake()
-            self._result(handle, "canceled", "SUCCESSFUL", "")
+            self._publish_result(handle, "canceled", "SUCCESSFUL", "")
 
 
 def _zero_duration_motion(here: Reference, to: Waypoint) -> Motion:

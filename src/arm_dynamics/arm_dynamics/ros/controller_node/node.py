@@ -21,10 +21,11 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, InvalidInput, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.convert import as_bytes
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import declare
 from arm_dynamics.ros.common.robot_source import scene_for
+from arm_dynamics.ros.common.topics import subscribe
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers, Parts
 from arm_dynamics.ros.controller.controller_library import prepare
@@ -93,16 +94,12 @@ class ControllerNode(Node):
         limits = Limits.of(model, params.acceleration_limit or float("inf"))
         self._jumps, self._source = Jumps(names), StateSource(self)
         self._throttled = Throttled(self.get_logger())
-        interrupt, forget = self.answers.interrupt, self._log.forget
-        self.goals = Goals(model, limits, Throttled(self.get_logger()), interrupt, forget)
+        self.goals = Goals(
+            model, limits, Throttled(self.get_logger()), self.answers.interrupt, self._log.forget
+        )
         text = "joint states came up to {:.2g} s apart"
         self._late = Lateness(self, self._jumps.take_longest, params.settings.dt, text)
-        self._velocity: DerivedVelocity | None = None
-        if params.velocities == "positions":
-            dt, cutoff = params.settings.dt, params.velocity_cutoff
-            self._velocity = DerivedVelocity(self.dynamics.n, dt, cutoff)
-            delay = f"{1e3 * self._velocity.delay:.3g} ms"
-            self.get_logger().info(f"velocities are derived from positions, {delay} late")
+        self._velocity = self._velocity_of(params)
         self._selection = ControllerSelection(
             self, params, self.dynamics, self.answers, self._log, self.goals, self._late,
             self._velocity,
@@ -113,12 +110,12 @@ class ControllerNode(Node):
         )
         fields = ("position",) if self._velocity else ("position", "velocity")
         self._reader = JointStateReader(Expected(names, fields, extra=True))
-        me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
-        self._writer = JointStateWriter(names, ("effort",), frame_id=me)
+        source = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
+        self._writer = JointStateWriter(names, ("effort",), frame_id=source)
         self._command = np.zeros(self.dynamics.n)
         self._sink = JointStateSink(self, JOINT_COMMANDS, self._writer, [self._command])
         self.send = self._sink.publish
-        self._report = TrackingTopic(self, self.dynamics.joint_names)
+        self._report = TrackingTopic(self, names)
         subscribe(self, JOINT_TRAJECTORY, self.on_joint_trajectory, raw=True)
         subscribe(self, CARTESIAN_GOAL, self.on_cartesian_goal)
         subscribe(self, CARTESIAN_PATH, self.on_cartesian_path, raw=True)
@@ -129,8 +126,17 @@ class ControllerNode(Node):
         self.get_logger().info(f"answers {states}; to move the arm: ./arm go {names[-1]}+=0.1")
         self._subscribe_states(own_thread)
 
+    def _velocity_of(self, params: ControllerParams) -> DerivedVelocity | None:
+        """What derives velocities from positions, if states have none."""
+        if params.velocities != "positions":
+            return None
+        velocity = DerivedVelocity(self.dynamics.n, params.settings.dt, params.velocity_cutoff)
+        delay = f"{1e3 * velocity.delay:.3g} ms"
+        self.get_logger().info(f"velocities are derived from positions, {delay} late")
+        return velocity
+
     def _subscribe_states(self, own_thread: bool) -> None:
-        """Subscribe to states, with a thread of their own if it is wanted and possible."""
+        """Subscribe to states, with a thread of their own if that is requested and possible."""
         parts = Parts(
             self._reader, self._sink, self._command, self._report, self.control,
             self.dynamics.command_map, self.goals, self.action, self._jumps, self._log,
@@ -198,7 +204,7 @@ class ControllerNode(Node):
             self.send(command)
             return command
         try:
-            stamp, (q, *v) = self._reader.read(raw)
+            stamp, numbers = self._reader.read(raw)
         except InvalidInput as error:
             lacking = str(error).startswith("velocity")
             way_out = "; 'velocities: positions' derives them" if lacking else ""
@@ -208,11 +214,11 @@ class ControllerNode(Node):
             return None
         if not self._source.accept(self._reader.sender):
             return None
+        q = np.array(numbers[0])
         if self._velocity is None:
-            state = Checked(np.array(q), np.array(*v))
+            state = Checked(q, np.array(numbers[1]))
             reference = self._reference(stamp, state)
         else:
-            q = np.array(q)
             reference = self._reference(stamp, Checked(q, self._velocity.last))
             state = Checked(q, self._velocity(stamp, q))
         try:
@@ -263,11 +269,11 @@ class ControllerNode(Node):
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
         with self.answers:
-            about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
+            goals = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
             answers = self.answers.summary()
             answers["longest time between states [s]"] = self._late.longest
             name, cut = self._selection.active_params.controller, self._saturated_joints()
-            finding = self._log.finding(name, cut, about, answers)
+            finding = self._log.finding(name, cut, goals, answers)
             finding.add(WARN, self._late.message)
             finding.add(WARN, self._selection.overreach)
             finding.add(ERROR, self._source.alarm.message)

@@ -35,7 +35,7 @@ def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     a = batch.read("acceleration", request.acceleration)
-    response.effort = batch.written(dynamics.inverse(batch.q, v, a, request.terms))
+    response.effort = batch.write(dynamics.inverse(batch.q, v, a, request.terms))
     response.joint_names = batch.joint_names
 
 
@@ -44,7 +44,7 @@ def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     tau = batch.read("effort", request.effort)
-    response.acceleration = batch.written(dynamics.forward(batch.q, v, tau))
+    response.acceleration = batch.write(dynamics.forward(batch.q, v, tau))
     response.joint_names = batch.joint_names
 
 
@@ -56,7 +56,7 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
         term = asked(dynamics, entry, {"q": batch.q, "v": v})
         parts = zip(entry.parts.items(), term if entry.fields else [term], strict=True)
         for (name, shape), values in parts:
-            setattr(response, name, batch.written(values, shape))
+            setattr(response, name, batch.write(values, shape))
     response.joint_names = batch.joint_names
 
 
@@ -83,8 +83,8 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     else:
         tau = batch.read("effort", request.effort)
         a, lam = dynamics.constrained_forward(batch.q, v, tau)
-    response.effort = batch.written(tau)
-    response.acceleration = batch.written(a)
+    response.effort = batch.write(tau)
+    response.acceleration = batch.write(a)
     response.multipliers = to_array(finite_answer(np.asarray(lam).ravel()))
     response.joint_names = batch.joint_names
     response.constraint_names = list(dynamics.constrained.names)
@@ -121,12 +121,12 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
     pose = np.hstack([terms.position, quaternions(terms.rotation)])
     computed = {"pose": pose, "twist": terms.velocity}
     vectors = {  # all of them, before any is written
-        name: batch.written(computed.get(name, getattr(terms, name, None)), shape)
+        name: batch.write(computed.get(name, getattr(terms, name, None)), shape)
         for name, shape in TASK_SPACE.items()
         if name not in ("condition", "damped")
     }
     if effective is not None:
-        vectors["effective_mass"] = batch.written(effective.mass, ())
+        vectors["effective_mass"] = batch.write(effective.mass, ())
         response.effective_mass_bounded = effective.damped.tolist()
     for name, vector in vectors.items():
         setattr(response, name, vector)
@@ -160,7 +160,7 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
     solutions: list[Solution] = []
     for i, pose in enumerate(poses):
         solutions.append(solver.solve(pose, seeds[i] if i < len(seeds) else solutions[-1].q))
-    response.position = batch.written(np.array([solution.q for solution in solutions]))
+    response.position = batch.write(np.array([solution.q for solution in solutions]))
     response.reached = [solution.reached for solution in solutions]
     response.distance = to_array([solution.distance for solution in solutions])
     response.angle = to_array([solution.angle for solution in solutions])

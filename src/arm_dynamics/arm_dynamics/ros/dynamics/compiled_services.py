@@ -60,7 +60,7 @@ WORTH = 20  # number of requests after which compiling a service is worth the ti
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))
 _ENDED = HEADER.constants["ENDED"]
-_SHARED = HEADER.structure("answer_t")
+_SharedAnswer = HEADER.structure("answer_t")
 
 
 def code_of(entries: Sequence[Entry], dynamics: Dynamics) -> Any | None:
@@ -94,7 +94,7 @@ class _Answer:
             compiled.service.type.Response(success=True, joint_names=names)
         )
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
-        self.shared = _SHARED(
+        self.shared = _SharedAnswer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
             names=ctypes.addressof(self._names),
             joints=len(names), most=compiled.most,
@@ -126,7 +126,7 @@ class CompiledServices:
         dynamics: Callable[[], Dynamics | None], lock: RLock,
     ) -> None:  # fmt: skip
         self._log, self._native, self._answer = Throttled(node.get_logger()), library, answer
-        self._arm, self._lock = dynamics, lock
+        self._dynamics, self._lock = dynamics, lock
         self._running: dict[int, _Answer] = {}  # by index of the service, as all below
         self._requested, self._tried = Counter[int](), set[int]()
         self._builder = Background("builder")
@@ -144,7 +144,7 @@ class CompiledServices:
         table = c_void_p * len(COMPILED)
         self._server = c_void_p(library.server(table(*pointers), table(*places)))
         if not self._server:
-            self._give_back()
+            self._release()
             raise KernelError("this ROS does not signal service calls")
         node.context.on_shutdown(self._end)
         self._thread = Thread(target=self._serve, name="services", daemon=True)
@@ -167,7 +167,7 @@ class CompiledServices:
         """Stop answering for the current arm, before another one is set."""
         with self._lock:
             for k, answer in self._running.items():
-                self._native.use(self._server, k, ctypes.byref(_SHARED()))
+                self._native.use(self._server, k, ctypes.byref(_SharedAnswer()))
                 answer.close()
             self._running.clear()
             self._requested.clear()
@@ -182,9 +182,9 @@ class CompiledServices:
         self.forget()
         self._native.server_free(self._server)
         self._server = c_void_p(None)
-        self._give_back()
+        self._release()
 
-    def _give_back(self) -> None:
+    def _release(self) -> None:
         self._builder.close()
         for handle in self._handles:
             handle.destroy_when_not_in_use()
@@ -213,18 +213,18 @@ class CompiledServices:
 
     def _compile(self, k: int) -> None:
         """Start compiling the answer to a service, once that is worth it."""
-        arm = self._arm()
+        current = self._dynamics()
         self._requested[k] += 1
-        if arm is None or self._requested[k] < WORTH or k in self._tried or self._builder.busy:
+        if current is None or self._requested[k] < WORTH or k in self._tried or self._builder.busy:
             return
         self._tried.add(k)
         self._builder.start(
-            lambda: code_of(COMPILED[k].terms, Dynamics(arm.model)),
-            lambda code: self._use(k, arm, code()),
+            lambda: code_of(COMPILED[k].terms, Dynamics(current.model)),
+            lambda code: self._use(k, current, code()),
         )
 
-    def _use(self, k: int, arm: Dynamics, rows: Any) -> None:
-        if rows is None or arm is not self._arm():
+    def _use(self, k: int, dynamics: Dynamics, rows: Any) -> None:
+        if rows is None or dynamics is not self._dynamics():
             return
-        self._running[k] = answer = _Answer(COMPILED[k], arm, rows)
+        self._running[k] = answer = _Answer(COMPILED[k], dynamics, rows)
         self._native.use(self._server, k, ctypes.byref(answer.shared))

@@ -54,19 +54,19 @@ class Stopping:
     def __init__(self, arm: SimulatedArm, servos: Servos) -> None:
         self._arm, self._servos = arm, servos
         self._still = JointCommand(velocity=[0.0] * arm.n)
-        self._place: JointCommand | None = None
+        self._hold_command: JointCommand | None = None
         self._begun: int | None = None
         self.hold()
 
     def release(self) -> None:
         """Release the arm for a command."""
         self.acts = self._holds = self.locked = False
-        self._begun = self._place = None
+        self._begun = self._hold_command = None
 
     def hold(self) -> None:
         """Hold the arm at its position from now on."""
         self.acts = self._holds = True
-        self.locked, self._place = False, None
+        self.locked, self._hold_command = False, None
 
     def command(self, policy: str) -> JointCommand | None:
         """Command of the servos in the next tick, by the policy; None if brakes hold."""
@@ -81,6 +81,6 @@ class Stopping:
             self.hold()
         if policy == BRAKE or not self._servos.ready:
             return None
-        if self._place is None:
-            self._place = JointCommand(position=self._arm.x[: self._arm.n])
-        return self._place
+        if self._hold_command is None:
+            self._hold_command = JointCommand(position=self._arm.x[: self._arm.n])
+        return self._hold_command

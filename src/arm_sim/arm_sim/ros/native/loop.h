@@ -108,7 +108,7 @@ typedef struct {
 
 /* A source of commands: time of the last command, and number of commands without a silence. */
 typedef struct {
-  double heard;
+  double last_time;
   int64_t count;
 } stream_t;
 

@@ -7,7 +7,7 @@
 
 #define ROOMY 4096 /* largest command in bytes that is recorded here */
 
-static int64_t ask(ticks_t* t, int64_t what) { return t->broken ? 0 : t->ask(what); }
+static int64_t ask(ticks_t* t, int64_t question) { return t->broken ? 0 : t->ask(question); }
 
 /* --- what acts ------------------------------------------------------------------------------------------------------- */
 

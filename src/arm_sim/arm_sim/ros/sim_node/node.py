@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
-from arm_dynamics.ros.common.direct import advertise
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
+from arm_dynamics.ros.common.topics import advertise, subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
@@ -28,13 +28,13 @@ from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting
-from arm_sim.ros.standard import StandardServices
+from arm_sim.ros.standard.services import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 from arm_sim.simulation.simulator import Simulator
 
 if TYPE_CHECKING:
-    from arm_sim.ros.record import TickRecorder
+    from arm_sim.ros.record.ticks import TickRecorder
 
 
 class SimNode(Node):
@@ -135,7 +135,7 @@ class SimNode(Node):
     def _recorder_of(self, params: SimParams) -> TickRecorder | None:
         if not params.record:
             return None
-        from arm_sim.ros.record import recorder_of  # not imported otherwise
+        from arm_sim.ros.record.node_recorder import recorder_of  # not imported otherwise
 
         return recorder_of(self, params.record, self.engine, self.inputs, self._outputs)
 
@@ -235,7 +235,7 @@ class SimNode(Node):
                 f"{self.recorder.thread.written} bytes, to {self.recorder.path}"
             )
         if self.params.tick_source == CLOCK:
-            loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
+            loop, round_trip = self.loop.report(), self.inputs.round_trip.histogram.percentiles()
             trips = f", round trip {round_trip}" if round_trip.count else ""
             self.get_logger().info(
                 f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "

@@ -13,9 +13,9 @@ typedef struct {
   int64_t last_time, other_time;
 } followed_t;
 
-/* The last state; `known` 0: there is none. `longest`: time between two states since Python looked, in [ns]. */
+/* The last state; `valid` 0: there is none. `longest`: time between two states since Python looked, in [ns]. */
 typedef struct {
-  int64_t known, stamp, longest;
+  int64_t valid, stamp, longest;
   double *q, *v;
 } before_t;
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Reception and publication of JointStates, each in a single call, for loops at 1 kHz. The offsets of numbers, and the
- * bytes that are constant in all messages of a kind, are set by topics.py and reader.py.
+ * bytes that are constant in all messages of a kind, are set by sink.py and reader.py.
  */
 #include "joint_state.h"
 

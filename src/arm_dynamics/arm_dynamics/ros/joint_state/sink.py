@@ -15,7 +15,7 @@ from functools import partial
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions and publishers that bypass rclpy's executor.
+"""Subscriptions that bypass rclpy's executor.
 
 A 1 kHz loop that needs only the newest message polls for it: that costs less than a microsecond
 without a message and a few with one, far less than a callback.
@@ -46,11 +46,3 @@ class PolledSubscription:
         if self._handle is not None:
             self._handle.destroy_when_not_in_use()
             self._handle = None
-
-
-def advertise(node: Node, topic: Topic) -> Any:
-    """Create a publisher; its ``handle.publish_raw`` publishes serialized messages.
-
-    No other thread may be using it when the node is destroyed.
-    """
-    return node.create_publisher(topic.type, topic.name, topic.publish)

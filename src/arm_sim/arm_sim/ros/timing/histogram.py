@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Latency: a histogram of durations, and the round trip of commands."""
+"""A histogram of durations, which C counts, and its percentiles."""
 
 from __future__ import annotations
 
-from ctypes import Structure, addressof, byref
+from ctypes import Structure
 from dataclasses import dataclass
 
 import numpy as np
 
-from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.node_library import LOOP
 
-_FINE, _COARSE, _STEPS, _SENT = (LOOP.constants[n] for n in ("FINE", "COARSE", "STEPS", "SENT"))
+_FINE, _COARSE, _STEPS = (LOOP.constants[name] for name in ("FINE", "COARSE", "STEPS"))
 
 
 @dataclass(frozen=True)
@@ -61,47 +61,3 @@ def _seconds(bin_: int) -> float:
     if bin_ < _FINE:
         return 1e-6 * bin_
     return float(1e-6 * _FINE * 2.0 ** ((bin_ - _FINE) / _STEPS))
-
-
-class RoundTrip(Structure):
-    """Time from a joint state to the command with its stamp.
-
-    ``trip_t`` of loop.h; ``newest`` is the stamp of the state published last, in [ns].
-    """
-
-    _fields_ = LOOP.fields("trip_t")
-
-    def __init__(self) -> None:
-        self._stamps, self._times = np.full(_SENT, -1), np.zeros(_SENT, np.int64)
-        super().__init__(stamps=self._stamps.ctypes.data, times=self._times.ctypes.data)
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the counters."""
-        self._histogram = Histogram()
-        self.trips = addressof(self._histogram)
-
-    def answered(self, stamp: int, arrival: int) -> bool:
-        """Register when, in [ns] of the system, a command for a state arrived: the first counts.
-
-        Returns:
-            Whether that state is the newest.
-        """
-        return bool(library().answered(byref(self), stamp, arrival))
-
-    def awaits(self, stamp: int) -> bool:
-        """Whether a state of ``stamp`` in [ns] was published lately and has no answer yet."""
-        return stamp >= 0 and stamp in self._stamps
-
-    def forget(self) -> None:
-        """Forget the answer that acts: time stands still, or something else acts."""
-        self.acting = 0
-
-    def take_oldest(self) -> float:
-        """The oldest age in [s] of the arm's time at which an answer acted since the last call."""
-        oldest, self.oldest = self.oldest, 0
-        return float(1e-9 * oldest)
-
-    def percentiles(self) -> Percentiles:
-        """Summary of the answers so far."""
-        return self._histogram.percentiles()
