@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"
 CONTROLS = (WEIGHT, SLIDERS, NOTHING)
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
-ENERGIES = ("kinetic", "potential", "total", "supplied", "lost", "balance")
+ENERGIES = ("kinetic", "potential", "supplied", "lost", "balance", "total")  # the total on top
 BUDGET = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
 SAMPLED = 0.02  # [s] between points of curves, in simulated time
@@ -90,7 +90,7 @@ class InteractiveArm:
             return self.simulation.effort, self.error, np.full(len(ENERGIES), np.nan)
         x = self._meter.account()
         flows = x.input + x.changed, x.dissipated, x.balance
-        energies = np.array([x.kinetic, x.potential, x.total, *flows])
+        energies = np.array([x.kinetic, x.potential, *flows, x.total])
         return self.simulation.effort, self.error, energies
 
     def instant(self) -> Instant:
