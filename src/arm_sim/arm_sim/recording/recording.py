@@ -72,7 +72,7 @@ class Recording(RecordedMotion):
 
         contents = files.load(path, topic)
         physics = None if contents.origin is None else Physics(contents.origin)
-        loaded = cls(**contents.fields(), physics=physics)
+        loaded = cls(**vars(contents), physics=physics)
         return loaded if scene is None else loaded.of(scene)
 
     def of(self, scene: Any) -> Self:

@@ -43,9 +43,8 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
     """
     model, duration = motion.model, motion.trajectory.duration
     loop, trip, latencies = clock["loop"], clock["round_trip"], observed.latencies
-    p50, p99, longest = np.percentile(
-        latencies if len(latencies) else np.nan, (50, 99, 100)
-    ).tolist()
+    percentiles = np.percentile(latencies if len(latencies) else np.nan, (50, 99, 100))
+    p50, p99, longest = percentiles.tolist()
     error = observed.error[observed.time <= duration]
     return {
         "robot": model.pin.name, "joints": model.n,
