@@ -50,7 +50,7 @@ def least_squares(robot: str, told: JointRecord, band: float) -> float:
 def test_less_is_left_than_by_least_squares(robot: str) -> None:
     told, band = record(robot), CASES[robot]
     found = identify(robot, told, band=band)
-    assert all(bodies.consistent(body) for body in found.bodies)
+    assert all(bodies.consistent(body) for body in found.bodies.values())
     if robot == "ur10":
         assert found.error[0] < 0.5 * least_squares(robot, told, band)
     else:  # whose residual is the noise of the efforts by two thirds

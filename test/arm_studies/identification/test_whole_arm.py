@@ -87,10 +87,10 @@ def test_base_parameters_of_known_truth_to_a_millionth(found):
 
 def test_the_bodies_are_possible_and_the_scene_has_them(found):
     model, _, _, _, result = found
-    for body in result.bodies:
+    for body in result.bodies.values():
         assert bodies.consistent(body, -1e-9)
-    rebuilt = RigidRegressor(ArmModel(load_scene(result.scene))).nominal
-    np.testing.assert_allclose(rebuilt, result.bodies.ravel(), rtol=1e-6, atol=1e-8)
+    rebuilt = RigidRegressor(ArmModel(load_scene(result.scene))).nominal.reshape(-1, 10)
+    np.testing.assert_allclose(rebuilt, [*result.bodies.values()], rtol=1e-6, atol=1e-8)
 
 
 def two_link():
@@ -183,7 +183,7 @@ def test_a_joint_at_rest_keeps_the_values_of_the_scene():
     scene["joints"]["elbow"]["friction"] = {"viscous": 0.123}
     result = identify(scene, JointRecord.of(model.joint_names, t, q, tau, v, a))
     assert result.missing["elbow.friction"] == "it moved only 0 rad or m where it cannot stick"
-    assert result.friction[1] is None
+    assert result.joints[1].friction is None
     assert result.scene.joints["elbow"].friction.viscous == 0.123
     assert result.parameters["shoulder.coulomb"] == pytest.approx(numbers["shoulder"]["coulomb"])
 
@@ -197,7 +197,7 @@ def test_a_joint_that_moves_without_friction_is_not_called_at_rest():
         said["joints"][name]["friction"] = {"viscous": 0.5, "coulomb": 1.0}
     tau = Dynamics(true).inverse(q, v, a) - 1e-3 * (v + np.sign(v))
     result = identify(said, JointRecord.of(model.joint_names, t, q, tau, v, a))
-    assert [fit.kinds for fit in result.friction] == [(), ()]
+    assert [joint.friction.kinds for joint in result.joints] == [(), ()]
     assert result.missing["elbow.friction"] == "none that opposes the motion was found"
     friction = result.scene.joints["elbow"].friction
     assert (friction.viscous, friction.coulomb) == (0.0, 0.0)
@@ -341,7 +341,7 @@ def test_no_error_is_told_of_a_joint_at_rest_in_the_part_held_out():
     tau = torque(regressor, theta, numbers, q, v, a)
     result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
     assert np.isnan(result.torque_error["elbow"]) and np.isnan(result.nominal_error["elbow"])
-    assert np.isnan(result.torque_residual["elbow"])
+    assert np.isnan(result.joints[1].residual)
     assert result.error[0] == pytest.approx(result.torque_error["shoulder"])
     for name, own in numbers.items():
         assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=1e-6)
@@ -402,9 +402,9 @@ def test_efforts_that_the_robot_filtered():
 def test_known_masses_are_kept():
     scene, record = spoilt()
     result = identify(scene, record, total_mass=3.3)
-    assert result.bodies[:, 0].sum() == pytest.approx(3.3, rel=1e-4)
+    assert sum(body[0] for body in result.bodies.values()) == pytest.approx(3.3, rel=1e-4)
     heavy = identify(*spoilt(tau=8.0 * two_link()[5]), total_mass=8.0 * 3.3)
-    assert heavy.bodies[:, 0].sum() == pytest.approx(8.0 * 3.3, rel=1e-4), "as said, not refused"
+    assert sum(body[0] for body in heavy.bodies.values()) == pytest.approx(8.0 * 3.3, rel=1e-4)
     with pytest.raises(InvalidInput, match="masses: unknown 'hip'; allowed: shoulder, elbow"):
         identify(scene, record, masses={"hip": 1.0})
 
@@ -418,7 +418,7 @@ def test_efforts_of_unknown_scale():
     scene = wide(model)
     record = JointRecord.of(model.joint_names, t, q, tau * [0.5, 3.0], v, a)
     result = identify(scene, record, effort="scale")
-    np.testing.assert_allclose(result.scales, [2.0, 1.0 / 3.0], rtol=1e-2)
+    assert [joint.scale for joint in result.joints] == pytest.approx([2.0, 1.0 / 3.0], rel=1e-2)
     assert any("densities of the nominal bodies" in note for note in result.notes)
     with pytest.raises(InvalidInput, match="effort is 'volts'"):
         identify(scene, record, effort="volts")
@@ -431,6 +431,6 @@ def test_no_scale_where_friction_makes_most_of_the_efforts():
     tau = torque(regressor, regressor.nominal, numbers, q, v, a)
     record = JointRecord.of(model.joint_names, t, q, tau * [0.5, 3.0], v, a)
     result = identify(wide(model), record, effort="scale")
-    np.testing.assert_allclose(result.scales, [2.0, 1.0], rtol=1e-2)
+    assert [joint.scale for joint in result.joints] == pytest.approx([2.0, 1.0], rel=1e-2)
     notes = [note for note in result.notes if "cannot be identified" in note]
     assert notes[0].startswith("'elbow'")

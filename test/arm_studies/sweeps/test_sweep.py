@@ -299,15 +299,15 @@ def ended_after(runs: int, folder: Path) -> None:
             raise Ended
 
     with pytest.raises(Ended):
-        sweep(VARIED, folder, workers=1, told=told)
+        sweep(VARIED, folder, workers=1, on_progress=told)
 
 
 def test_a_sweep_that_was_ended_goes_on(tmp_path: Path) -> None:
     ended_after(4, tmp_path)
     first = sweep(VARIED, tmp_path, workers=1)
-    assert 0 < first.made < 12
+    assert 0 < first.simulated < 12
     assert bits(first.table) == bits(sweep(VARIED, workers=1).table)
-    assert sweep(VARIED, tmp_path, workers=1).made == 0
+    assert sweep(VARIED, tmp_path, workers=1).simulated == 0
 
 
 @pytest.mark.parametrize("cut", [1, 7, 40])
@@ -316,7 +316,7 @@ def test_a_damaged_last_line_is_dropped(cut: int, tmp_path: Path) -> None:
     journal = tmp_path / "runs.jsonl"
     journal.write_bytes(journal.read_bytes()[:-cut])
     again = sweep(VARIED, tmp_path, workers=1)
-    assert again.made == 1 and again.dropped
+    assert again.simulated == 1 and again.dropped
     assert bits(again.table) == bits(whole)
 
 
@@ -324,7 +324,7 @@ def test_a_journal_that_ends_in_its_first_line_is_started_again(tmp_path: Path) 
     sweep(VARIED, tmp_path, workers=1)
     journal = tmp_path / "runs.jsonl"
     journal.write_bytes(journal.read_bytes()[:20])
-    assert sweep(VARIED, tmp_path, workers=1).made == 12
+    assert sweep(VARIED, tmp_path, workers=1).simulated == 12
 
 
 @pytest.mark.parametrize(
@@ -372,7 +372,7 @@ def test_a_file_that_changed_is_noticed(file: str, key: str, tmp_path: Path) -> 
         "controller: {scene: known.yaml}\nmotion: {file: to.yaml}\n"
     )
     sweep(folder / "study.yaml", tmp_path, workers=1)
-    assert sweep(folder / "study.yaml", tmp_path, workers=1).made == 0
+    assert sweep(folder / "study.yaml", tmp_path, workers=1).simulated == 0
     write(file, 1.7)
     with pytest.raises(InvalidInput, match=f"'content of {key}.* was "):
         sweep(folder / "study.yaml", tmp_path, workers=1)
@@ -397,4 +397,4 @@ def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
             with pytest.raises(InvalidInput, match="is being written by another sweep"):
                 sweep(VARIED, tmp_path, workers=1)
 
-    assert sweep(VARIED, tmp_path, workers=1, told=told).made == 12
+    assert sweep(VARIED, tmp_path, workers=1, on_progress=told).simulated == 12

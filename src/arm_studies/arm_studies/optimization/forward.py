@@ -12,18 +12,10 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.simulation.simulator import Simulator
-from arm_sim.stepping import Stepper
+from arm_sim.stepping import Stepper, lanes
 from arm_sim.stepping.addresses import address
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks, strides
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lanes import (
-    ADDRESS,
-    NUMBER,
-    built_of_lanes,
-    has_unmonitored_switches,
-    ticks_of_lanes,
-    widths,
-)
 from arm_studies.optimization.backward import OWN, Policy
 
 
@@ -126,11 +118,12 @@ class Forward:
     @cached_property
     def _library(self) -> Compiled | None:
         """Compiled code, for many lanes without events; None where Python steps arms alone."""
-        alone = self._choice.tolerance is not None or has_unmonitored_switches(self._plant)
+        alone = self._choice.tolerance is not None or lanes.has_unmonitored_switches(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
-        types = [ADDRESS, NUMBER, *[ADDRESS] * 8, NUMBER, ADDRESS, NUMBER]
-        wide = (1,) if self.eventful else widths(None)
-        write, unit = partial(ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
-        built = (built_of_lanes(write, width, "follow", types, unit, OWN) for width in wide)
+        array, number = lanes.ADDRESS, lanes.NUMBER
+        types = [array, number, *[array] * 8, number, array, number]
+        wide = (1,) if self.eventful else lanes.widths(None)
+        write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
+        built = (lanes.built_of_lanes(write, width, "follow", types, unit, OWN) for width in wide)
         return next((code for code in built if code is not None), None)

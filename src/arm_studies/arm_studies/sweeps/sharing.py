@@ -164,8 +164,8 @@ class Workers:
                 parallel = Parallel(return_as="generator_unordered", batch_size=1)
                 yield from parallel(delayed(work)(task, parent) for task in tasks)
         except (RuntimeError, ConnectionError) as error:
-            known = isinstance(error, BrokenExecutor | ConnectionError)
-            if not known and type(error).__module__.partition(".")[0] != "distributed":
+            of_joblib = isinstance(error, BrokenExecutor | ConnectionError)
+            if not of_joblib and type(error).__module__.partition(".")[0] != "distributed":
                 raise
             raise ArmError(
                 "workers ended before their runs were done (killed, or out of memory); with an "

@@ -1,14 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimate of the remaining time of a sweep from the durations of its runs so far."""
+"""Progress of a sweep, with an estimate of the remaining time from the durations so far."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
 
+from arm_dynamics.attributes import frozen
 from arm_studies.sweeps.sharing import Result
 
-_FEW = 3  # results required for an estimate
+_FEWEST = 3  # results required for an estimate
+
+
+@frozen
+class Progress:
+    """Progress of a sweep.
+
+    Attributes:
+        done: Number of finished runs, earlier ones included.
+        total: Number of all runs.
+        remaining: Remaining time in [s]; None while too little is known.
+        activity: What is being done.
+    """
+
+    done: int
+    total: int
+    remaining: float | None
+    activity: str
 
 
 class Pace:
@@ -25,12 +43,12 @@ class Pace:
     def __init__(self, left: Mapping[bool, int]) -> None:
         self._left = Counter(left)
         self._done = Counter[bool]()
-        self._spent_seconds: dict[bool, float] = {}
+        self._seconds: dict[bool, float] = {}  # spent on runs of each kind
         self._began: float | None = None
         self._results, self._busy = 0, 0.0
 
-    def note(self, result: Result, now: float) -> None:
-        """Record a result that arrived at a time in [s]."""
+    def add(self, result: Result, now: float) -> None:
+        """Count a result that arrived at a time in [s]."""
         kind, runs = result.compiled, len(result.rows)
         self._left[kind] -= runs
         self._done[kind] += runs
@@ -39,17 +57,17 @@ class Pace:
             self._began, cost = now, result.seconds
         else:
             self._busy += cost
-        self._spent_seconds[kind] = self._spent_seconds.get(kind, 0.0) + cost
+        self._seconds[kind] = self._seconds.get(kind, 0.0) + cost
         self._results += 1
 
     def remaining(self, now: float) -> float | None:
         """Remaining time in [s]; None while too little is known."""
-        if self._results < _FEW or self._began is None or not self._busy or now <= self._began:
+        if self._results < _FEWEST or self._began is None or not self._busy or now <= self._began:
             return None
-        side_by_side = self._busy / (now - self._began)
-        usual = sum(self._spent_seconds.values()) / max(1, sum(self._done.values()))
-        work_left = sum(  # of a single worker
-            count * (self._spent_seconds[kind] / done if (done := self._done[kind]) else usual)
-            for kind, count in self._left.items()
-        )
-        return work_left / side_by_side
+        parallel = self._busy / (now - self._began)
+        of_any_kind = sum(self._seconds.values()) / max(1, sum(self._done.values()))
+        work = 0.0  # that a single worker would have to do
+        for kind, count in self._left.items():
+            done = self._done[kind]
+            work += count * (self._seconds[kind] / done if done else of_any_kind)
+        return work / parallel
