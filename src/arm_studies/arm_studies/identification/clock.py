@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_studies.identification.data import JointRecord, runs
+from arm_studies.identification.data import JointRecord, interpolated, runs
 from arm_studies.identification.filtering import ABOVE, WIDEST, ZeroPhase, chosen_band
 
 ROUNDS = 4
@@ -121,9 +121,6 @@ def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tup
     """Deviations of positions from the smoothed motion, and its velocities, shapes (k, n)."""
     low_pass, time = ZeroPhase(band, dt), record.time - late
     grid = time[0] + dt * np.arange(round(float(time[-1] - time[0]) / dt) + 1)
-    even = np.column_stack([np.interp(grid, time, column) for column in record.q.T])
-    smooth, slope = low_pass(even), low_pass(even, 1)
-    at = [
-        np.column_stack([np.interp(time, grid, column) for column in x.T]) for x in (smooth, slope)
-    ]
-    return record.q - at[0], at[1]
+    even = interpolated(grid, time, record.q)
+    smooth, slope = (interpolated(time, grid, low_pass(even, order)) for order in (0, 1))
+    return record.q - smooth, slope

@@ -20,16 +20,7 @@ from arm_dynamics.model.friction_table import steepest
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import set_inertial, xml_root
-from arm_studies.identification.regression.friction import (
-    COULOMB,
-    COULOMB_SKEW,
-    EXCESS,
-    VISCOUS,
-    VISCOUS_SKEW,
-    JointFit,
-    Shape,
-)
-from arm_studies.identification.regression.friction import STEEPEST as IDENTIFIED
+from arm_studies.identification.regression import friction as terms
 from arm_studies.identification.regression.regressor import EACH, TINY
 
 # Keys of a joint's friction whose values are identified; the others stay as they are.
@@ -82,7 +73,7 @@ def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
 
 
 def scene_with(
-    model: ArmModel, theta: Array, armature: Array, friction: Sequence[JointFit | None],
+    model: ArmModel, theta: Array, armature: Array, friction: Sequence[terms.JointFit | None],
     notes: list[str],
 ) -> Scene:  # fmt: skip
     """The nominal scene with the identified parameters.
@@ -123,7 +114,7 @@ def scene_with(
 
 
 def _joint(
-    model: ArmModel, j: int, armature: float, fit: JointFit | None, notes: list[str]
+    model: ArmModel, j: int, armature: float, fit: terms.JointFit | None, notes: list[str]
 ) -> dict[str, Any]:
     """A joint's entry of the scene with what was identified of it."""
     name = model.joint_names[j]
@@ -145,12 +136,11 @@ def _joint(
 
 
 def _friction(
-    name: str, model: ArmModel, j: int, fit: JointFit, notes: list[str]
+    name: str, model: ArmModel, j: int, fit: terms.JointFit, notes: list[str]
 ) -> dict[str, Any]:
     """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
     viscous, coulomb, offset, viscous_skew, excess = (
-        fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0
-        for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
+        fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0 for kind in terms.LINEAR
     )
     drive = model.drives[j]
     viscous = max(viscous - (drive.viscous if drive else 0.0), 0.0)
@@ -171,7 +161,7 @@ def _friction(
             f"'{name}': dry friction rises with speed, from {coulomb + excess:.3g} to "
             f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
         )
-    elif EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None:
+    elif terms.EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None:
         level = max(coulomb + excess, HELD * coulomb)
         most = level if excess > 0.0 else (1.0 - HELD) * level
         skew = float(np.clip(offset, -most, most))
@@ -183,12 +173,14 @@ def _friction(
     elif fit.refused and fit.shape.load is None:
         notes.append(
             f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
-            f"it; at most {IDENTIFIED} is identified, so its growth is left out"
+            f"it; at most {terms.STEEPEST} is identified, so its growth is left out"
         )
     return friction
 
 
-def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:
+def _growth(
+    name: str, shape: terms.Shape, highest: float, notes: list[str]
+) -> dict[str, list[float]]:
     """The table of friction over load, where the highest friction grows no faster than allowed."""
     steep = highest * steepest(Curve.through(*shape.table))
     if steep > STEEPEST:

@@ -37,13 +37,13 @@ def mapped(
     Raises:
         InvalidInput: If a joint is missing or ambiguous.
     """
-    given = dict(names or {})
-    if unknown := [name for name in given if name not in joints]:
+    names = names or {}
+    if unknown := [name for name in names if name not in joints]:
         raise InvalidInput(
-            f"names: '{unknown[0]}' = '{given[unknown[0]]}', but the scene has no joint "
+            f"names: '{unknown[0]}' = '{names[unknown[0]]}', but the scene has no joint "
             f"'{unknown[0]}'{did_you_mean(unknown[0], joints)}; its joints: {known_names(joints)}"
         )
-    matches = {joint: given.get(joint) or _match(record, joint) for joint in joints}
+    matches = {joint: names.get(joint) or _match(record, joint) for joint in joints}
     if missing := [joint for joint in joints if matches[joint] is None]:
         raise InvalidInput(
             f"{record.name}: no joint matches {known_names(missing)} of the scene; it has "

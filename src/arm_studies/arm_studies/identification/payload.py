@@ -19,19 +19,12 @@ from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
 from arm_studies.identification.identified_scene import central_inertia
-from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression import bodies, estimation
 from arm_studies.identification.regression.bandwidth import noise_above
 from arm_studies.identification.regression.efforts import with_age
-from arm_studies.identification.regression.estimation import (
-    Mask,
-    Prior,
-    Problem,
-    consistent_solution,
-    deviations,
-    solved,
-)
 from arm_studies.identification.regression.rows import Rows, Sampled, steady_friction
 from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, Estimate, unbiased
+from arm_studies.renaming import renamed_argument
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
@@ -78,20 +71,22 @@ class PayloadEstimate:
         return [*zip(NAMES, values, ["kg", *["m"] * 3, *["kg m²"] * 6], strict=True)]
 
 
+@renamed_argument("told", "on_note")
 def identify_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
-    names: Mapping[str, str] | None = None, told: Callable[[str], None] = lambda text: None,
+    names: Mapping[str, str] | None = None, on_note: Callable[[str], None] = lambda note: None,
 ) -> Payload:  # fmt: skip
-    """The payload of ``estimate_payload``, which ``told`` says what is not determined of."""
-    estimate = estimate_payload(scene, recordings, frame, band=band, names=names, told=told)
+    """The payload of ``estimate_payload``; ``on_note`` also gets what is not determined."""
+    estimate = estimate_payload(scene, recordings, frame, band=band, names=names, on_note=on_note)
     if estimate.missing:
-        told(f"the motion does not determine {known_names(estimate.missing)}")
+        on_note(f"the motion does not determine {known_names(estimate.missing)}")
     return estimate.payload
 
 
+@renamed_argument("told", "on_note")
 def estimate_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
-    names: Mapping[str, str] | None = None, told: Callable[[str], None] = lambda text: None,
+    names: Mapping[str, str] | None = None, on_note: Callable[[str], None] = lambda note: None,
 ) -> PayloadEstimate:  # fmt: skip
     """Identify the payload of an arm whose own inertias and friction are known.
 
@@ -101,7 +96,7 @@ def estimate_payload(
         frame: The frame that carries the payload and in which the result is expressed.
         band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
         names: Joint names of the recordings by those of the scene, where they cannot be matched.
-        told: Called with each irregularity of the recordings, such as rows that are left out.
+        on_note: Called with each irregularity of the recordings, such as rows that are left out.
 
     Raises:
         SceneError: If the scene cannot be used.
@@ -113,8 +108,8 @@ def estimate_payload(
     notes, G = data.notes, place.homogeneous
     moved = np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
     rows, places = data.rows(), data.regressor.places(carrier)
-    near = Prior.near(data.regressor.nominal, *DOUBT)
-    notes += (late := checks.check_rows(Problem(rows, rows.use, near), notes)[1])
+    near = estimation.Prior.near(data.regressor.nominal, *DOUBT)
+    notes += (late := checks.check_rows(estimation.Problem(rows, rows.use, near), notes)[1])
     first = _fitted(rows, places, moved)
     limit = noise_above(rows, rows.use, first.residual) if band is None else None
     if limit is not None:
@@ -134,7 +129,7 @@ def estimate_payload(
     else:
         fit = _without_sticking(_fitted(rows, places, moved))
     for note in dict.fromkeys(notes):
-        told(note)
+        on_note(note)
     mass, com, inertia = central_inertia(fit.x)
     values = np.array([mass, *com, *six_of(inertia)])
     estimates = dict(zip(NAMES, _estimated(fit, values), strict=True))
@@ -178,7 +173,7 @@ class _Fit:
         """Torques that are left, shape (k, n)."""
         return self.torque - (self.columns @ self.x).T
 
-    def unbiased(self, columns: Array, left: Array) -> tuple[Array, Array, Mask]:
+    def unbiased(self, columns: Array, left: Array) -> tuple[Array, Array, estimation.Mask]:
         """Values, deviations and scatter of the unknowns of some columns, without the prior."""
         rows, regressor = self.rows, self.rows.regressor
         theta, body = regressor.nominal + regressor.payload, self.moved @ self.x
@@ -199,14 +194,16 @@ def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
         y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
         for c, y, used in zip(columns, torque.T, rows.use.T, strict=True)
     ]
-    weights = rows.use / deviations(rows.effort, rows.effort - np.array(left).T, rows.use)
+    weights = rows.use / estimation.deviations(
+        rows.effort, rows.effort - np.array(left).T, rows.use
+    )
     flat = (columns * weights.T[:, :, None]).reshape(-1, 10)
     y, count = (weights * torque).T.ravel(), np.sqrt(rows.independent)
     ball = bodies.numbers_of(np.diag([GUESS**2 / 5.0] * 3 + [1.0]))
-    T, z = Prior.near(ball, LOOSE, LOOSE).combined(count * flat, count * y)
-    x = solved(T, z)
+    T, z = estimation.Prior.near(ball, LOOSE, LOOSE).combined(count * flat, count * y)
+    x = estimation.solved(T, z)
     if not bodies.consistent(x, 1e-9):
-        x = consistent_solution(T, z, ball, ball, ())
+        x = estimation.consistent_solution(T, z, ball, ball, ())
     return _Fit(rows, places, moved, columns, torque, weights, x)
 
 

@@ -13,15 +13,9 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification import filtering
 from arm_studies.identification.clock import repaired, without_repeats
-from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
-from arm_studies.identification.filtering import (
-    WIDEST,
-    ZeroPhase,
-    chosen_band,
-    decimated,
-    white_noise,
-)
+from arm_studies.identification.data import JointRecord, MeasuredMotion, interpolated, runs
 
 # Steps without a sample that split a recording; over shorter holes the filter gets interpolated
 # values, and only the samples that are missing are left out.
@@ -72,7 +66,7 @@ class EvenRecord:
         """Cut-off frequency in [Hz] that suits the noise; see ``filtering.chosen_band``."""
         if self.exact:
             return np.inf
-        return max(chosen_band(stretch.q, self.dt) for stretch in self.stretches)
+        return max(filtering.chosen_band(stretch.q, self.dt) for stretch in self.stretches)
 
     def filtered(self, band: float | None = None, age: float = 0.0) -> MeasuredMotion:
         """Low-pass filter with zero phase and differentiate; see ``prepare``.
@@ -85,7 +79,7 @@ class EvenRecord:
             InvalidInput: If the band is not positive, or too wide for the sampling rate.
         """
         band = self.band if band is None else band
-        name, widest = self.stretches[0].name, WIDEST / self.dt
+        name, widest = self.stretches[0].name, filtering.WIDEST / self.dt
         if not band > 0.0:
             raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
         if np.isfinite(band) and band > widest:
@@ -93,7 +87,7 @@ class EvenRecord:
                 f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second; "
                 f"allowed: up to {widest:.4g} Hz"
             )
-        low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
+        low_pass = filtering.ZeroPhase(np.inf if self.exact else band, self.dt)
         return joined([_motion(stretch, low_pass, age) for stretch in self.stretches], self.notes)
 
 
@@ -229,14 +223,14 @@ def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
     if stride == 1:
         return motion, 1
     dt = stride * motion.dt
-    low_pass = ZeroPhase(motion.band, dt)
+    low_pass = filtering.ZeroPhase(motion.band, dt)
     parts = []
     for part in motion.parts():
         rows = slice(0, None, stride)
         values: dict[str, Any] = {
             key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "valid")
         }
-        values["effort"] = decimated(part.effort, stride)
+        values["effort"] = filtering.decimated(part.effort, stride)
         stretches = (slice(0, len(values["time"])),)
         values |= {"dt": dt, "low_pass": low_pass, "stretches": stretches}
         parts.append(replace(part, **values))
@@ -293,15 +287,12 @@ def _even(piece: JointRecord, step: float) -> JointRecord:
     after = np.clip(np.searchsorted(piece.time, time), 1, len(piece.time) - 1)
     far = np.minimum(time - piece.time[after - 1], piece.time[after] - time) > NEAR * step
     slopes = np.gradient(piece.q, piece.time, axis=0)
-
-    def linear(values: Array) -> Array:
-        return np.column_stack([np.interp(time, piece.time, column) for column in values.T])
-
-    effort, q = linear(piece.effort), cubic(time, piece.time, piece.q, slopes)
+    effort, v, a = (interpolated(time, piece.time, x) for x in (piece.effort, piece.v, piece.a))
     effort[far] = np.nan
+    q = cubic(time, piece.time, piece.q, slopes)
     return replace(
-        piece, time=read_only(time), q=read_only(q), effort=read_only(effort),
-        v=read_only(linear(piece.v)), a=read_only(linear(piece.a)),
+        piece, time=read_only(time), q=read_only(q), effort=read_only(effort), v=read_only(v),
+        a=read_only(a),
     )  # fmt: skip
 
 
@@ -318,7 +309,7 @@ def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
     )
 
 
-def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotion:
+def _motion(grid: JointRecord, low_pass: filtering.ZeroPhase, age: float) -> MeasuredMotion:
     """Filter one even stretch, whose efforts are of this age if it does not state another."""
     measured = np.isfinite(grid.effort)
     known = measured & ~saturated(grid.effort)
@@ -342,7 +333,7 @@ def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotio
         q, v, a = grid.q, grid.v, grid.a
     efforts = read_only(np.column_stack(effort))
     pairs = zip((grid.q, efforts), SLOPED, strict=True)
-    noise = [white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
+    noise = [filtering.white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
     return MeasuredMotion(
         grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), efforts,
         valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,19 +22,30 @@ MOVING = 0.2
 BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
 
 
+class Errors(NamedTuple):
+    """Relative errors of the torques that two scenes predict; NaN if unknown."""
+
+    identified: float
+    nominal: float
+
+
 @dataclass(frozen=True)
 class Validation:
     """Errors on the part held out.
 
     Attributes:
-        errors: What an ``Identification`` says of them, by its attributes.
+        error: Of all joints together.
+        joints: Of each joint.
+        residuals: Root mean square of what is left of each joint's torque in [N m] or [N].
         nominal: Torques of the nominal scene, shape (k, n).
         ratios: Efforts over these, by joint, 1 where unknown, shape (n,).
         excess: By how many standard errors the nominal scene is better.
         notes: What cannot be judged, and whether the nominal scene is better.
     """
 
-    errors: Mapping[str, Any]
+    error: Errors
+    joints: list[Errors]
+    residuals: list[float]
     nominal: Array
     ratios: Array
     excess: float
@@ -72,17 +82,17 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     worse = excess(trial, test, trial.rows.clear(nominal))
     error, each = _relative(rows.effort, predicted, test)
     before, each_before = _relative(rows.effort, nominal, test)
-    left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan).tolist()
-    by_joint = {"torque_error": each, "nominal_error": each_before, "torque_residual": left}
-    errors: dict[str, Any] = {"error": (error, before)}
-    errors |= {key: dict(zip(rows.names, x, strict=True)) for key, x in by_joint.items()}
+    residuals = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
     if error > max(before, checks.ROUNDING):
         notes.append(
             f"the nominal scene leaves less of the part held out, {before:.3%} against "
             f"{error:.3%}; beyond what noise in the estimates explains, that is {worse:.1f} "
             "standard errors"
         )
-    return Validation(errors, nominal, ratios, worse, notes)
+    return Validation(
+        Errors(error, before), [*map(Errors, each, each_before)], residuals.tolist(), nominal,
+        ratios, worse, notes,
+    )  # fmt: skip
 
 
 def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]:
@@ -95,16 +105,16 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
     """
     train = rows.train[:, None]
     test = train if train.all() else ~train
-    known = np.count_nonzero(rows.valid & test, axis=0)
+    count = np.count_nonzero(rows.valid & test, axis=0)
     moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
-    resting = (moving < MOVING * known) & (known > 0)
+    resting = (moving < MOVING * count) & (count > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
-    for which, why in (
+    for affected, why in (
         (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
                   "what follows it"),
-        (known == 0, f"without an effort in {part}"),
+        (count == 0, f"without an effort in {part}"),
     ):  # fmt: skip
-        names = [f"'{name}'" for name, there in zip(rows.names, which, strict=True) if there]
+        names = [f"'{name}'" for name, there in zip(rows.names, affected, strict=True) if there]
         if names:
             notes.append(f"no error is known of {known_names(names)}: {why}")
     return np.asarray(rows.valid & test & ~resting), notes

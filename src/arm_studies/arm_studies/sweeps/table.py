@@ -52,8 +52,7 @@ class Table:
     @property
     def done(self) -> NDArray[np.bool_]:
         """Which runs were completed."""
-        done: NDArray[np.bool_] = self.columns["status"] == DONE
-        return done
+        return np.asarray(self.columns["status"] == DONE)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write ``table.parquet``, or ``table.csv`` where pyarrow is not installed.

@@ -133,8 +133,7 @@ class Room:
         model = self.model
         q, tree = ca.SX.sym("q", model.n), tree_of(model)
         pose = placements(tree, q)
-        distances: list[ca.SX] = []
-        names: list[str] = []
+        distances, names = list[ca.SX](), list[str]()
         for name, contact in model.scene.contacts:
             plane = contact.plane
             pair = frame_of(model, contact.frame), frame_of(model, plane.frame)

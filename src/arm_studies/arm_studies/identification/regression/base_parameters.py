@@ -80,10 +80,9 @@ def base_parameters(
     grouping = np.linalg.lstsq(triangle[:, independent], triangle, rcond=None)[0]
     grouping[abs(grouping) < ROUNDED] = 0.0
     grouping[:, independent] = np.eye(len(independent))
-    return BaseParameters(
-        tuple(independent), grouping, tuple(_name(row, lead, names) for row, lead in
-                                            zip(grouping, independent, strict=True)),
-    )  # fmt: skip
+    pairs = zip(grouping, independent, strict=True)
+    groups = tuple(_name(row, lead, names) for row, lead in pairs)
+    return BaseParameters(tuple(independent), grouping, groups)
 
 
 def _name(row: Array, lead: int, names: list[str]) -> str:

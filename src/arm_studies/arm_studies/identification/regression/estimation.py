@@ -82,10 +82,8 @@ class Columns:
     def wider(self, more: Sequence[Array], places: Sequence[Places], count: int) -> Columns:
         """With ``count`` more unknowns: columns of each joint, and which of these they are of."""
         own = [np.column_stack(pair) for pair in zip(self.own, more, strict=True)]
-        all_places = [
-            np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)
-        ]
-        return Columns(self.common, tuple(own), tuple(all_places), self.size + count)
+        wide = [np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)]
+        return Columns(self.common, tuple(own), tuple(wide), self.size + count)
 
     def predicted(self, x: Array) -> Array:
         """A x of shape (k, n)."""

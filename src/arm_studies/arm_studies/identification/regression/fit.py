@@ -11,15 +11,8 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression import bodies, friction
-from arm_studies.identification.regression.estimation import (
-    Columns,
-    Problem,
-    consistent_solution,
-    deviations,
-    solved,
-    with_mass,
-)
+from arm_studies.identification.regression import bodies, estimation, friction
+from arm_studies.identification.regression.estimation import Columns, Problem
 from arm_studies.identification.regression.friction import JointFit, Shape
 from arm_studies.identification.regression.rows import Rows
 
@@ -120,7 +113,8 @@ def fitted(
     """
     target, use = problem.target, problem.use
     laws = [_kept(problem.rows.v[use[:, j], j], law) for j, law in enumerate(laws)]
-    load, weights = np.zeros_like(target), 1.0 / deviations(target, np.zeros_like(target), use)
+    load = np.zeros_like(target)
+    weights = 1.0 / estimation.deviations(target, load, use)
     fastest = abs(problem.rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
         fit = _settled(problem, laws, load, weights, settled)
@@ -153,9 +147,9 @@ def _settled(
     for step in range(STEPS):
         own = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
         columns = Columns.of(problem.common, own)
-        x = solved(*problem.combined(columns, weights))
+        x = estimation.solved(*problem.combined(columns, weights))
         now = Fit(problem, x, _with_coefficients(laws, x, columns.size), columns, weights, load)
-        left = deviations(problem.target, columns.predicted(x), problem.use)
+        left = estimation.deviations(problem.target, columns.predicted(x), problem.use)
         cost = float(np.log(left).sum())
         gain = best - cost
         if step > 4 and gain < -1e-12 and kept is not None:
@@ -189,7 +183,7 @@ def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[J
 def _stepped(fit: Fit, damping: float) -> list[JointFit]:
     """Laws whose shapes have made a Gauss-Newton step, with all linear unknowns free."""
     wide, names = widened(fit, fit.load)
-    x = solved(*fit.problem.combined(wide, fit.weights))
+    x = estimation.solved(*fit.problem.combined(wide, fit.weights))
     moved = list(fit.friction)
     for i, (j, name) in enumerate(names, fit.columns.size):
         by = damping * float(np.clip(x[i], -0.7, 0.7))
@@ -268,7 +262,7 @@ def _consistent(fit: Fit) -> Fit:
     R, z = problem.data(fit.columns, fit.weights)
     nominal, n = problem.prior.x0, fit.rows.n
     shown = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
-    movable = with_mass(nominal)
+    movable = estimation.with_mass(nominal)
     if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():
         return fit
     kinds = [kind for law in fit.friction for kind in law.kinds]
@@ -285,6 +279,6 @@ def _consistent(fit: Fit) -> Fit:
     while not inside(start + share * (x - start)):
         share *= 0.7
     start += 0.9 * share * (x - start)
-    x = consistent_solution(*problem.prior.combined(R, z), start, nominal, positive)
+    x = estimation.consistent_solution(*problem.prior.combined(R, z), start, nominal, positive)
     laws = _with_coefficients(fit.friction, x, fit.columns.size)
     return replace(fit, x=x, friction=laws, changed=True)

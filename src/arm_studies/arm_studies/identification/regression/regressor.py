@@ -66,8 +66,9 @@ class RigidRegressor:
         def columns(q: Array, v: Array, a: Array) -> Array:
             return np.concatenate([np.eye(n) * a[:, :, None], self(q, v, a)], axis=2)
 
-        armatures = [f"{name}.armature" for name in self.model.joint_names]
-        return base_parameters(columns, n, [*armatures, *self.names()])
+        names = [f"{joint}.armature" for joint in self.model.joint_names]
+        names += [f"{body}.{name}" for body in self.bodies for name in NAMES]
+        return base_parameters(columns, n, names)
 
     @property
     def turning(self) -> list[bool]:
@@ -77,10 +78,6 @@ class RigidRegressor:
     def places(self, body: int) -> slice:
         """Indices of the parameters of a body in θ."""
         return slice(EACH * body, EACH * (body + 1))
-
-    def names(self) -> list[str]:
-        """Names of the parameters in θ, such as ``elbow.Izz``."""
-        return [f"{body}.{name}" for body in self.bodies for name in NAMES]
 
 
 def parameters_of(model: pin.Model) -> Array:

@@ -14,15 +14,8 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
-from arm_studies.identification.filtering import (
-    BENT_NOISE,
-    FLAT_NOISE,
-    REACH,
-    ZeroPhase,
-    decimated,
-    spread,
-)
+from arm_studies.identification import filtering
+from arm_studies.identification.data import JointRecord, MeasuredMotion, interpolated, runs
 from arm_studies.identification.preparation import EvenRecord, common_band, resampled, thinned
 from arm_studies.identification.regression.friction import DRY, EXCESS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
@@ -72,9 +65,8 @@ class Sampled:
     ) -> Sampled:
         """Of joint states; with None as band, it is chosen from the noise."""
         even = tuple(resampled(record) for record in records)
-        return cls(
-            RigidRegressor(model), even, common_band(even) if band is None else band, held_out
-        )
+        band = common_band(even) if band is None else band
+        return cls(RigidRegressor(model), even, band, held_out)
 
     @property
     def notes(self) -> list[str]:
@@ -122,7 +114,7 @@ class Rows:
         self.q, self.v, self.a = (
             np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
         )
-        near, reach = list[NDArray[np.int_]](), np.arange(-REACH, REACH + 1)
+        near, reach = list[NDArray[np.int_]](), np.arange(-filtering.REACH, filtering.REACH + 1)
         for _, s in self._stretches():  # of each row, in its stretch
             rows = np.arange(s.start, s.stop)[:, None] + reach
             near.append(np.clip(rows, s.start, s.stop - 1))
@@ -295,8 +287,8 @@ class Rows:
                 continue
             position, effort = 2.0 * motion.dt * motion.noise**2  # per [Hz]
             band = min(motion.band, self.effort_band or np.inf)
-            accelerations = BENT_NOISE * band * (2.0 * np.pi * band) ** 4 * position
-            variances.append(FLAT_NOISE * motion.band * effort + squares @ accelerations)
+            accelerations = filtering.BENT_NOISE * band * (2.0 * np.pi * band) ** 4 * position
+            variances.append(filtering.FLAT_NOISE * motion.band * effort + squares @ accelerations)
         return np.sqrt(np.mean(variances, axis=0))
 
     @property
@@ -347,7 +339,7 @@ class Rows:
         """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
         smooth = np.empty_like(columns)
         for motion, span in self._stretches():
-            smooth[span] = ZeroPhase(band, motion.dt)(columns[span])
+            smooth[span] = filtering.ZeroPhase(band, motion.dt)(columns[span])
         return smooth
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
@@ -385,7 +377,7 @@ class Rows:
         entry = self._made.get((joint, kind))
         if entry is None or entry[0] != fall:
             weights = np.concatenate([
-                spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
+                filtering.spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
                 for motion, stride in zip(self.whole, self.strides, strict=True)
                 for stretch in motion.stretches
             ])  # fmt: skip
@@ -436,9 +428,9 @@ def steady_friction(rows: Rows, load: Array) -> Array:
     """
     friction, torques, start = SteadyFriction.of(rows.regressor.model), [], 0
     for motion, thin, stride in zip(rows.whole, rows.motions, rows.strides, strict=True):
-        own = load[start : start + len(thin.time)].T
+        own = load[start : start + len(thin.time)]
         start += len(thin.time)
-        dense = np.column_stack([np.interp(motion.time, thin.time, column) for column in own])
+        dense = interpolated(motion.time, thin.time, own)
         torque = friction(motion.v, np.sign(motion.v), np.zeros_like(motion.v), dense)
-        torques += [decimated(torque[stretch], stride) for stretch in motion.stretches]
+        torques += [filtering.decimated(torque[stretch], stride) for stretch in motion.stretches]
     return rows.of_joints(np.concatenate(torques))
