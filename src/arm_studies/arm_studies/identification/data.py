@@ -264,6 +264,6 @@ def interpolated(at: Array, time: Array, values: Array) -> Array:
     return np.column_stack([np.interp(at, time, column) for column in values.T])
 
 
-def runs(where: NDArray[np.bool_]) -> NDArray[np.int_]:
+def runs(mask: NDArray[np.bool_]) -> NDArray[np.int_]:
     """First row and end of each stretch in which a condition holds, shape (m, 2)."""
-    return np.flatnonzero(np.diff(where.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    return np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)

@@ -26,16 +26,16 @@ _INSTANTS = np.linspace(0.0, 1.0, 6)[:-1]  # of every segment of a motion
 
 @contextmanager
 def torque_panels(
-    path: Path, scene: Scene, time: Array, measured: Array, others: Mapping[str, Array]
+    path: Path, scene: Scene, time: Array, measured: Array, predictions: Mapping[str, Array]
 ) -> Iterator[Any]:
-    """A row for each joint: its torques, measured and others, and measured minus the others.
+    """A row for each joint: its torques, measured and predicted, and the residuals.
 
     Args:
         path: The figure.
         scene: The arm.
         time: In [s], shape (k,).
         measured: In [N m] or [N], shape (k, n).
-        others: Other torques by label.
+        predictions: Other torques by label.
 
     Yields:
         The axes, shape (n, 2).
@@ -46,7 +46,7 @@ def torque_panels(
     with figure(path, n, 2, size, squeeze=False, sharex=True, width_ratios=(1.5, 1)) as axes:
         for j, (left, right) in enumerate(axes):
             left.plot(time, measured[:, j], color="0.7", lw=3.0, label="measured")
-            for (label, torque), color in zip(others.items(), COLORS, strict=False):
+            for (label, torque), color in zip(predictions.items(), COLORS, strict=False):
                 left.plot(time, torque[:, j], color=color, lw=1.0, label=label)
                 right.plot(time, measured[:, j] - torque[:, j], color=color, lw=0.8)
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
@@ -110,12 +110,10 @@ def draw_friction(identification: Identification, path: Path) -> None:
     lines = -(-n // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
-        for j, (at, name) in enumerate(
-            zip(axes.flat, joint_words(identification.joint_names), strict=False)
-        ):
-            at.plot(
-                shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", ms=2, label="measured"
-            )
+        names = joint_words(identification.joint_names)
+        for j, (at, name) in enumerate(zip(axes.flat, names, strict=False)):
+            v, friction = shown.v[rows, j], shown.friction[rows, j]
+            at.plot(v, friction, ".", color="0.7", ms=2, label="measured")
             law = identification.joints[j].friction
             if law is not None and law.kinds:
                 v = _velocities(shown.v[:, j])

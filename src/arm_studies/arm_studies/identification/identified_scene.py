@@ -26,9 +26,9 @@ from arm_studies.identification.regression.regressor import EACH, TINY
 # Keys of a joint's friction whose values are identified; the others stay as they are.
 REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
 # Smallest static friction relative to Coulomb friction: a joint has to be able to rest.
-HELD = 1e-3
+LEAST_STATIC = 1e-3
 # Growth of friction with load over the allowed one where it is limited, for rounding.
-LESS = 0.999
+BELOW_LIMIT = 0.999
 
 
 def urdf_with(model: ArmModel, theta: Array) -> str:
@@ -162,8 +162,8 @@ def _friction(
             f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
         )
     elif terms.EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None:
-        level = max(coulomb + excess, HELD * coulomb)
-        most = level if excess > 0.0 else (1.0 - HELD) * level
+        level = max(coulomb + excess, LEAST_STATIC * coulomb)
+        most = level if excess > 0.0 else (1.0 - LEAST_STATIC) * level
         skew = float(np.clip(offset, -most, most))
         highest = max(highest, level + abs(skew))
         friction["static"] = _sides(level, skew)
@@ -173,7 +173,7 @@ def _friction(
     elif fit.refused and fit.shape.load is None:
         notes.append(
             f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
-            f"it; at most {terms.STEEPEST} is identified, so its growth is left out"
+            f"it; at most {terms.LARGEST_GROWTH} is identified, so its growth is left out"
         )
     return friction
 
@@ -188,7 +188,7 @@ def _growth(
             f"'{name}': friction grows by up to {steep:.3g} of the load that causes it; the "
             f"scene limits that to {STEEPEST}"
         )
-        shape = replace(shape, load=(shape.load or 0.0) * LESS * STEEPEST / steep)
+        shape = replace(shape, load=(shape.load or 0.0) * BELOW_LIMIT * STEEPEST / steep)
     at, factor = shape.table
     return {"at": at.tolist(), "factor": factor.tolist()}
 

@@ -76,17 +76,17 @@ def _without_prefix(name: str) -> str:
     return re.sub(r"^[^_/]*[_/]", "", name) if re.search(r"[_/]", name) else ""
 
 
-def unwrapped(record: JointRecord, turning: Sequence[bool]) -> JointRecord:
+def unwrapped(record: JointRecord, joint_types: Sequence[str]) -> JointRecord:
     """The recording without jumps by whole turns, as some encoders report them.
 
     Args:
         record: The recording.
-        turning: For each joint, whether it is revolute.
+        joint_types: As of ``ArmModel``.
     """
     q = np.array(record.q)
-    for column, turns in zip(q.T, turning, strict=True):
+    for column, kind in zip(q.T, joint_types, strict=True):
         measured = np.isfinite(column)
-        if turns and measured.any():
+        if kind != "prismatic" and measured.any():
             column[measured] = np.unwrap(column[measured])
     if np.array_equal(q, record.q, equal_nan=True):
         return record
@@ -102,8 +102,7 @@ def joint_records(
     Raises:
         InvalidInput: If there is none, or it is something else, or a joint is missing.
     """
-    turning = [kind != "prismatic" for kind in model.joint_types]
     return [
-        unwrapped(mapped(record, model.joint_names, names), turning)
+        unwrapped(mapped(record, model.joint_names, names), model.joint_types)
         for record in records_of(recordings)
     ]

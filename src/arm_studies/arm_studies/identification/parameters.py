@@ -15,7 +15,7 @@ from arm_studies.identification.regression.uncertainty import Estimate, Estimate
 from arm_studies.identification.result import IdentifiedParameter
 
 # Smallest value of a friction term beside viscous and Coulomb, over half its interval.
-SURELY = 1.5
+SIGNIFICANT_RATIO = 1.5
 NO_FRICTION = "none that opposes the motion was found"
 
 
@@ -73,7 +73,7 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     estimates = iter(estimates_of(fit).linear[fit.rows.regressor.base.count :])
     laws = []
     for own in fit.friction:
-        sure = {kind: not abs(each.value) < SURELY * (each.high - each.value) < np.inf
+        sure = {kind: not abs(each.value) < SIGNIFICANT_RATIO * (each.high - each.value) < np.inf
                 for kind, each in zip(own.kinds, estimates, strict=False)}  # fmt: skip
         kinds = tuple(kind for kind in own.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
         fall = own.shape.stribeck_velocity if EXCESS in kinds else None
@@ -92,8 +92,8 @@ def _missing_friction(fit: Fit, ranges: Array) -> dict[str, str]:
         elif not own.kinds:
             missing[f"{joint}.friction"] = NO_FRICTION
         else:
-            left = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
-            missing |= {f"{joint}.{kind}": NO_FRICTION for kind in left}
+            absent = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
+            missing |= {f"{joint}.{kind}": NO_FRICTION for kind in absent}
             if EXCESS not in own.kinds:
                 missing[f"{joint}.static"] = "friction does not visibly fall with speed"
     return missing

@@ -13,10 +13,10 @@ from arm_dynamics.exceptions import known_names
 from arm_studies.identification import checks
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
-from arm_studies.identification.regression.rows import Rows, steady_friction
+from arm_studies.identification.regression.rows import Rows, nominal_efforts
 
 # Fraction of the part held out in which a joint has to move for its prediction to be judged.
-MOVING = 0.2
+MOVING_FRACTION = 0.2
 # Largest and smallest number of blocks of the part held out, and length of a block in periods of
 # the band, where the part is long enough: filtered noise is correlated over half a period.
 BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
@@ -65,15 +65,11 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     """
     rows = trial.rows.plain
     train = rows.use & rows.train[:, None]
-    model, predicted = rows.regressor.model, trial.predicted(rows)
-    load = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
-    nominal = np.asarray(load + steady_friction(rows, load))
+    predicted = trial.predicted(rows)
+    nominal = nominal_efforts(rows)
     test, notes = _test_rows(rows, ranges, held_out)
-    sums = [
-        (rows.effort[u, j] @ nominal[u, j], nominal[u, j] @ nominal[u, j])
-        for j, u in enumerate(train.T)
-    ]
-    ratios = np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+    pairs = [(rows.effort[use, j], nominal[use, j]) for j, use in enumerate(train.T)]
+    ratios = np.array([y @ x / (x @ x) if x @ x > 0.0 else 1.0 for y, x in pairs])
     shown = test if test.any() else train
     checks.check_explained(
         _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
@@ -107,25 +103,24 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
     test = train if train.all() else ~train
     count = np.count_nonzero(rows.valid & test, axis=0)
     moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
-    resting = (moving < MOVING * count) & (count > 0)
+    resting = (moving < MOVING_FRACTION * count) & (count > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
     for affected, why in (
         (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
                   "what follows it"),
         (count == 0, f"without an effort in {part}"),
     ):  # fmt: skip
-        names = [f"'{name}'" for name, there in zip(rows.names, affected, strict=True) if there]
-        if names:
+        if names := [f"'{rows.names[j]}'" for j in np.flatnonzero(affected)]:
             notes.append(f"no error is known of {known_names(names)}: {why}")
     return np.asarray(rows.valid & test & ~resting), notes
 
 
 def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
     """Relative residual of all joints together, and of each; NaN without a row."""
-    left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
+    error = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
     size = np.where(use, measured**2, 0.0).sum(axis=0)
-    each = np.where(use.any(axis=0), np.sqrt(left / np.maximum(size, 1e-300)), np.nan)
-    whole = np.sqrt(left.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
+    each = np.where(use.any(axis=0), np.sqrt(error / np.maximum(size, 1e-300)), np.nan)
+    whole = np.sqrt(error.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
     return float(whole), each.tolist()
 
 

@@ -23,7 +23,7 @@ from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.identified_scene import scene_with
 from arm_studies.identification.regression import bandwidth, irregularities
-from arm_studies.identification.regression.efforts import DOUBT, scales_of, with_age
+from arm_studies.identification.regression.efforts import NOMINAL_ERRORS, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
@@ -38,11 +38,11 @@ from arm_studies.identification.validation import validate
 from arm_studies.renaming import renamed_argument
 
 # Prior deviations of bodies from nominal: of density, of all else; selected by the evidence.
-MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
+DENSITIES, SHAPES = ((0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0))
 FIRST = 0.3, 0.2  # Those of the first fit.
 # Largest number of selections of friction laws until the bandwidth of the efforts is stable.
 ROUNDS = 3
-WORSE = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
+LEAN_RATIO = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
 
 
 @renamed_argument("told", "on_progress")
@@ -91,14 +91,14 @@ def identify(
     report("filtering")
     data = Sampled.of(model, [_in_torques(each, effort) for each in records], band, held_out)
     rows, notes, nominal = data.rows(), data.notes, data.regressor.nominal
-    near, train = Prior.near(nominal, *DOUBT), rows.train[:, None]
+    near, train = Prior.near(nominal, *NOMINAL_ERRORS), rows.train[:, None]
     moving = Problem(rows, rows.valid & ~rows.rests & train, near)
     ranges, late = checks.check_rows(moving, notes)
     notes += late
     if effort != "scale":
         notes += checks.check_scales(Problem(rows, rows.use & train, near))
     known_masses = _known_masses(data.regressor, total_mass, masses or {})
-    prior = partial(Prior.near, nominal, known=known_masses)
+    prior = partial(Prior.near, nominal, known_masses=known_masses)
     report("fitting bodies with simple friction")
     scales = np.ones(model.n)
     if effort == "scale":
@@ -188,8 +188,8 @@ def _first(
     def without_sticking(fit: Fit) -> Fit:
         """Clear rows of what joints that stick can cause, and fit them again."""
         sizes = np.array([
-            1.4826 * np.median(abs(left[mine])) if mine.any() else np.inf
-            for left, mine in zip(fit.residual.T, fit.problem.use.T, strict=True)
+            1.4826 * np.median(abs(residual[use])) if use.any() else np.inf
+            for residual, use in zip(fit.residual.T, fit.problem.use.T, strict=True)
         ])  # fmt: skip
         levels = np.array([own.coefficients.get(COULOMB, 0.0) for own in fit.friction])
         exact = NOISELESS * np.sqrt((fit.rows.effort**2).mean(axis=0))
@@ -223,8 +223,8 @@ def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
     "Bayesian interpolation", Neural Computation 4(3), 1992).
     """
     R, z = fit.problem.data(fit.columns, fit.weights)
-    best, chosen = np.inf, fit.problem.prior
-    for deviations in ((m, s) for m in MASSES for s in SHAPES):
+    least, chosen = np.inf, fit.problem.prior
+    for deviations in ((m, s) for m in DENSITIES for s in SHAPES):
         belief = prior(*deviations)
         numbers = len(belief.x0)
         T, t = belief.combined(R, z)
@@ -237,8 +237,8 @@ def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
             for i in range(0, numbers, EACH)
         )
         evidence = float(misfit + 2.0 * np.log(scale).sum() - bodies)
-        if evidence < best:
-            best, chosen = evidence, belief
+        if evidence < least:
+            least, chosen = evidence, belief
     return chosen
 
 
@@ -275,7 +275,7 @@ def _consistent(fit: Fit) -> tuple[Fit, Fit, Fit]:
         use = final.problem.use
         lean = fitted(final.problem, laws, consistent=True)
         before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean))
-        if after < WORSE * before:
+        if after < LEAN_RATIO * before:
             trial, final = fitted(trial.problem, laws, consistent=True), lean
             strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
     return trial, final, strict

@@ -149,10 +149,8 @@ class ILQR:
             SimulationDiverged: If the motion diverges.
         """
         initial, commands = real_array("x0", x0), real_array("u", u)
-        for name, array, shape in (
-            ("x0", initial, (self._nx,)),
-            ("u", commands, (self._nodes, self._n)),
-        ):
+        expected = ("x0", initial, (self._nx,)), ("u", commands, (self._nodes, self._n))
+        for name, array, shape in expected:
             if array.shape != shape or not np.isfinite(array).all():
                 raise InvalidInput(
                     f"{name} has shape {array.shape}; finite numbers of {shape} are expected"

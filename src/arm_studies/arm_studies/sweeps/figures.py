@@ -118,17 +118,21 @@ def _headings(study: Study, metrics: list[str]) -> list[str]:
 
 
 def _quantity(key: str) -> str:
-    """A key of a scene in words, with the first unit that its description names."""
+    """A key of a scene in words, with its unit: the first that its description names."""
     part: Any = Scene
-    words, unit = [], ""
+    words, unit = list[str](), ""
     for name in key.split("."):
         if field := getattr(part, "model_fields", {}).get(name):
             text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
             match = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
             unit, kinds = match[1] if match else "", getattr(field.annotation, "__args__", ())
-            part = next((one for one in kinds if hasattr(one, "model_fields")), field.annotation)
-        words += [] if name in ("joints", "*") or name.isdigit() else [name.replace("_", " ")]
-    return ": ".join([words[0], ", ".join(words[1:])][: len(words)]) + f"\n[{unit}]" * bool(unit)
+            models = (kind for kind in kinds if hasattr(kind, "model_fields"))
+            part = next(models, field.annotation)
+        if name not in ("joints", "*") and not name.isdigit():
+            words.append(name.replace("_", " "))
+    first, *others = words
+    label = f"{first}: {', '.join(others)}" if others else first
+    return f"{label}\n[{unit}]" if unit else label
 
 
 def _finite(values: Array) -> Array:

@@ -48,6 +48,11 @@ def tunable(key: str) -> str | None:
     return next((name for name, form in _TUNABLE.items() if form.fullmatch(key)), None)
 
 
+def is_number(value: object) -> bool:
+    """Whether a value is a number, and not true or false."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def below(key: str, above: Sequence[str]) -> bool:
     """Whether a key is one of ``above`` or lies in it."""
     return any(key == other or key.startswith(f"{other}.") for other in above)

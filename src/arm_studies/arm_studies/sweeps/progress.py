@@ -39,11 +39,11 @@ class Pace:
     process start-up and initial compilation are excluded; later compilation is included.
 
     Args:
-        left: Number of remaining runs, by whether they are compiled.
+        remaining: Number of remaining runs, by whether they are compiled.
     """
 
-    def __init__(self, left: Mapping[bool, int]) -> None:
-        self._left = Counter(left)
+    def __init__(self, remaining: Mapping[bool, int]) -> None:
+        self._remaining = Counter(remaining)
         self._done = Counter[bool]()
         self._seconds: dict[bool, float] = {}  # spent on runs of each kind
         self._began: float | None = None
@@ -52,7 +52,7 @@ class Pace:
     def add(self, result: Result, now: float) -> None:
         """Count a result that arrived at a time in [s]."""
         kind, runs = result.compiled, len(result.rows)
-        self._left[kind] -= runs
+        self._remaining[kind] -= runs
         self._done[kind] += runs
         cost = result.seconds + result.building
         if self._began is None:
@@ -69,7 +69,7 @@ class Pace:
         parallel = self._busy / (now - self._began)
         of_any_kind = sum(self._seconds.values()) / max(1, sum(self._done.values()))
         work = 0.0  # that a single worker would have to do
-        for kind, count in self._left.items():
+        for kind, count in self._remaining.items():
             done = self._done[kind]
             work += count * (self._seconds[kind] / done if done else of_any_kind)
         return work / parallel

@@ -173,7 +173,7 @@ class Planner:
         slots = {}
         for key in self.study.vary:
             name = keys.tunable(key)
-            if name is not None and all(_is_number(point.values[key]) for point in points):
+            if name is not None and all(keys.is_number(point.values[key]) for point in points):
                 if places := _places(content, key, name):
                     slots[key] = places
         return slots
@@ -199,10 +199,6 @@ def _digest(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
     """Indices of a key's value in a tunable quantity; none if the quantity is not that value.
 
@@ -210,7 +206,7 @@ def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
     in that the one replaces the other.
     """
     current = keys.value_at(content, key)
-    x = float(current) if _is_number(current) else 0.0
+    x = float(current) if keys.is_number(current) else 0.0
     probes = [x + k * _PROBE * max(abs(x), 1.0) for k in (1, 2)]
     try:
         models = [_model(content, key, name, value) for value in probes]

@@ -167,15 +167,15 @@ def _simulate(
         The current activity, and the remaining time in [s]; None while too little is known.
     """
     # Code that several workers share is compiled once, before they start.
-    builds, left = list[Task](), Counter[bool]()
+    builds, remaining = list[Task](), Counter[bool]()
     for group in groups:
         kinds = planner.by_kind(group)
-        left.update({kind: len(jobs) for kind, jobs in kinds.items()})
+        remaining.update({kind: len(jobs) for kind, jobs in kinds.items()})
         if len(group.jobs) > 1 and pool.size > 1:
             builds.append(Task(planner.recipe(group), (), group.jobs[0] in kinds[True]))
     for k, _ in enumerate(pool.results(builds), 1):
         yield f"compiling, {k} of {len(builds)}", None
-    pace = Pace(left)
+    pace = Pace(remaining)
     for result in pool.results(_tasks(planner, groups, pool.size)):
         if journal is not None:
             journal.add(result.rows)

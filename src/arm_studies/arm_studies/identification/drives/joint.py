@@ -57,10 +57,9 @@ class JointTest:
             InvalidInput: If times are not even, shapes differ, numbers are missing, or nothing
                 varies.
         """
-        values = {"torque": torque, "motor": motor} | ({} if link is None else {"link": link})
+        values = {"torque": torque, "motor": motor, "link": link}
         t, columns = even_table(name, time, values)
-        check_motion(name, columns)
-        columns.setdefault("link", np.full(len(t), np.nan))
+        check_motion(name, {key: columns[key] for key in values if values[key] is not None})
         return cls(t, **columns, name=name)
 
 

@@ -131,9 +131,9 @@ def _trial(record: MotorRecord, two_constants: bool) -> Trial:
     if not two_constants:
         numbers["back_emf_constant"] = numbers["torque_constant"]
     R, L, Kt, Ke, J, B, C = numbers.values()
-    i, w, V, way = (ca.SX.sym(name) for name in ("i", "w", "V", "way"))
+    i, w, V, direction = (ca.SX.sym(name) for name in ("i", "w", "V", "direction"))
     electric = motor.current_slope(V, i, motor.back_emf(w, Ke), L, R)
-    friction = B * w + C * way
+    friction = B * w + C * direction
     constant = "back_emf_constant" if two_constants else "torque_constant"
     y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
     u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
@@ -150,13 +150,13 @@ def _trial(record: MotorRecord, two_constants: bool) -> Trial:
         slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
         states = columns = [0, 1]
         names = [name for name in UNITS if two_constants or name != "back_emf_constant"]
-    law = Law(x, ca.vertcat(V, way), {name: numbers[name] for name in names}, slope, outputs)
+    law = Law(x, ca.vertcat(V, direction), {name: numbers[name] for name in names}, slope, outputs)
     x0 = np.nan_to_num(y[0])[states]
     return Trial(law, record.dt, u, y[:, columns], x0, np.zeros((1, len(x0))), record.name)
 
 
 def _direction(record: MotorRecord) -> Array:
-    """Which way the rotor turns from each sample to the next: -1, 0 or 1."""
+    """Which direction the rotor turns from each sample to the next: -1, 0 or 1."""
     w = np.nan_to_num(record.speed)
     return np.asarray(np.sign(w + np.append(w[1:], w[-1])))
 
@@ -173,8 +173,8 @@ def _guess(records: Sequence[MotorRecord], two_constants: bool) -> dict[str, flo
             mean_V = (V[1:] + V[:-1]) / 2 if coasts else V[:-1]
             electric.append(np.column_stack([mean_i, np.diff(i) / record.dt, mean_w, mean_V]))
         if record.kind != "blocked":
-            way, rise = _direction(record)[:-1], np.diff(w) / record.dt
-            mechanical.append(np.column_stack([rise, mean_w, way, mean_i]))
+            direction, rise = _direction(record)[:-1], np.diff(w) / record.dt
+            mechanical.append(np.column_stack([rise, mean_w, direction, mean_i]))
     (R, L, Ke), (J, B, C) = (
         solved(table[:, :3], table[:, 3], 1e-9) if len(table := np.vstack(parts)) else np.zeros(3)
         for parts in (electric, mechanical)

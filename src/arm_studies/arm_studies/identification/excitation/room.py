@@ -109,9 +109,9 @@ class Room:
         lower = np.where(np.isnan(lower), np.fmin(model.q0, upper) - _HALF_TURN, lower)
         upper = np.where(np.isnan(upper), np.fmax(model.q0, lower) + _HALF_TURN, upper)
         off = self.margin * (upper - lower)
-        rise = positive_limits("acceleration", self.acceleration, model.n)
-        speed = self.share * model.velocity_limit
-        return Limits(speed, rise, lower + off, upper - off, model.joint_names)
+        acceleration = positive_limits("acceleration", self.acceleration, model.n)
+        velocity = self.share * model.velocity_limit
+        return Limits(velocity, acceleration, lower + off, upper - off, model.joint_names)
 
     @property
     def effort(self) -> Array:

@@ -147,15 +147,15 @@ class _Search:
         model, limits, omega = room.model, room.limits, 2.0 * np.pi / period
         self.half = (limits.upper - limits.lower) / 2.0
         self.speed = np.minimum(limits.velocity, omega * harmonics * self.half)
-        rise = np.minimum(limits.acceleration, omega * harmonics * self.speed)
+        acceleration = np.minimum(limits.acceleration, omega * harmonics * self.speed)
         W = columns.regressor(model, _SOFT * self.speed)
         count = _STATES * W.size2_out(0) // model.n
-        states = columns.random_states(limits.lower, limits.upper, self.speed, rise, count)
+        states = columns.random_states(limits.lower, limits.upper, self.speed, acceleration, count)
         # The scale of each torque: its limit, or its rms over random motions.
         rms = np.sqrt(np.mean(room.torques(*np.moveaxis(states, 1, 0)) ** 2, axis=0))
         effort = room.effort
-        usual = np.where(np.isfinite(effort), effort, np.maximum(rms, 1e-9 * rms.max()))
-        combinations = columns.distinct(W, states, 1.0 / usual)
+        typical = np.where(np.isfinite(effort), effort, np.maximum(rms, 1e-9 * rms.max()))
+        combinations = columns.distinct(W, states, 1.0 / typical)
         self.shape = model.n, 2 * (harmonics - 1)
         y, times = ca.MX.sym("y", *self.shape), self._times(_INSTANTS)
         part = basis(times, period, harmonics)
@@ -164,9 +164,9 @@ class _Search:
         Wt = combinations.map(len(times))(*motion)
         self._rows = ca.Function("rows", [y], [Wt])
         if aim == MASSES:
-            left = spread(model, _SOFT * self.speed, motion, period, usual)
-            self._masses = ca.Function("masses", [y], [left])
-            gain, cost = -ca.sum1(left) / left.shape[0], ca.log(ca.sumsqr(left))
+            deviations = spread(model, _SOFT * self.speed, motion, period, typical)
+            self._masses = ca.Function("masses", [y], [deviations])
+            gain, cost = -ca.sum1(deviations) / deviations.shape[0], ca.log(ca.sumsqr(deviations))
         else:
             gain = columns.information(Wt)
             cost = -gain

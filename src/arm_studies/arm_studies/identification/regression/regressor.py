@@ -70,11 +70,6 @@ class RigidRegressor:
         names += [f"{body}.{name}" for body in self.bodies for name in NAMES]
         return base_parameters(columns, n, names)
 
-    @property
-    def turning(self) -> list[bool]:
-        """For each joint, whether it is revolute."""
-        return [kind != "prismatic" for kind in self.model.joint_types]
-
     def places(self, body: int) -> slice:
         """Indices of the parameters of a body in θ."""
         return slice(EACH * body, EACH * (body + 1))

@@ -6,7 +6,7 @@
 
 #include "derivatives/guard_derivatives.h"
 #include "derivatives/impact_derivatives.h"
-#include "derivatives/rest_derivatives.h"
+#include "derivatives/rest_stability.h"
 #include "derivatives/tangents.h"
 #include "motion/flow.h"
 
@@ -19,7 +19,7 @@ typedef struct {
   const scene_t* stepped;
   const tangents_t* tangents;
   void (*propagate_step)(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u, const double* p,
-                         const double* h, const double* given, long long count, double* after, double* columns);
+                         const double* h, const double* columns, long long count, double* after, double* moved);
   void (*close)(const double* end, const double* p, const double* begin, double* slopes);
 } helpers_t;
 
@@ -113,12 +113,12 @@ static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const
 static void take_steps(const scene_t* scene, const helpers_t* helpers, const tick_t* tick, const record_t* segment,
                        const double* steps, motion_t* motion, real* speed) {
   for (int k = 0; k < segment->steps; ++k) {
-    real given[NX + NW + 1][NV + 1], moved[NX][NV + 1], x[NX];
-    memset(given, 0, sizeof given);
-    for (int i = 0; i < NX; ++i) copy(given[i], ROWS(motion)[i], NV);
-    for (int i = NX; i <= NV; ++i) given[i][i] = 1.0;
+    real columns[NX + NW + 1][NV + 1], moved[NX][NV + 1], x[NX];
+    memset(columns, 0, sizeof columns);
+    for (int i = 0; i < NX; ++i) copy(columns[i], ROWS(motion)[i], NV);
+    for (int i = NX; i <= NV; ++i) columns[i][i] = 1.0;
     copy(x, motion->x, NX);
-    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, given[0], NV + 1,
+    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, columns[0], NV + 1,
                             motion->x, moved[0]);
     for (int i = 0; i < NX; ++i) {
       copy(ROWS(motion)[i], moved[i], NV);
@@ -160,19 +160,19 @@ static void pass_limits(const scene_t* scene, const motion_t* motion, const real
 
 /* Make a tick of length h from x under the command r and differentiate it: why that is not possible, enum refusal.
  *
- * control: error control, or null; it advances.           begins: whether the state is itself varied, see rest_derivatives.h.
+ * control: error control, or null; it advances.           begins: whether the state is itself varied, see rest_stability.h.
  * strict:  whether to refuse a tick that begins or ends on the boundary of a mode.
- * trace:   room for its segments and steps.               which:  receives how many and what a refusal is about, 1 + NG numbers.
+ * trace:   room for its segments and steps.               subjects: receives how many and what a refusal is about, 1 + NG numbers.
  * after:   receives the state at the end.                 slope:  receives derivatives, NX rows of NV, or null.
  */
 EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const double* x, const double* r, const double* p,
-                           double h, control_t* control, int strict, int begins, trace_t* trace, long long* which,
+                           double h, control_t* control, int strict, int begins, trace_t* trace, long long* subjects,
                            double* after, double* slope) {
   real u[NU], u_x[NU * NX], u_r[NU * NU];
-  const tick_t tick = {u, h, which};
+  const tick_t tick = {u, h, subjects};
   LOCAL(motion_t, motion, motion_of, MOTION);
   enum refusal refused = NO_REFUSAL;
-  which[0] = trace->count = trace->taken = 0;
+  subjects[0] = trace->count = trace->taken = 0;
   CALL(scene->acting, (x, r), (u, u_x, u_r));
   if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->taken > trace->most_steps) return DIVERGES;
   if (trace->time_stepped || trace->count > trace->most) return ACCUMULATE;

@@ -39,13 +39,13 @@ enum refusal {
 typedef struct {
   const real* u;
   double length;
-  long long* which;
+  long long* subjects;
 } tick_t;
 
-static enum refusal refuse(const tick_t* tick, enum refusal why, int who) {
-  tick->which[0] = 1;
-  tick->which[1] = who;
-  return why;
+static enum refusal refuse(const tick_t* tick, enum refusal reason, int index) {
+  tick->subjects[0] = 1;
+  tick->subjects[1] = index;
+  return reason;
 }
 
 static int is_held(const scene_t* scene, const record_t* segment, int joint) {
@@ -59,9 +59,9 @@ static int any_closed(const scene_t* scene, const record_t* segment) {
 }
 
 /* Add a matrix, column by column, times rows of NV columns. */
-static void add_product(const scene_t* scene, int rows, int inner, const real* matrix, const real (*given)[NV],
+static void add_product(const scene_t* scene, int rows, int inner, const real* matrix, const real (*factor)[NV],
                         real (*sum)[NV]) {
   for (int i = 0; i < rows; ++i)
     for (int k = 0; k < inner; ++k)
-      for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * given[k][j];
+      for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * factor[k][j];
 }
