@@ -72,12 +72,14 @@ class Planner:
             name = repr(scene)
             if name not in slots:
                 slots[name] = self._slots(self.content(scene), points)
-            inputs, own, common = slots[name], dict[str, Any](), dict[str, Any]()
+            own, common = dict[str, Any](), dict[str, Any]()
             for key, value in point.values.items():
-                if key != "scene":
-                    of_run = key in inputs or self._of_run(scene, key)
-                    (own if of_run else common)[key] = value
-            group = by_key.setdefault(f"{name} {common!r}", Group(scene, common, inputs, []))
+                if key in slots[name] or self._of_run(scene, key):
+                    own[key] = value
+                elif key != "scene":
+                    common[key] = value
+            group = Group(scene, common, slots[name], [])
+            group = by_key.setdefault(f"{name} {common!r}", group)
             group.jobs.append(Job(point.index, noise_seed(self.study, point.sample), own))
         return list(by_key.values())
 

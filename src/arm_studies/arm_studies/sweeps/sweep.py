@@ -152,8 +152,8 @@ def sweep(
                 report(Progress(len(rows), len(runs), remaining, activity))
         seconds = time.perf_counter() - begin
     return Sweep(
-        study, plan, table_of(study, runs, rows), len(rows) - before, seconds,
-        journal is not None and journal.dropped,
+        study=study, plan=plan, table=table_of(study, runs, rows), simulated=len(rows) - before,
+        seconds=seconds, dropped=journal is not None and journal.dropped,
     )  # fmt: skip
 
 
