@@ -82,7 +82,7 @@ def test_the_report_has_each_parameter_with_its_interval_and_each_body(
     low, high = map(float, interval.split(" to "))
     assert (low, high) == pytest.approx(result.intervals["elbow.coulomb"], rel=1e-3)
     assert float(scene) == pytest.approx(result.written["elbow.coulomb"], rel=1e-4)
-    for name, parameter in result.parameter_records.items():
+    for name, parameter in result.details.items():
         if parameter.nominal is not None and not parameter.missing:
             assert float(rows[name][3]) == pytest.approx(parameter.nominal, rel=1e-4)
     reasons = rows_of(page, "## Not identified")

@@ -19,7 +19,7 @@ SIGNIFICANT_RATIO = 1.5
 NO_FRICTION = "none that opposes the motion was found"
 
 
-def parameter_records(
+def details_of(
     estimates: Estimates, fit: Fit, ranges: Array, written: Fit
 ) -> dict[str, IdentifiedParameter]:
     """Every parameter of an arm, and friction that was not identified.
@@ -31,7 +31,7 @@ def parameter_records(
         written: The fit that is written into the scene.
     """
     reasons = _missing_friction(written, ranges)
-    records = {name: IdentifiedParameter(None, missing=reason) for name, reason in reasons.items()}
+    details = {name: IdentifiedParameter(None, missing=reason) for name, reason in reasons.items()}
 
     def add(name: str, estimate: Estimate, value: float, nominal: float | None = None) -> None:
         reason = reasons.get(name, "")
@@ -41,7 +41,7 @@ def parameter_records(
             span = f"{estimate.value:.3g} ± {estimate.high - estimate.value:.2g}"
             reason = f"{span}: not significantly different from zero"
         determined = estimate if np.isfinite(estimate.high) else None
-        records[name] = IdentifiedParameter(determined, value, nominal, reason)
+        details[name] = IdentifiedParameter(determined, value, nominal, reason)
 
     regressor, names, linear = fit.rows.regressor, fit.rows.names, iter(estimates.linear)
     base = regressor.base
@@ -54,7 +54,7 @@ def parameter_records(
             add(f"{name}.{kind}", next(linear), law.coefficients.get(kind, 0.0))
     for (j, key), estimate in estimates.shapes.items():
         add(f"{names[j]}.{key}", estimate, getattr(written.friction[j].shape, key) or 0.0)
-    return records
+    return details
 
 
 def estimates_of(fit: Fit) -> Estimates:

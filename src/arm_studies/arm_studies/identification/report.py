@@ -94,7 +94,7 @@ def text(
     lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
     lines += [*_IDENTIFIED, *(_SCATTER if result.scatter else [])]
     rows = []
-    for name, parameter in result.parameter_records.items():
+    for name, parameter in result.details.items():
         estimate = parameter.estimate
         if estimate is not None and not parameter.missing:
             interval = f"{estimate.low:.4g} to {estimate.high:.4g}"

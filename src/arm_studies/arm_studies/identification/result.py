@@ -86,7 +86,7 @@ class Identification:
     Attributes:
         scene: The nominal scene with the identified parameters; it loads and simulates.
         joints: In the order of the scene.
-        parameter_records: Base parameters (combinations of inertial parameters and armatures, such as
+        details: Base parameters (combinations of inertial parameters and armatures, such as
             ``elbow.Izz + elbow.armature``), and of each joint ``NAME.viscous``, ``NAME.coulomb``
             and so on.
         bodies: Ten inertial parameters of each moving body, shape (bodies, 10).
@@ -102,7 +102,7 @@ class Identification:
 
     scene: Scene
     joints: tuple[IdentifiedJoint, ...]
-    parameter_records: Mapping[str, IdentifiedParameter]
+    details: Mapping[str, IdentifiedParameter]
     bodies: Array
     body_names: tuple[str, ...]
     error: Errors
@@ -119,11 +119,7 @@ class Identification:
 
     @property
     def _estimates(self) -> dict[str, Estimate]:
-        return {
-            name: p.estimate
-            for name, p in self.parameter_records.items()
-            if p.estimate is not None
-        }
+        return {name: p.estimate for name, p in self.details.items() if p.estimate is not None}
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -147,23 +143,17 @@ class Identification:
     @property
     def written(self) -> dict[str, float]:
         """Values in the identified scene, by name."""
-        return {
-            name: p.written for name, p in self.parameter_records.items() if p.written is not None
-        }
+        return {name: p.written for name, p in self.details.items() if p.written is not None}
 
     @property
     def nominal(self) -> dict[str, float]:
         """Base parameters of the nominal scene."""
-        return {
-            name: p.nominal for name, p in self.parameter_records.items() if p.nominal is not None
-        }
+        return {name: p.nominal for name, p in self.details.items() if p.nominal is not None}
 
     @property
     def missing(self) -> dict[str, str]:
         """Reasons of what was not identified, also of parameters whose interval contains zero."""
-        return {
-            name: each.missing for name, each in self.parameter_records.items() if each.missing
-        }
+        return {name: each.missing for name, each in self.details.items() if each.missing}
 
     @property
     def torque_error(self) -> dict[str, float]:

@@ -118,22 +118,21 @@ def identify(
     validation = validate(trial, ranges, held_out)
     notes += validation.notes
     estimates = parameters.estimates_of(strict)
-    records_of_parameters = parameters.parameter_records(estimates, strict, ranges, final)
+    details = parameters.details_of(estimates, strict, ranges, final)
     notes += irregularities.all_of(trial, final)
     if effort != "scale" and not known_masses:  # else the unit of efforts is not the cause
         checks.check_masses(
             final.theta[::EACH], nominal[::EACH], model.joint_names, validation.ratios
         )
-    missing = {name for name, record in records_of_parameters.items() if record.missing}
+    missing = {name for name, parameter in details.items() if parameter.missing}
     identified, laws = _scene(final, ranges, missing, notes)
     if not accept_worse:
         checks.check_better(*validation.error, validation.excess)
     columns = laws, scales.tolist(), validation.joints, validation.residuals
     joints = tuple(map(IdentifiedJoint, model.joint_names, *columns))
     return Identification(
-        scene=identified, joints=joints, parameter_records=records_of_parameters,
-        bodies=final.theta.reshape(-1, EACH), body_names=data.regressor.bodies,
-        error=validation.error, band=final.rows.band,
+        scene=identified, joints=joints, details=details, bodies=final.theta.reshape(-1, EACH),
+        body_names=data.regressor.bodies, error=validation.error, band=final.rows.band,
         effort_band=final.rows.effort_band, condition=estimates.condition, notes=tuple(notes),
         torques=_torques(trial, final, validation.nominal),
     )  # fmt: skip

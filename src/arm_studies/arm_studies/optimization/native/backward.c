@@ -84,9 +84,9 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
       memcpy(trial, k, sizeof trial);
       for (int i = 0; i < count; ++i) {
         const int m = at[i];
-        const double unclipped = k[m] + size * step[i];
-        trial[m] = fmin(high[m], fmax(low[m], unclipped));
-        inside &= trial[m] == unclipped;
+        const double target = k[m] + size * step[i];
+        trial[m] = fmin(high[m], fmax(low[m], target));
+        inside &= trial[m] == target;
         promised += slope[m] * (trial[m] - k[m]);
       }
       if (value(H, g, trial) <= now + 0.1 * promised) break;

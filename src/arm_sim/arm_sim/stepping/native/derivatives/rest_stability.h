@@ -32,7 +32,7 @@ static void project_onto_loops(const scene_t* scene, const real* x, const tick_t
 static void velocities_after_push(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment,
                                   real* v) {
   for (int i = 0; i < NU; ++i) v[i] = i == joint;
-  if (NC && any_closed(scene, segment)) {
+  if (any_closed(scene, &segment->p)) {
     LOCAL_MODES(released, segment->p);
     real settling[NU * NU];
     for (int i = 0; i < ND; ++i)
