@@ -120,7 +120,7 @@ def _headings(study: Study, metrics: list[str]) -> list[str]:
 def _quantity(key: str) -> str:
     """A key of a scene in words, with its unit: the first that its description names."""
     part: Any = Scene
-    words, unit = list[str](), ""
+    unit = ""
     for name in key.split("."):
         if field := getattr(part, "model_fields", {}).get(name):
             text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
@@ -128,10 +128,9 @@ def _quantity(key: str) -> str:
             unit, kinds = match[1] if match else "", getattr(field.annotation, "__args__", ())
             models = (kind for kind in kinds if hasattr(kind, "model_fields"))
             part = next(models, field.annotation)
-        if name not in ("joints", "*") and not name.isdigit():
-            words.append(name.replace("_", " "))
-    first, *others = words
-    label = f"{first}: {', '.join(others)}" if others else first
+    words = re.sub(r"^joints\.(\*\.)?|s\.\d+(?=\.)", "", key)  # payloads.0.mass is that of one
+    words = re.sub(r"friction\.(\w+)$", r"\1 friction", words)
+    label = re.sub(r"[._]", " ", words)
     return f"{label}\n[{unit}]" if unit else label
 
 

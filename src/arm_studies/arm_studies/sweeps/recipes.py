@@ -78,8 +78,7 @@ class Planner:
                     own[key] = value
                 elif key != "scene":
                     common[key] = value
-            group = Group(scene, common, slots[name], [])
-            group = by_key.setdefault(f"{name} {common!r}", group)
+            group = by_key.setdefault(f"{name} {common!r}", Group(scene, common, slots[name], []))
             group.jobs.append(Job(point.index, noise_seed(self.study, point.sample), own))
         return list(by_key.values())
 

@@ -107,10 +107,10 @@ def ripples(fit: Fit) -> list[str]:
     """
     rows = fit.rows
     waves = np.zeros((*rows.q.shape, 2 * rows.n))
-    for j, kind in enumerate(rows.regressor.model.joint_types):
+    turns = [kind != "prismatic" for kind in rows.regressor.model.joint_types]
+    for j in np.flatnonzero(turns):
         q, sign = rows.q[:, j], np.sign(rows.v[:, j])
-        if kind != "prismatic":
-            waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
+        waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
     coefficients, doubt = added_coefficients(fit, rows.of_joints(waves))
     sizes, doubts = np.hypot(*coefficients.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
     dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]

@@ -197,12 +197,9 @@ class _Selection:
                     self.refused[j] = growth
                 if possible and better and (choice is None or scores.sum() < choice[1].sum()):
                     choice = place, scores
-            if choice is None:
+            if choice is None or not best.sum() - choice[1].sum() > least:
                 return
-            place, scores = choice
-            if not best.sum() - scores.sum() > least:
-                return
-            best = scores
+            place, best = choice
             self.chosen.add(place)
 
 
