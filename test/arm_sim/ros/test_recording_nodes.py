@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node records itself; topics are recorded and played."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +19,18 @@ from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
 from std_msgs.msg import Float64MultiArray
 
+import models
 from arm_dynamics import ArmError, InvalidInput
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
 from arm_sim import Recording, Simulator
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import messages
 from arm_sim.replay import replay
+from arm_sim.ros import SimNode
 from arm_sim.ros.record.definitions import definition_of
 from arm_sim.ros.record.player import Player
 from arm_sim.ros.record.topics import TopicRecorder
-from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
 
@@ -51,6 +52,20 @@ def test_our_definitions_are_those_that_are_installed(kind: str) -> None:
 
     ours, theirs = messages.definition(kind), definition_of(kind)
     assert bare(ours) == bare(theirs)
+
+
+def test_where_and_how_much_is_recorded_is_logged(
+    ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    values = {"realtime": False, "record": str(tmp_path / "run.mcap")}
+    options = [Parameter(name, value=value) for name, value in values.items()]
+    scene = models.scene("two_link")
+    node = SimNode(scene, context=ros.context, parameter_overrides=options)
+    ticks(node, 3)
+    node.destroy_node()
+    said = capfd.readouterr().err
+    assert f"recording to {tmp_path}/run.mcap\n" in said
+    assert re.search(f"recorded 3 time steps .0 lost., [1-9][0-9]+ bytes, to {tmp_path}/run.mcap", said)
 
 
 def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path) -> None:
@@ -102,7 +117,7 @@ def test_a_bag_of_a_node_has_its_metadata(ros: Ros, tmp_path: Path) -> None:
 
 def test_without_the_parameter_nothing_is_recorded(ros: Ros) -> None:
     node = by_hand(ros)
-    assert node.recorder is None and node.inputs.tap is None
+    assert node.recorder is None
     assert "recording" not in [finding.part for finding in node.diagnostics()]
 
 
@@ -121,8 +136,8 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     found = finding.message(node)
     assert (found.level, found.message) == (
         DiagnosticStatus.ERROR,
-        "2 ticks are not in the recording: the disk is full; 3 ticks and messages are not in the "
-        "recording: the disk is full; recording stopped",
+        "2 time steps not in the recording: the disk is full; 3 messages not in the recording: "
+        "the disk is full; recording stopped",
     )
 
 

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
+    from arm_dynamics.ros.common.dead_segments import clear_dead
     from arm_dynamics.ros.common.executor import make_executor
-    from arm_dynamics.ros.common.transport import LARGE_BATCHES, clear_dead
-    from arm_dynamics.ros.controller_node import ControllerNode
-    from arm_dynamics.ros.dynamics_node import DynamicsNode
+    from arm_dynamics.ros.common.transport import LARGE_BATCHES
+    from arm_dynamics.ros.controller_node.node import ControllerNode
+    from arm_dynamics.ros.dynamics_node.node import DynamicsNode
 
 __all__ = ["ControllerNode", "DynamicsNode", "LARGE_BATCHES", "clear_dead", "make_executor"]
 __getattr__, __dir__ = on_demand(__name__, {
-    "controller_node": ("ControllerNode",), "dynamics_node": ("DynamicsNode",),
-    "common.transport": ("LARGE_BATCHES", "clear_dead"),
+    "controller_node.node": ("ControllerNode",), "dynamics_node.node": ("DynamicsNode",),
+    "common.transport": ("LARGE_BATCHES",), "common.dead_segments": ("clear_dead",),
     "common.executor": ("make_executor",),
 })  # fmt: skip
