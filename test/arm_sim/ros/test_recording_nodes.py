@@ -120,8 +120,8 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     found = finding.message(node)
     assert (found.level, found.message) == (
         DiagnosticStatus.ERROR,
-        "2 ticks are not in the recording: the disk is full; 3 ticks and messages are not in the "
-        "recording: the disk is full; recording stopped",
+        "2 time steps not in the recording: the disk is full; 3 messages not in the recording: "
+        "the disk is full; recording stopped",
     )
 
 

@@ -79,9 +79,7 @@ description `@URDF@`, from whose numbers it was made, has a licence of its own.
 
 def about(name: str, model: ArmModel) -> str:
     """The first comment of the library's files."""
-    tools = ", ".join(
-        f"{key} {version}" for key, version in versions().items() if key != "machine"
-    )
+    tools = ", ".join(f"{name} {v}" for name, v in versions().items() if name != "machine")
     return (
         f"{name}: the dynamics of robot '{model.pin.name}', made by arm_sim {__version__}\n"
         f"({tools}).\nSPDX-License-Identifier: Apache-2.0"

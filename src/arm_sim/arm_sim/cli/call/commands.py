@@ -84,8 +84,9 @@ def _command(service: Service) -> click.Command:
             with closing(Caller(timeout)) as caller:
                 _call(partial(_ask, caller, node), service, node, request, as_json)
         except NoAnswer as error:
+            start = f"\n  start one in another terminal: ./arm {service.node} SCENE"
             raise click.ClickException(
-                f"{error}\n  start one in another terminal: ./arm {service.node} SCENE"
+                f"{error}{'' if error.offered else start}"
                 "\n  --node selects another node, --timeout waits longer"
             ) from None
         except Refused as error:
