@@ -125,8 +125,8 @@ class Recording(RecordedMotion):
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
         """Draw positions, velocities, torques and energies, unless they are zero all the time.
 
-        The potential energy is drawn from its least value; work and heat are those of the energy
-        balance.
+        Potential energies are counted from the least of all recordings; work and heat are those of
+        the energy balance.
 
         Args:
             *others: Recordings to draw over this one, dashed.

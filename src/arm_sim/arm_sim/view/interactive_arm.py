@@ -22,7 +22,7 @@ from arm_sim.view.charts import Sample
 from arm_sim.view.marks import Instant, contacts_of
 
 NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"  # controllers
-ENERGIES = ("kinetic", "potential", "total", "supplied", "lost", "balance")
+ENERGIES = ("kinetic", "potential", "supplied", "lost", "balance", "total")  # the total on top
 BANDWIDTH = 4.0  # [rad/s] with which references move to the sliders
 PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
 
@@ -79,7 +79,7 @@ class InteractiveArm:
         if self._meter is not None:
             x = self._meter.account()
             flows = x.input + x.changed, x.dissipated, x.balance
-            energies = np.array([x.kinetic, x.potential, x.total, *flows])
+            energies = np.array([x.kinetic, x.potential, *flows, x.total])
         return Sample(self.simulation.effort, self.error, energies)
 
     def instant(self) -> Instant:

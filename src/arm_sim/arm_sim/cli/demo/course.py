@@ -78,11 +78,11 @@ class _PrintedProgress:
     def update(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
         now = time.monotonic()
         if description:
-            self._began = self._printed = now
+            self._began, self._printed, self._description = now, now, description
             self._out.print(f"{description} …")
         elif now > self._printed + _PAUSE:
             self._printed = now
-            self._out.print(f"  {now - self._began:.0f} s")
+            self._out.print(f"  {self._description}: {now - self._began:.0f} s")
 
 
 def _run(

@@ -101,6 +101,10 @@ def set_(
     with Parameters(node, timeout) as parameters:
         parameters.require(names)
         about, before = parameters.describe(names), parameters.get(names)
+        for name in names:
+            if about[name].read_only:
+                restart = f"--ros-args -p {name}:={texts[name]}"
+                raise click.ClickException(f"{name} is fixed; restart {node} with {restart}")
         parameters.set({n: _read(n, text, about[n], before[n]) for n, text in texts.items()})
         after = parameters.get(names)
     for name in names:

@@ -118,7 +118,8 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     """Read a recording; see ``Recording.load``."""
     path = _path(path)
     if not path.exists():
-        raise NoRecording(f"no recording '{path}'")
+        pair = "; every pair has its own option, as --map a=b --map c=d" * ("=" in path.name)
+        raise NoRecording(f"no recording '{path}'{pair}")
     if path.suffix == ".csv":
         return measured.from_table(path)
     if path.suffix not in BAGS and not path.is_dir():

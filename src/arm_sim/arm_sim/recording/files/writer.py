@@ -69,7 +69,10 @@ def place_of(path: Path) -> Place:
         check_folder(path)
         return Place(path, None)
     if path.suffix:
-        raise InvalidInput(f"'{path}' ends in '{path.suffix}'; allowed: .mcap, or a folder's name")
+        raise InvalidInput(
+            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, or a folder's name; a table: "
+            "pandas.DataFrame(recording.to_dict()).to_csv(…)"
+        )
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
