@@ -68,7 +68,7 @@ class _Mark:
         self.empty = not len(points)
         if not self.empty:
             self.handle.points = points
-        self.handle.visible = not (self.hidden or self.empty)
+        self.show(not self.hidden)
 
     def show(self, on: bool) -> None:
         self.hidden = not on
@@ -253,7 +253,10 @@ class DrawnArm:
             return self._scene.add_cylinder(name, wide / 2, size[2], **look, **place)
         if kind == "sphere":
             return self._scene.add_icosphere(name, wide / 2, **look, **place)
-        mesh = _capsule(wide / 2, size[2])
+        from trimesh.creation import capsule
+
+        mesh = capsule(max(size[2] - wide, 1e-6), wide / 2)
+        mesh.apply_translation([0.0, 0.0, -mesh.bounds.mean(axis=0)[2]])
         return self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)
 
 
@@ -343,11 +346,3 @@ def _glb(visual: Visual) -> tuple[bytes, tuple[float, ...]]:
         for geometry in loaded.geometry.values():
             geometry.visual = trimesh.visual.TextureVisuals(material=material)
     return bytes(loaded.export(file_type="glb")), tuple(scale.tolist())
-
-
-def _capsule(radius: float, length: float) -> Any:
-    from trimesh.creation import capsule
-
-    mesh = capsule(max(length - 2 * radius, 1e-6), radius)
-    mesh.apply_translation([0.0, 0.0, -mesh.bounds.mean(axis=0)[2]])
-    return mesh
