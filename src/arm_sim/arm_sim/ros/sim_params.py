@@ -166,5 +166,5 @@ def greeting(simulator: Simulator, params: SimParams) -> str:
     paused = ", paused at first" if params.paused else ""
     return (
         f"simulates {model.n} joints of '{model.pin.name}' by {choice.method.name}, "
-        f"time step {1e3 * choice.dt:g} ms, {pace}{paused}; from {at}"
+        f"time step {1e3 * choice.dt:g} ms, {pace}{paused}; from {at}; to see it: ./arm watch"
     )
