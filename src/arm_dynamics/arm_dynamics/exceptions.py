@@ -124,9 +124,7 @@ class NotWritten(ArmError, OSError):
 
 
 class NoAnswer(ArmError, TimeoutError):
-    """No node offers a service, or it did not answer in time: then it is ``offered``."""
-
-    offered = False
+    """No node offers a service, or it did not answer in time."""
 
 
 class Refused(ArmError):
