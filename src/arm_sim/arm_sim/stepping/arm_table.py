@@ -9,8 +9,8 @@ from itertools import compress
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.header import Header
-from arm_sim.stepping.addresses import address
 from arm_sim.stepping.engine import NATIVE
 from arm_sim.stepping.stepper import Stepper
 
