@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,22 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, choices,
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import SpringTerms
+
+
+class MovingFrame(NamedTuple):
+    """A frame at a position and velocity of the joints.
+
+    Attributes:
+        position: Of its origin in the world in [m], shape (3,).
+        rotation: From its axes to the world's, shape (3, 3).
+        jacobian: J, shape (6, n).
+        jacobian_rate: J̇, shape (6, n).
+    """
+
+    position: Array
+    rotation: Array
+    jacobian: Array
+    jacobian_rate: Array
 
 
 class RigidTerms:
@@ -156,7 +173,7 @@ class RigidTerms:
 
     def jacobian_derivative(self, q: Array, v: Array, frame: str) -> Array:
         """J̇ of the same J, shape (6, n)."""
-        return self.motion(frame).moving(q, v)[3]
+        return self.motion(frame).moving(q, v).jacobian_rate
 
     def motion(self, frame: str) -> FrameMotion:
         """Motion of a frame, in world axes at its origin."""
@@ -245,18 +262,18 @@ class FrameMotion:
     def jacobian(self, q: Array) -> Array:
         """J of shape (6, n), linear rows first: velocity of the frame is J v."""
         full = self._model.configuration(q)
-        given = self._pin, self._data, full, self._frame, self._reference
-        return self._gathered(pin.computeFrameJacobian(*given))
+        J = pin.computeFrameJacobian(self._pin, self._data, full, self._frame, self._reference)
+        return self._gathered(J)
 
-    def moving(self, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Position, rotation, J and J̇, shapes (3,), (3, 3), (6, n) and (6, n)."""
+    def moving(self, q: Array, v: Array) -> MovingFrame:
+        """The frame, its Jacobian and its rate."""
         full = self._model.configuration(q), self._model.spread(v)
         pin.computeJointJacobiansTimeVariation(self._pin, self._data, *full)
         J_dot = pin.getFrameJacobianTimeVariation(
             self._pin, self._data, self._frame, self._reference
         )
         J = pin.getFrameJacobian(self._pin, self._data, self._frame, self._reference)
-        return *self._placed(), self._gathered(J), self._gathered(J_dot)
+        return MovingFrame(*self._placed(), self._gathered(J), self._gathered(J_dot))
 
     def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).

@@ -61,14 +61,15 @@ class Numbers:
         return self._evaluated(Expressions.needed)
 
     def _evaluated(self, law: Callable[..., ca.SX]) -> Callable[[Array, Array, Array], Array]:
-        given = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
-        torque = ca.densify(law(Expressions(self._model, self._friction), *given))
-        call = Kernel([ca.Function("torque", given, [torque], {"cse": True})], "vm").call("torque")
-        ((at, there, load), (made,), run) = call.inputs, call.outputs, call.run
+        symbols = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
+        torque = ca.densify(law(Expressions(self._model, self._friction), *symbols))
+        function = ca.Function("torque", symbols, [torque], {"cse": True})
+        call = Kernel([function], "vm").call("torque")
+        (v_in, q_in, tau_in), (result,), run = call.inputs, call.outputs, call.run
 
         def evaluate(v: Array, q: Array, tau: Array) -> Array:
-            at[:], there[:], load[:] = v, q, tau
+            v_in[:], q_in[:], tau_in[:] = v, q, tau
             run()
-            return made.copy()
+            return result.copy()
 
         return evaluate

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
+from arm_dynamics.ros.joint_state.joint_state_library import HEADER, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
 from arm_dynamics.scene.urdf.joint_names import AGREES, Follower, JointNames
 

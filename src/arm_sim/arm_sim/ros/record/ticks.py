@@ -14,10 +14,10 @@ from typing import Any
 
 from rclpy.node import Node
 
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.common.convert import as_bytes
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
-from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
 from arm_sim.recording.files.ticks import UNCHANGED, log_message
