@@ -81,8 +81,8 @@ class CommandMap:
             a: Joint accelerations in [rad/s²] or [m/s²], likewise.
             tau: Joint torques in [N m] or [N], likewise.
         """
-        torques: Array = self._uncogged(q, tau + self.rotor_inertia * a + self.rotor_damping * v)
-        return torques
+        rotors = self.rotor_inertia * a + self.rotor_damping * v
+        return np.asarray(self._uncogged(q, tau + rotors))
 
     def _uncogged(self, q: Quantity, tau: Quantity) -> Quantity:
         """Torques less those of cogging; a copy."""

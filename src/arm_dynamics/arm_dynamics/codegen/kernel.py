@@ -111,10 +111,9 @@ class Kernel:
         Args:
             recipe: Text of all inputs from which the functions and the driver are generated.
         """
-        found = known_kernels.recall(recipe)
-        if found is None:
+        if (entry := known_kernels.recall(recipe)) is None:
             return None
-        kernel, (code, note) = cls([], "vm"), found
+        kernel, (code, note) = cls([], "vm"), entry
         kernel._load(code)
         kernel._signatures = {each.name: each for each in note.functions}
         kernel._operations = note.operations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels that are found by their inputs, without generating their source.
+"""Kernels that are recalled by their inputs, without generating their source.
 
 To find compiled code by the digest of its source, that source must be generated, which takes
 seconds for an arm of a hundred joints. A note in the user's own cache maps a recipe, the inputs of
@@ -78,15 +78,15 @@ def keep(
 @cache
 def digest_of(*packages: str) -> str:
     """Digest of all Python and C files below folders, such as those of packages."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for package in packages:
         for folder, folders, files in os.walk(package):
             folders.sort()
             for name in sorted(files):
                 if name.endswith((".py", ".c", ".h", ".hpp")):
                     with open(os.path.join(folder, name), "rb") as file:
-                        found.update(f"\0{name}\0".encode() + file.read())
-    return found.hexdigest()
+                        digest.update(f"\0{name}\0".encode() + file.read())
+    return digest.hexdigest()
 
 
 def _place(recipe: str) -> Path:

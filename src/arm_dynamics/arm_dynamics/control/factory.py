@@ -175,7 +175,7 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
     if not isinstance(name, str):
         offered = {"dynamics": dynamics, "settings": settings}
         offered |= {key: getattr(settings, key) for key in OFFERED}
-        return custom.made(name, offered, dynamics.n)
+        return custom.construct(name, offered, dynamics.n)
     if name not in _BUILDERS:
         allowed = choices(name, _BUILDERS)
         raise InvalidInput(f"controller = {name!r}; allowed: {allowed}")

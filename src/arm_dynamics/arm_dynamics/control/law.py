@@ -131,8 +131,8 @@ class Wrapper:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
         tau = self.control.torque(state, reference)
-        given = self._rigid, q, v, reference, self._tuning, self._memory
-        tau, memory = self.changed(tau, *given)
+        state_and_numbers = self._rigid, q, v, reference, self._tuning, self._memory
+        tau, memory = self.changed(tau, *state_and_numbers)
         self._memory = tuple(memory)
         return np.array(tau)
 
@@ -174,5 +174,5 @@ def law_of(control: object) -> Law | None:
 
 
 def name_of(law: object) -> str:
-    """The class of a law, or what it is called if it is a user's."""
+    """The class of a law, or the name of a user's."""
     return str(getattr(law, "name", type(law).__name__))

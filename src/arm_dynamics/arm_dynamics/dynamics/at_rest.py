@@ -87,8 +87,7 @@ class AtRest:
 
     def resting(self, v: Array) -> Flags:
         """Which joints are at rest and may stick, booleans, shape as ``v``."""
-        resting: Flags = (v == 0.0) & (self._joints.level > 0.0)
-        return resting
+        return np.asarray((v == 0.0) & (self._joints.level > 0.0))
 
     def motion(self, points: Points) -> tuple[Array, Array]:
         """Motions that start from states with joints at rest.

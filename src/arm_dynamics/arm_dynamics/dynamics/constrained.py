@@ -43,8 +43,7 @@ class Constrained:
     """
 
     def __init__(self, model: ArmModel, terms: Answers) -> None:
-        self.model, self._terms = model, terms
-        self.closure = Closure(model, model.stops)
+        self.model, self._terms, self.closure = model, terms, Closure(model, model.stops)
         self._friction = SteadyFriction.of(model)
         self._at_rest = AtRest(self._friction)
 
@@ -86,36 +85,26 @@ class Constrained:
         Raises:
             InvalidInput: If a shape, value or name is not allowed.
         """
-        if q.ndim == 1:
-            a, lam = self.forward(q[None], v[None], tau[None], active, external)
-            return a[0], lam[0]
-        names = self.closure.chosen(active)
+        shape, names = q.shape, self.closure.active_names(active)
+        q, v, tau = np.atleast_2d(q, v, tau)
         a, lam = self._sliding(q, v, tau, names, external)
         rows = np.flatnonzero(self._at_rest.resting(v).any(axis=1))
         if len(rows):
             q, v, tau = q[rows], v[rows], tau[rows]
             M, bias, A, drift = self._equations(q, v, names)
-            points = Points(
-                q,
-                v,
-                tau,
-                M=M,
-                bias=bias - external,
-                A=A,
-                drift=drift,
-                rank=self._rank(names, q[0]),
-            )
+            rank = self._rank(names, q[0])
+            points = Points(q, v, tau, M, bias - external, A, drift, rank)
             a[rows], lam[np.ix_(rows, np.isin(self.names, names))] = self._at_rest.motion(points)
-        return a, lam
+        return a.reshape(shape), lam.reshape(*shape[:-1], self.m)
 
     def without_sticking(
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
         """As ``forward``, with the static friction of joints at rest included in ``tau``."""
-        if q.ndim == 1:
-            a, lam = self.without_sticking(q[None], v[None], tau[None], active)
-            return a[0], lam[0]
-        return self._sliding(q, v, tau, self.closure.chosen(active))
+        shape, names = q.shape, self.closure.active_names(active)
+        q, v, tau = np.atleast_2d(q, v, tau)
+        a, lam = self._sliding(q, v, tau, names)
+        return a.reshape(shape), lam.reshape(*shape[:-1], self.m)
 
     def inverse(
         self, q: Array, v: Array, a: Array, lam: ArrayLike, external: Array | float = 0.0
@@ -144,8 +133,7 @@ class Constrained:
         rows = self._terms(CONSTRAINT_ROWS, q, 0.0 * q, selection=(self.closure.rows.names,))
         reaction = times(transposed(rows[..., :-1]), multipliers)
         frictionless = self._terms(INVERSE, q, v, a, WITHOUT_FRICTION) + reaction - external
-        tau: Array = self._friction.demanded(frictionless, v, np.sign(v), q)
-        return tau
+        return np.asarray(self._friction.demanded(frictionless, v, np.sign(v), q))
 
     def _sliding(
         self,

@@ -10,7 +10,7 @@ from arm_dynamics.arrays import Array, each, real_array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import FrameMotion, check_moving
-from arm_dynamics.scene.constraint import ORIGIN, Touching
+from arm_dynamics.scene.constraint import ORIGIN
 
 
 def contact_torque(
@@ -32,10 +32,15 @@ def contact_torque(
     Raises:
         InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
     """
+    point = offset = ORIGIN
     if frame is None:
-        frame, point, offset = _place_at_world(model)
-    else:
-        point = offset = ORIGIN
+        places = [c.at_world for c in model.scene.constraints if c.at_world is not None]
+        if len(places) != 1:
+            raise InvalidInput(
+                f"frame is expected: the scene has {len(places)} places that touch the world; "
+                f"allowed: {known_names(model.frame_names)}"
+            )
+        ((frame, point, offset),) = places
     f = real_array("wrench", wrench)
     if f.shape[-1:] not in ((3,), (6,)) or not np.isfinite(f).all():
         raise InvalidInput(
@@ -48,18 +53,7 @@ def contact_torque(
     motion = FrameMotion(model, frame, "local_world_aligned")
 
     def push(qi: Array, fi: Array) -> Array:
-        torque: Array = motion.of_point(qi, point, offset)[1][: len(fi)].T @ fi
-        return torque
+        _, J = motion.of_point(qi, point, offset)
+        return np.asarray(J[: len(fi)].T @ fi)
 
     return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
-
-
-def _place_at_world(model: ArmModel) -> Touching:
-    """The only place where a constraint of the scene ties the arm to the world."""
-    places = [c.at_world for c in model.scene.constraints if c.at_world is not None]
-    if len(places) != 1:
-        raise InvalidInput(
-            f"frame is expected: the scene has {len(places)} places that touch the world; "
-            f"allowed: {known_names(model.frame_names)}"
-        )
-    return places[0]

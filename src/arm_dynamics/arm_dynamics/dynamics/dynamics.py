@@ -383,10 +383,6 @@ class Dynamics:
             check_regular(M, self.joint_names)
             self._regular = True
 
-    def _friction(self, q: Array, v: Array) -> Array:
-        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
-        return torques
-
     @cached_property
     def constrained(self) -> Constrained:
         """Dynamics with the bilateral constraints: names, multipliers, closed states."""
@@ -463,7 +459,10 @@ class Dynamics:
             state = self._still if q is None else q, v
             if (result := call(*state)) is not None:
                 return result
-            return self._answer(table.FRICTION, state, (), call, self._friction)
+            unloaded = self.steady_friction
+            return self._answer(
+                table.FRICTION, state, (), call, lambda q, v: unloaded(v, np.sign(v), q, 0.0 * v)
+            )
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,

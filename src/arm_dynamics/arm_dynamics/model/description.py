@@ -84,5 +84,5 @@ class Links:
 
     def _transforms(self, pairs: list[tuple[int, int]]) -> Array:
         at = self._data.oMf
-        found = [pin.SE3ToXYZQUAT(at[parent].actInv(at[child])) for parent, child in pairs]
-        return np.array(found).reshape(-1, 7)
+        poses = [pin.SE3ToXYZQUAT(at[parent].actInv(at[child])) for parent, child in pairs]
+        return np.array(poses).reshape(-1, 7)

@@ -22,7 +22,7 @@ from arm_dynamics.equations.elementary import Quantity, choose, larger, sign, si
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import like
 from arm_dynamics.model.friction_table import FrictionTable, steepest
-from arm_dynamics.scene.effect import given, refuse_of_joints
+from arm_dynamics.scene.effect import refuse_of_joints, value_at
 from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, Table, refusal
 from arm_dynamics.scene.schema import Scene
 
@@ -246,8 +246,8 @@ class JointFriction(DryFriction):
 
     def _lost(self, i: int, direction: Quantity, load: Quantity) -> Quantity:
         forward = None if self.forward is None else _column(self.forward, i)
-        given = _column(direction, i), _column(load, i), self.efficiency[i]
-        return transmission.gear_loss(*given, forward)
+        way, torque = _column(direction, i), _column(load, i)
+        return transmission.gear_loss(way, torque, self.efficiency[i], forward)
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Holding torque of a sticking joint, scaled such that it slips at ``level``."""
@@ -282,8 +282,8 @@ class JointFriction(DryFriction):
 
 
 @frozen
-class Given:
-    """Everything given about the friction of one joint.
+class FrictionSource:
+    """What scene and URDF say of the friction of one joint.
 
     Attributes:
         name: The joint.
@@ -291,7 +291,7 @@ class Given:
         named: Keys of the joint's own entry alone.
         damping: Viscous friction where the scene gives none, in [N m s/rad] or [N s/m].
         dry: Dry friction likewise, in [N m] or [N].
-        more: Viscous friction added by the joint's drive.
+        drive_viscous: Viscous friction added by the joint's drive.
         efficiency: Efficiency of the drive's gear.
     """
 
@@ -300,7 +300,7 @@ class Given:
     named: Friction
     damping: float
     dry: float
-    more: float
+    drive_viscous: float
     efficiency: float
 
     @cached_property
@@ -325,7 +325,7 @@ class Given:
 
 
 def friction_of(
-    scene: Scene, joints: Sequence[Given], free: Sequence[str], followers: Array
+    scene: Scene, joints: Sequence[FrictionSource], free: Sequence[str], followers: Array
 ) -> JointFriction:
     """Friction of the independent joints (``free``); that of a mimic joint acts on its leader.
 
@@ -337,15 +337,16 @@ def friction_of(
     for joint in joints:
         (_check if joint.name in free else _check_follower)(joint)
     viscous = np.array([joint.viscous for joint in joints])
-    viscous[:, 0] += [joint.more for joint in joints]
+    viscous[:, 0] += [joint.drive_viscous for joint in joints]
     coulomb = np.array([joint.coulomb for joint in joints])
     static = np.array(
         [_sides(j.own.static, *level) for j, level in zip(joints, coulomb, strict=True)]
     )
     fc, fs = (Sided(*(level.T @ abs(followers))) for level in (coulomb, static))
-    mine = [next(joint for joint in joints if joint.name == name) for name in free]
-    tables = tuple(joint.table for joint in mine)
-    falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in mine])
+    by_name = {joint.name: joint for joint in joints}
+    independent = [by_name[name] for name in free]
+    tables = tuple(joint.table for joint in independent)
+    falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in independent])
     dry = DryFriction(
         coulomb=fc,
         static=fs,
@@ -353,21 +354,21 @@ def friction_of(
         stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
         position=tuple(
             table.dry_by_position if table else _curve(joint.own.position)
-            for joint, table in zip(mine, tables, strict=True)
+            for joint, table in zip(independent, tables, strict=True)
         ),
-        load=tuple(_curve(joint.own.load) for joint in mine),
+        load=tuple(_curve(joint.own.load) for joint in independent),
     )
-    _check_loads(mine, dry)
-    levels = zip(mine, np.transpose(fc), np.transpose(fs), strict=True)
+    _check_loads(independent, dry)
+    levels = zip(independent, np.transpose(fc), np.transpose(fs), strict=True)
     refuse_of_joints(scene, {joint.name: _without_effect(joint.own, *x) for joint, *x in levels})
-    lawful = [i for i, joint in enumerate(mine) if joint.own.stateful]
-    sticking = [i for i in range(len(mine)) if i not in lawful]
+    lawful = [i for i, joint in enumerate(independent) if joint.own.stateful]
+    sticking = [i for i in range(len(independent)) if i not in lawful]
     return JointFriction(
         **vars(dry.of(sticking)),
         viscous=Sided(*map(read_only, viscous.T @ followers**2)),
         tables=tables,
         by_law=dry.of(lawful),
-        efficiency=np.array([joint.efficiency for joint in mine]),
+        efficiency=np.array([joint.efficiency for joint in independent]),
     )
 
 
@@ -384,11 +385,11 @@ def _curve(table: Table | None) -> Curve | None:
     return Curve.through(np.array(table.at), np.array(table.factor), table.period or 0.0)
 
 
-def _check(joint: Given) -> None:
+def _check(joint: FrictionSource) -> None:
     own, law = joint.own, joint.own.stateful
     if own.table is not None:
         for key in IN_TABLE:
-            if (value := given(own, key)) is not None:
+            if (value := value_at(own, key)) is not None:
                 text = f"{key}' = {value!r}: 'friction.table' of the joint contains it; allowed "
                 raise refusal(joint.name, f"{text}beside it: 'viscous'")
         return
@@ -413,7 +414,7 @@ def _check(joint: Given) -> None:
         raise refusal(joint.name, text)
 
 
-def _check_follower(joint: Given) -> None:
+def _check_follower(joint: FrictionSource) -> None:
     own = joint.own
     for key in ("static", "position", "load", "table", own.stateful):
         if key and getattr(own, key) is not None:
@@ -425,7 +426,7 @@ def _check_follower(joint: Given) -> None:
             raise refusal(joint.name, f"{key}': a mimic joint has one number for both directions")
 
 
-def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
+def _check_loads(joints: Sequence[FrictionSource], dry: DryFriction) -> None:
     for i, (joint, curve) in enumerate(zip(joints, dry.load, strict=True)):
         if curve is None:
             continue
@@ -456,8 +457,8 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
         lost |= {"position": none, "load": none}
     if own.lugre is not None and own.lugre.sigma1 == 0.0:
         lost["lugre.sigma1_velocity"] = "the damping that it fades, 'sigma1', is 0"
-    found = {key: why for key, why in lost.items() if given(own, key) is not None}
-    return {f"friction.{key}": why for key, why in found.items()}
+    reasons = [(key, why) for key, why in lost.items() if value_at(own, key) is not None]
+    return {f"friction.{key}": why for key, why in reasons}
 
 
 def _column(x: Quantity, i: int) -> Quantity:

@@ -17,8 +17,4 @@ if TYPE_CHECKING:
     from arm_dynamics.ros.dynamics_node import DynamicsNode
 
 __all__ = ["ControllerNode", "DynamicsNode", "LARGE_BATCHES", "clear_dead", "make_executor"]
-__getattr__, __dir__ = on_demand(__name__, {
-    "controller_node": ("ControllerNode",), "dynamics_node": ("DynamicsNode",),
-    "common.transport": ("LARGE_BATCHES", "clear_dead"),
-    "common.executor": ("make_executor",),
-})  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -20,7 +20,7 @@ from arm_dynamics.exceptions import (
     plain,
 )
 from arm_dynamics.scene.constraint import WORLD, check_constraints, check_frame, check_joints
-from arm_dynamics.scene.effect import check_effect, given
+from arm_dynamics.scene.effect import check_effect, value_at
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.inertia import gyration
@@ -164,12 +164,12 @@ def _check_ranges(scene: Scene, urdf: Urdf) -> None:
 
 def _warn(scene: Scene, urdf: Urdf) -> None:
     """Warn of what is unusual, of inertias that no body has, and of units probably mistaken."""
-    for remark, (place, *others) in urdf.notes.items():
-        more = f" (and {known_names(others, 5)})" if others else ""
+    for remark, (place, *rest) in urdf.notes.items():
+        more = f" (and {known_names(rest, 5)})" if rest else ""
         _log.warning("robot description: %s: %s%s", plain(place), remark, more)
     if urdf.doubtful:
-        name, *others = urdf.doubtful
-        more = f" (and {known_names(others, 5)})" if others else ""
+        name, *rest = urdf.doubtful
+        more = f" (and {known_names(rest, 5)})" if rest else ""
         text = "robot description: inertia that no rigid body has, used unchanged: link '%s'%s: %s"
         _log.warning(text, name, more, urdf.doubtful[name])
     for remark in _unit_remarks(scene, urdf):
@@ -188,7 +188,7 @@ def _unit_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
     steps = scene.sensors.position.resolution if scene.sensors else {}
     for key, angles in {
         "initial.position.{}": scene.initial.position,
-        "joints.{}.spring.rest": {n: given(scene.joint(n), "spring.rest") for n in turning},
+        "joints.{}.spring.rest": {n: value_at(scene.joint(n), "spring.rest") for n in turning},
         "sensors.position.resolution.{}": steps,
     }.items():
         for name, angle in angles.items():
@@ -217,9 +217,9 @@ def _of_ranges(scene: Scene, urdf: Urdf) -> Iterator[str]:
     """Remarks on position limits, those of the scene in place of the description's."""
     degrees, millimetres = [], []
     for name in urdf.moving:
-        own, none = scene.joint(name).limits, (0.0, 0.0)
-        said = zip((own.lower, own.upper), urdf.limited.get(name, none), strict=True)
-        lower, upper = (other if x is None else x for x, other in said)
+        own, (lower, upper) = scene.joint(name).limits, urdf.limited.get(name, (0.0, 0.0))
+        lower = lower if own.lower is None else own.lower
+        upper = upper if own.upper is None else own.upper
         place = f"joint '{name}' from {lower:g} to {upper:g}"
         farthest, stroke = max(-lower, upper), upper - lower
         if urdf.joints[name] != "prismatic":
@@ -298,9 +298,9 @@ def _check_follower(scene: Scene, name: str, leader: str) -> None:
 def _check_locked(scene: Scene, name: str) -> None:
     """Refuse keys of locked joints that would have no effect."""
     own = scene.joints.get(name)
-    if own is not None and (given := own.model_dump(exclude_unset=True, exclude_none=True)):
+    if own is not None and (keys := own.model_dump(exclude_unset=True, exclude_none=True)):
         raise SceneError(
-            f"scene: 'joints.{name}' sets {known_names(given)} of a joint that 'robot.lock' holds "
+            f"scene: 'joints.{name}' sets {known_names(keys)} of a joint that 'robot.lock' holds "
             "fast; take the entry or the lock out"
         )
     if scene.initial.velocity.get(name, 0.0) != 0.0:

@@ -125,5 +125,4 @@ def quaternions(rotation: Array) -> Array:
 
 def pseudo_inverse(J: Array) -> Array:
     """J⁺ = Jᵀ (J Jᵀ)⁻¹ of a Jacobian of full row rank, shape (n, m)."""
-    inverse: Array = np.linalg.solve(J @ J.T, J).T
-    return inverse
+    return np.asarray(np.linalg.solve(J @ J.T, J).T)

@@ -95,7 +95,7 @@ class InverseKinematics:
         self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE)[task.rows]
 
     def solve(self, pose: Pose, seed: ArrayLike | None = None) -> Solution:
-        """Search for joint positions; the result states whether they were found.
+        """Search for joint positions; the result states whether the pose is reached.
 
         Args:
             pose: Desired pose of the frame in the world.
@@ -164,18 +164,18 @@ class InverseKinematics:
     def _descend(self, pose: Pose, q: Array) -> _Attempt:
         """Iterate until the pose is reached or the error no longer decreases."""
         error, J = self._error(pose, q)
-        worth, patience = self._worth(error), 0
+        size, patience = np.linalg.norm(self._weight * error), 0
         for step in range(self._iterations):
             distance, angle = self._missing(error)
             if distance <= 0.5 * self._distance and angle <= 0.5 * self._angle:
                 return _Attempt(q, distance, angle, step)
             new = np.clip(q + self._step(error, J, q), self._lower, self._upper)
             error_new, J_new = self._error(pose, new)
-            worth_new = self._worth(error_new)
-            patience = 0 if worth_new < 0.95 * worth else patience + 1
+            size_new = np.linalg.norm(self._weight * error_new)
+            patience = 0 if size_new < 0.95 * size else patience + 1
             if patience > 8:
                 break
-            q, error, J, worth = new, error_new, J_new, min(worth, worth_new)
+            q, error, J, size = new, error_new, J_new, min(size, size_new)
         return _Attempt(q, *self._missing(error), step + 1)
 
     def _step(self, error: Array, J: Array, q: Array) -> Array:
@@ -200,9 +200,6 @@ class InverseKinematics:
         turn = pin.log3(pose.rotation @ rotation.T)
         error = np.concatenate([pose.position - position, turn])
         return error[rows], motion.jacobian(q)[rows]
-
-    def _worth(self, error: Array) -> float:
-        return float(np.linalg.norm(self._weight * error))
 
     def _missing(self, error: Array) -> tuple[float, float]:
         linear = self.task.linear

@@ -219,23 +219,22 @@ class TaskSpace:
         inertia = task_inertia(A, self.linear, self.threshold)
         JW, L = J @ W, inertia.matrix
         J_bar = np.swapaxes(JW, -1, -2) @ L
-        values = {
-            "position": position,
-            "rotation": rotation,
-            "jacobian": J,
-            "velocity": times(J, v),
-            "bias": drift,
-            "inertia": L,
-            "coriolis": times(L, times(JW, bias - gravity) - drift),
-            "gravity": times(L, times(JW, gravity)),
-            "spring": times(L, times(JW, spring)),
-            "inverse": J_bar,
-            "null_space": np.eye(self.n) - J_bar @ J,
-            "manipulability": manipulability(J),
-            "condition": condition_number(J),
-            "damped": inertia.damped,
-        }
-        return TaskTerms(**{name: _plain(value) for name, value in values.items()})
+        return TaskTerms(
+            position=_plain(position),
+            rotation=_plain(rotation),
+            jacobian=_plain(J),
+            velocity=_plain(times(J, v)),
+            bias=_plain(drift),
+            inertia=_plain(L),
+            coriolis=_plain(times(L, times(JW, bias - gravity) - drift)),
+            gravity=_plain(times(L, times(JW, gravity))),
+            spring=_plain(times(L, times(JW, spring))),
+            inverse=_plain(J_bar),
+            null_space=_plain(np.eye(self.n) - J_bar @ J),
+            manipulability=_plain(manipulability(J)),
+            condition=_plain(condition_number(J)),
+            damped=_plain(inertia.damped),
+        )
 
     def instant(self, q: Array, v: Array) -> TaskInstant:
         """The terms of controllers at a state, for valid vectors of shape (n,).

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from arm_dynamics.ros.controller_node.node import ControllerNode
 
 __all__ = ["ControllerNode", "main"]
-__getattr__, __dir__ = on_demand(__name__, {"node": ("ControllerNode",)})
+__getattr__, __dir__ = on_demand(__name__, __file__)
 
 
 def main(args: list[str] | None = None) -> NoReturn:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from arm_dynamics.ros.dynamics_node.node import DynamicsNode, DynamicsParams
 
 __all__ = ["DynamicsNode", "DynamicsParams", "main"]
-__getattr__, __dir__ = on_demand(__name__, {"node": ("DynamicsNode", "DynamicsParams")})
+__getattr__, __dir__ = on_demand(__name__, __file__)
 
 
 def main(args: list[str] | None = None) -> NoReturn:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of joints in vectors, and values given by name, where mimic joints may be named, too."""
+"""Names of joints in vectors, and values by name, where mimic joints may be named, too."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ FIELDS = ("position", "velocity", "acceleration")
 
 
 class Follower(NamedTuple):
-    """A mimic joint among given joints.
+    """A mimic joint among named joints.
 
     Attributes:
         name: The joint.
-        place: Its index among the given ones.
+        place: Its index among the named ones.
         leader: Index of its leader there.
         rule: How it follows.
     """
@@ -44,7 +44,7 @@ class Follower(NamedTuple):
         Args:
             what: Name of the values, for the message.
             field: See ``law``.
-            values: Those of all given joints, shape (k,).
+            values: Those of all named joints, shape (k,).
 
         Raises:
             InvalidInput: Naming both joints and what is expected.
@@ -75,13 +75,13 @@ class JointNames(tuple[str, ...]):
     def of(
         cls, names: Iterable[str], rules: Mapping[str, Mimic], locked: Collection[str]
     ) -> JointNames:
-        """Names with what is known of the others."""
-        made = cls(names)
-        made.rules, made.locked = rules, locked
-        return made
+        """Names with rules and locks of the other joints."""
+        joints = cls(names)
+        joints.rules, joints.locked = rules, locked
+        return joints
 
     def refuse(self, names: Sequence[str], what: str) -> None:
-        """Refuse names that are unknown or locked, or follow others that are not given.
+        """Refuse names that are unknown or locked, or follow others that are not named.
 
         ``what`` begins the message, if a name is unknown.
         """

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from arm_sim.ros.sim_node.node import SimNode
 
 __all__ = ["SimNode", "main"]
-__getattr__, __dir__ = on_demand(__name__, {"node": ("SimNode",)})
+__getattr__, __dir__ = on_demand(__name__, __file__)
 
 
 def main(args: list[str] | None = None) -> NoReturn:
