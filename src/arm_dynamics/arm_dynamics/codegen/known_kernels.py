@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -67,11 +66,8 @@ def recall(recipe: str) -> tuple[Code, Note] | None:
     return (code, note) if code else None
 
 
-def keep(
-    recipe: str, key: str, functions: tuple[Signature, ...], operations: Mapping[str, int]
-) -> None:
+def keep(recipe: str, note: Note) -> None:
     """Note which code belongs to a recipe."""
-    note = Note(key=key, functions=functions, operations=dict(operations))
     user_cache.write(_place(recipe), note.model_dump_json().encode())
 
 

@@ -22,7 +22,7 @@ from arm_dynamics.control.controller import (
     restart,
 )
 from arm_dynamics.control.joint_space import clipped
-from arm_dynamics.control.law import Parts, Wrapper
+from arm_dynamics.control.law import LawInput, Parts, Wrapper
 from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.elementary import choose, sign
@@ -84,12 +84,9 @@ class WithAddedTorques(Wrapper):
         tau, added = self.control.torque(state, reference), added_torques(reference, self._n)
         return tau if added is None else np.asarray(tau + added)
 
-    def changed(
-        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
-        memory: Parts,
-    ) -> tuple[Any, Parts]:  # fmt: skip
+    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and the reference's."""
-        return tau + desired.tau, memory
+        return tau + now.desired.tau, memory
 
 
 @sealed
@@ -138,16 +135,14 @@ class DisturbanceObserver(Wrapper):
         self._memory = still, still, still, np.zeros(1)
         super().restart()
 
-    def changed(
-        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
-        memory: Parts,
-    ) -> tuple[Any, Parts]:  # fmt: skip
+    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """Torque without the disturbance; the memory is r, τ, the integral, and 1 once it runs."""
-        (K, dt, limit), (r, last, integral, started) = tuning, memory
+        (rigid, q, v, _), (K, dt, limit) = now, tuning
+        r, last, integral, started = memory
         momentum = rigid.mass(q) @ v
         lost = self._friction(v, sign(v), q, last)
-        known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
-        integral = choose(started > 0.0, integral + dt * (last + known + r), momentum)
+        modelled = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
+        integral = choose(started > 0.0, integral + dt * (last + modelled + r), momentum)
         r = K * (momentum - integral)
         tau = clipped(tau - r, limit)
         return tau, (r, tau, integral, started * 0.0 + 1.0)
@@ -184,8 +179,8 @@ class HalfTickAhead:
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
             lost = self._friction(v, np.sign(v), q, self._last)
-            known = self._rigid.bias(q, v) + self._rigid.spring(q, v) + lost
-            a = self._rigid.mobility(q) @ (self._last - known)
+            bias = self._rigid.bias(q, v) + self._rigid.spring(q, v) + lost
+            a = self._rigid.mobility(q) @ (self._last - bias)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
         self._last = self._control.torque(ahead, reference)
         return self._last.copy()

@@ -60,15 +60,15 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
     raise SceneError(f"{file}: the file {content}; a mapping with {keys} is expected")
 
 
-def _size(node: yaml.Node, known: dict[int, int]) -> int:
+def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
     """Number of values, those of a repeated alias each time."""
     if isinstance(node, yaml.ScalarNode):
         return 1
-    if id(node) not in known:
+    if id(node) not in sizes:
         pairs = isinstance(node, yaml.MappingNode)
         parts = [part for pair in node.value for part in pair] if pairs else node.value
-        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
-    return known[id(node)]
+        sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
+    return sizes[id(node)]
 
 
 def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:

@@ -131,7 +131,7 @@ def _undecided(point: ca.Function, entry: Entry, sticks: NDArray[np.bool_]) -> c
         v = arguments[1]
         for joint in np.flatnonzero(sticks).tolist():
             result[joint] += ca.if_else(v[joint] == 0, math.nan, 0)
-    names = point.name_in(), ["made"]
+    names = point.name_in(), ["result"]
     return ca.Function(point.name(), arguments, [ca.densify(result)], *names, {"cse": True})
 
 

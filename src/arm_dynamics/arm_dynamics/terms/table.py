@@ -104,21 +104,21 @@ def _inverse(arm: Arm, q: Any, v: Any, a: Any, chosen: Any = None, external: Any
     else:
         inertia, coriolis, weight, friction, spring = (chosen[i] for i in range(5))
         tau = arm.rigid.inverse(q, coriolis * v, inertia * a, weight)
-        if arm.sprung:
+        if arm.has_springs:
             tau = tau + spring * arm.rigid.spring(q, v)
     if external is not None:
         tau = tau - external
-    if not arm.rubs:
+    if not arm.has_friction:
         return tau
-    needed = arm.needed(v, q, tau)
-    return needed if friction is True else friction * needed + (1.0 - friction) * tau
+    whole = arm.with_friction(v, q, tau)
+    return whole if friction is True else friction * whole + (1.0 - friction) * tau
 
 
 def _forward(arm: Arm, q: Any, v: Any, tau: Any, external: Any = None) -> Any:
-    free = tau - arm.lost(v, q, tau) if arm.rubs else tau
+    free = tau - arm.friction(v, q, tau) if arm.has_friction else tau
     if external is not None:
         free = free + external
-    return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.sprung else free)
+    return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.has_springs else free)
 
 
 def torque_size(M: Any, a: Any, *torques: Any) -> Any:
@@ -199,7 +199,7 @@ GRAVITY = Entry(
 FRICTION = Entry(
     "friction", ("q", "v"), ("n",), "f", "N m, N",
     "Friction of a steady motion without load; zero part of dry friction at rest.",
-    lambda arm, q, v: arm.lost(v, q, 0.0 * v),
+    lambda arm, q, v: arm.friction(v, q, 0.0 * v),
 )  # fmt: skip
 SPRING = Entry(
     "spring", ("q", "v"), ("n",), "s", "N m, N",

@@ -97,7 +97,7 @@ def verify(
     """
     n = numbers.rigid.robot.n
     arguments = _random_arguments(n, names)
-    if numbers.sprung:
+    if numbers.has_springs:
         _check_springs(numbers, arguments["q"], arguments["v"])
     with np.errstate(all="ignore"):  # numbers that are not finite are rejected
         results = values(arguments).reshape(CHECK_STATES, *entry.dimensions(n))

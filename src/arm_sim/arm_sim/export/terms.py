@@ -153,7 +153,7 @@ def _constrained(model: ArmModel) -> ca.Function:
     p = ca.vertcat(ca.DM(parameters.nominal), sliding, apart)
     names = ["q", "v", "tau"]
     q, v, tau = (ca.SX.sym(name, model.n) for name in names)
-    load = tau - arm.lost(v, q, tau) - arm.rigid.spring(q, v)
+    load = tau - arm.friction(v, q, tau) - arm.rigid.spring(q, v)
     results = [ca.densify(accelerations(q, v, load, p))]
     name = f"term_{table.FORWARD.name}"
     return ca.Function(name, [q, v, tau], results, names, ["o0"], {"cse": True})

@@ -33,9 +33,9 @@ class Measured:
     effort: Array
 
     @classmethod
-    def of(cls, told: Array) -> Measured:
+    def of(cls, rows: Array) -> Measured:
         """From rows of (q, v, effort)."""
-        return cls(*(read_only(part) for part in np.split(told, 3, axis=1)))
+        return cls(*(read_only(part) for part in np.split(rows, 3, axis=1)))
 
 
 class Sensors:
@@ -156,8 +156,8 @@ def sensors_of(scene: Scene, names: Sequence[str], dt: float) -> Sensors | None:
 def _steps(position: schema.PositionSensor, names: Sequence[str]) -> Array:
     """Steps of encoders, zero for exact ones; a joint's own takes precedence over that of all."""
     turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
-    given = [{schema.ALL: 0.0}, position.resolution, turns]
-    common = next(steps[schema.ALL] for steps in reversed(given) if schema.ALL in steps)
+    levels = [{schema.ALL: 0.0}, position.resolution, turns]
+    common = next(steps[schema.ALL] for steps in reversed(levels) if schema.ALL in steps)
     own = {**position.resolution, **turns, schema.ALL: common}
     return np.array(values(own, names))
 

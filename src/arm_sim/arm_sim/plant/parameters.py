@@ -111,15 +111,15 @@ class Parameters:
             InvalidInput: If a name is not tunable, or denotes switches.
         """
         allowed = [name for name in self.names if name != "constraints"]
-        found = dict[str, tuple[int, ...]]()
+        indices = dict[str, tuple[int, ...]]()
         for name in names:
             if name not in allowed or (place := self.place(name)) is None:
                 raise InvalidInput(
                     f"by = {list(names)}: there is no derivative by '{name}'; the scene's "
                     f"'tunable' allows {allowed or 'nothing'}"
                 )
-            found[name] = tuple(range(place.start, place.stop))
-        return found
+            indices[name] = tuple(range(place.start, place.stop))
+        return indices
 
     def symbols(self) -> dict[str, ca.SX]:
         """One symbol for each quantity, in the order of p."""

@@ -38,11 +38,11 @@ class Follower(NamedTuple):
         offset = self.rule.offset if field == "position" else 0.0
         return (self.rule.multiplier, offset) if field in FIELDS else (0.0, 0.0)
 
-    def check(self, what: str, field: str, values: ArrayLike) -> None:
+    def check(self, title: str, field: str, values: ArrayLike) -> None:
         """Refuse a value that contradicts the leader's.
 
         Args:
-            what: Name of the values, for the message.
+            title: Name of the values, for the message.
             field: See ``law``.
             values: Those of all named joints, shape (k,).
 
@@ -51,15 +51,15 @@ class Follower(NamedTuple):
         """
         row, (factor, offset) = np.asarray(values, float), self.law(field)
         own = float(row[self.place])
-        due = factor * float(row[self.leader]) + offset if factor else offset
-        if not abs(own - due) <= AGREES * max(1.0, abs(due)) and not np.isnan(own):
-            follows = f"{self.name} follows {self.rule.leader}"
-            raise InvalidInput(
-                f"{what}: {follows}; command that one"
-                if np.isnan(due)
-                else f"{what}: {self.name} is {own:.6g}, but {follows}, so {due:.6g} is expected; "
-                "command that one only"
-            )
+        expected = factor * float(row[self.leader]) + offset if factor else offset
+        if not abs(own - expected) <= AGREES * max(1.0, abs(expected)) and not np.isnan(own):
+            message = f"{title}: {self.name} follows {self.rule.leader}; command that one"
+            if not np.isnan(expected):
+                message = (
+                    f"{title}: {self.name} is {own:.6g}, but {self.name} follows "
+                    f"{self.rule.leader}, so {expected:.6g} is expected; command that one only"
+                )
+            raise InvalidInput(message)
 
 
 class JointNames(tuple[str, ...]):
@@ -80,10 +80,10 @@ class JointNames(tuple[str, ...]):
         joints.rules, joints.locked = rules, locked
         return joints
 
-    def refuse(self, names: Sequence[str], what: str) -> None:
+    def refuse(self, names: Sequence[str], unknown_joints: str) -> None:
         """Refuse names that are unknown or locked, or follow others that are not named.
 
-        ``what`` begins the message, if a name is unknown.
+        ``unknown_joints`` begins the message, if a name is unknown.
         """
         others = [name for name in names if name not in self]
         for name in others:
@@ -93,7 +93,7 @@ class JointNames(tuple[str, ...]):
                 raise InvalidInput(f"{name} follows {leader}; command that one")
         if unknown := [name for name in others if name not in self.rules]:
             raise InvalidInput(
-                f"{what} {known_names(unknown)}; allowed: {choices(unknown[0], self)}"
+                f"{unknown_joints} {known_names(unknown)}; allowed: {choices(unknown[0], self)}"
             )
 
     def followers(self, names: Sequence[str]) -> list[Follower]:
@@ -125,11 +125,11 @@ class Named:
         self._own = [i for i, name in enumerate(names) if name in arm]
         self.joints = np.array([arm.index(names[i]) for i in self._own], np.intp)
 
-    def spread(self, what: str, field: str, values: Sequence[float], rest: Array) -> Array:
+    def spread(self, title: str, field: str, values: Sequence[float], rest: Array) -> Array:
         """Insert values of the named joints into a vector of all.
 
         Args:
-            what: Name of the values, for messages.
+            title: Name of the values, for messages.
             field: ``position``, ``velocity``, ``acceleration``, or another quantity, of which
                 mimic joints have none.
             values: One for each name.
@@ -139,9 +139,9 @@ class Named:
             InvalidInput: If the length does not fit, or values of mimic joints contradict.
         """
         if len(values) != self._size:
-            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {self._size}")
+            raise InvalidInput(f"{title} has {len(values)} numbers; allowed: {self._size}")
         for follower in self._followers:
-            follower.check(what, field, values)
+            follower.check(title, field, values)
         full = np.array(rest)
         full[self.joints] = np.asarray(values)[self._own] if self._followers else values
         return full
