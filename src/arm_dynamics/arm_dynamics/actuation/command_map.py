@@ -139,10 +139,8 @@ def rigid_twin(scene: Scene) -> Scene:
     """
     if not any(joint.transmission for joint in scene.joints.values()):
         return scene
-    joints = {
-        name: joint.model_copy(update={"transmission": None})
-        for name, joint in scene.joints.items()
-    }
+    rigid = {"transmission": None}
+    joints = {name: joint.model_copy(update=rigid) for name, joint in scene.joints.items()}
     return scene.model_copy(update={"joints": joints})
 
 

@@ -13,7 +13,8 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ConstraintError, SceneError
 from arm_dynamics.model.drive import drives_of
-from arm_dynamics.model.friction import FrictionSource, JointFriction, friction_of
+from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.model.friction_source import FrictionSource, friction_of
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
