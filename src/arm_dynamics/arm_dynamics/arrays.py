@@ -67,9 +67,9 @@ def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
         )
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]
-        whose = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
+        owner = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
         raise InvalidInput(
-            f"{name}{bad.tolist()} = {array[tuple(bad)]}{whose}; allowed: finite numbers"
+            f"{name}{bad.tolist()} = {array[tuple(bad)]}{owner}; allowed: finite numbers"
         )
     return array
 

@@ -157,8 +157,8 @@ def not_assignable(obj: object, name: str, names: Iterable[str], instead: str) -
     cls, hints = type(obj), dict[str, str]()
     for keys, text in getattr(cls, "_instead", {}).items():
         hints |= dict.fromkeys(keys.split(), text)
-    known = [other for other in {*dir(cls), *names} if not other.startswith("_")]
-    if name in known:
+    public = [other for other in {*dir(cls), *names} if not other.startswith("_")]
+    if name in public:
         return NotAssignable(f"{cls.__name__}.{name} cannot be set; {hints.get(name, instead)}")
-    near = f"; {hints[name]}" if name in hints else did_you_mean(name, known) or f"; {instead}"
+    near = f"; {hints[name]}" if name in hints else did_you_mean(name, public) or f"; {instead}"
     return NotAssignable(f"{cls.__name__} has no attribute '{name}'{near}")

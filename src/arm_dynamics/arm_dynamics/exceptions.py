@@ -171,15 +171,15 @@ def did_you_mean(name: object, names: Iterable[str], prefixes: Mapping[str, str]
     """
     if not isinstance(name, str):
         return ""
-    known = {other.casefold(): other for other in names}
-    whole, others = name.casefold(), [x for x in known if _bare(known[x]) != _bare(name)]
+    cased = {other.casefold(): other for other in names}
+    whole, others = name.casefold(), [x for x in cased if _bare(cased[x]) != _bare(name)]
     part = sorted((other for other in others if len(other) > 3 and other in whole), key=len)
-    near = [x for x, y in ELSEWHERE.items() if x in {*known, *prefixes} and name in y.split()]
+    near = [x for x, y in ELSEWHERE.items() if x in {*cased, *prefixes} and name in y.split()]
     near = near or get_close_matches(whole, others, 1, _ALMOST) or part[-1:]
     near = near or get_close_matches(whole, others, 1)
     if not near:
         return ""
-    return f"; did you mean '{known.get(near[0], prefixes.get(near[0], '') + near[0])}'?"
+    return f"; did you mean '{cased.get(near[0], prefixes.get(near[0], '') + near[0])}'?"
 
 
 def counted(count: int, noun: str) -> str:

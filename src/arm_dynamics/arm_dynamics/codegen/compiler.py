@@ -98,8 +98,8 @@ def find_compiler(language: str = "c") -> tuple[str, ...] | None:
 
 
 @cache
-def _first_there(chosen: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
-    command = shlex.split(chosen)
+def _first_there(own: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
+    command = shlex.split(own)
     if command:
         return tuple(command) if shutil.which(command[0], path=path) else None
     return next(((name,) for name in names if shutil.which(name, path=path)), None)
@@ -163,7 +163,7 @@ def build(
         if code is None:
             command = find_compiler(language)
             if command is None:
-                raise CompilerMissing(_nothing_found(language, refusals))
+                raise CompilerMissing(_no_compiler_message(language, refusals))
             entry, version = _own_entry(key, command)
             if user_cache.read(entry) is None:
                 library = _compiled(texts, language, command, flags + local, processor.NATIVE)
@@ -237,7 +237,7 @@ def _headers(texts: list[str], flags: tuple[str, ...]) -> list[str]:
     return [headers[path] for path in sorted(headers)]
 
 
-def _nothing_found(language: str, refusals: list[str]) -> str:
+def _no_compiler_message(language: str, refusals: list[str]) -> str:
     title, variable, names = _COMPILERS[language]
     missing = f"no {title} compiler found (${variable}, {', '.join(names)})"
     if not compiled_scenes.folders():
@@ -253,7 +253,7 @@ def _build_into(
     """Compile into a folder of compiled scenes, unless the entry exists already."""
     command = find_compiler(language)
     if command is None:
-        raise CompilerMissing(_nothing_found(language, []))
+        raise CompilerMissing(_no_compiler_message(language, []))
     entry, version = destination.folder / f"{key}.so", compiler_version(command)
     needs = sorted(processor.needed(destination.target))
     try:

@@ -44,7 +44,7 @@ def _unit(value: tuple[float, float, float], info: ValidationInfo) -> tuple[floa
     return x, y, z
 
 
-Finite = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_number)]
 NonNegative = Annotated[Finite, Field(ge=0.0)]
 Positive = Annotated[Finite, Field(gt=0.0)]
 Limit = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]

@@ -11,6 +11,7 @@ the work of differentiating forward dynamics. Loops and contacts are differentia
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -52,8 +53,8 @@ class Slopes:
             contact = plant.mechanics.contact
             K_x, K_u, H = scaled_slopes(plant, x, u, p, slope)
             if contact:
-                pushed, rates_x, rows_, joined, unknown = contact_slopes(plant, x, u, p, slope)
-                K_x[:n, : 2 * n] += pushed
+                contacts = contact_slopes(plant, x, u, p, slope)
+                K_x[:n, : 2 * n] += contacts.torques
             K_w = ca.horzcat(K_u, _scaled_by(by_p, plant, x, u, p, slope)) if tuned else K_u
             rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
             factors = factored(ca.sparsify(H[:n, :n]))
@@ -62,8 +63,10 @@ class Slopes:
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
             da = substituted(factors, pivots * eliminated(factors, load))
             if contact:
-                astray = kept.matrix(rates_x) @ dx[: 2 * n] + kept.matrix(rows_) @ da
-                da = da + kept.matrix(joined) @ (kept.matrix(unknown) @ astray)
+                by_x, by_a = kept.matrix(contacts.rates), kept.matrix(contacts.rows)
+                astray = by_x @ dx[: 2 * n] + by_a @ da
+                mobility, forces = kept.matrix(contacts.mobility), kept.matrix(contacts.forces)
+                da = da + mobility @ (forces @ astray)
             changes = ca.vertcat(da, rates)
         else:
             J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, by_p)))
@@ -203,13 +206,31 @@ def scaled_slopes(
     return K_x, K_u, H
 
 
-def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> tuple[ca.SX, ...]:
-    """Derivatives of the contacts' forces and accelerations, see ``ContactFunctions.slopes``."""
+class ContactSlopes(NamedTuple):
+    """Results of ``ContactFunctions.slopes``.
+
+    Attributes:
+        torques: Derivatives of the torques of constant contact forces by q and v.
+        rates: Those of the accelerations of the active rows, at constant q̈.
+        rows: These rows.
+        mobility: Accelerations of the joints per unknown force.
+        forces: Minus the unknown forces per acceleration of the rows.
+    """
+
+    torques: ca.SX
+    rates: ca.SX
+    rows: ca.SX
+    mobility: ca.SX
+    forces: ca.SX
+
+
+def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ContactSlopes:
+    """Derivatives of the contacts' forces and accelerations."""
     n, contact = plant.model.n, plant.mechanics.contact
     assert contact is not None
     q, v, _ = split(x, n)
     force, tau = plant.events["loads"](x, u, p)[1], _torque(plant, x, u, p)
-    return tuple(contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
+    return ContactSlopes(*contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
 
 
 @one_at_a_time

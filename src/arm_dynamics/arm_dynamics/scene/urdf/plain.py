@@ -33,7 +33,7 @@ _NUMBERS = {
     "dynamics": ("damping", "friction"),
     "mimic": ("multiplier", "offset"),
 }
-_KNOWN, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
+_TAGS, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
 _LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = ("value", "damping", "friction", *_LIMITS)
@@ -146,8 +146,8 @@ def _note(notes: Notes, remark: str, place: str) -> None:
 
 def _note_unknown(element: ElementTree.Element, owner: str, notes: Notes) -> None:
     """Note children whose names are nearly those of the format; others are of its extensions."""
-    for tag in sorted({str(child.tag) for child in element} - _KNOWN):
-        if near := get_close_matches(tag, _KNOWN, 1, _ALIKE):
+    for tag in sorted({str(child.tag) for child in element} - _TAGS):
+        if near := get_close_matches(tag, _TAGS, 1, _ALIKE):
             _note(notes, f"<{tag}> has no effect; did you mean <{near[0]}>?", owner)
 
 
