@@ -34,6 +34,7 @@ from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.terms.verify import compare, random_states
 from arm_dynamics.trajectory.reference import Reference
 
+Job = Callable[[], object]
 _NAME = "control_law"
 _SLOWER = "%s; the controller continues without compiled code, which is slower"
 _log = logging.getLogger(__name__)
@@ -169,7 +170,7 @@ def with_code(control: Any, model: ArmModel, own: bool = False) -> Any:
     return (CompiledWithMemory if law.memory else Compiled)(law, model)
 
 
-def preparation(control: object) -> Callable[[], object] | None:
+def preparation(control: object) -> Job | None:
     """The lengthy preparation of a controller's first torque; None if it is done.
 
     Args:
