@@ -20,7 +20,7 @@ from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import ClosedLoop, Recording, Simulator
 from arm_sim.cli.demo.processes import DemoFailed, Processes
 from arm_sim.plant.actuation import computed_torque
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 START = 500_000_000  # [ns] of simulated time, when the motion begins
 POINTS, STEP = 5, 2.0  # points of the motion and time from one to the next in [s]
@@ -88,7 +88,7 @@ def across(
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher = node.create_publisher(JointTrajectory, "controller/joint_trajectory", 10)
-    answers = lambda: node.inputs.round_trip.percentiles().count  # noqa: E731
+    answers = lambda: node.inputs.round_trip.histogram.percentiles().count  # noqa: E731
     _spin(executor, lambda: publisher.get_subscription_count() and answers(), 30.0)
     message = JointTrajectory(joint_names=list(node.simulator.joint_names))
     message.header.stamp.nanosec = START
@@ -105,8 +105,8 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     _spin(executor, lambda: simulator.arm.step_count >= ticks, 1e-2 * ticks + 60.0)
     rate = (simulator.arm.step_count - before) / (time.perf_counter() - began)
     engine.pause(True)
-    asked = node.lockstep.asked_again if node.lockstep else 0
-    return {"rate": rate, "asked again": asked}
+    repeated = node.lockstep.repeated if node.lockstep else 0
+    return {"rate": rate, "asked again": repeated}
 
 
 def _spin(executor: Any, done: Any, timeout: float) -> None:

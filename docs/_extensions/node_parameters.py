@@ -13,8 +13,8 @@ TYPES = {bool: "bool", int: "int", float: "double", str: "string"}
 
 def kinds() -> dict[str, type]:
     """The dataclass of each node's parameters."""
-    from arm_dynamics.ros.controller import ControllerParams
-    from arm_dynamics.ros.dynamics_node import DynamicsParams
+    from arm_dynamics.ros.controller.controller_params import ControllerParams
+    from arm_dynamics.ros.dynamics_node.node import DynamicsParams
     from arm_sim.ros.sim_params import SimParams
 
     return {"dynamics": DynamicsParams, "sim": SimParams, "controller": ControllerParams}

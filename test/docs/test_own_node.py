@@ -19,7 +19,7 @@ from harness import Ros, surroundings
 from sensor_msgs.msg import JointState
 
 from arm_sim import Simulator
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

@@ -92,7 +92,7 @@ def test_the_gallery_runs_where_pip_installs_the_suite(
 def test_command_line_works_without_ros(user: Run) -> None:
     assert "continuous" in user("arm", "describe", "pendulum")
     said = user("arm", "controller", "pendulum", code=1)
-    assert said.startswith("Error: Python cannot find the module '")
+    assert said.startswith("error: Python cannot find the module '")
     assert "needs ROS 2 Jazzy" in said and said.count("\n") == 1
 
 
@@ -137,7 +137,7 @@ from arm_studies.cli.main import main
 for line in {NEED_ROS}:
     result = CliRunner().invoke(main, line.split())
     last = result.output.splitlines()[-1]
-    if not last.startswith("Error: Python cannot find") or "needs ROS 2 Jazzy" not in last:
+    if not last.startswith("error: Python cannot find") or "needs ROS 2 Jazzy" not in last:
         print(line, repr(result.exception), result.output)
     assert result.exit_code == 1
 """)  # fmt: skip

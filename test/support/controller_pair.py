@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.control import make_controller, preparation
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
 
 MS = 1_000_000
@@ -94,8 +94,8 @@ class Pair:
         """Send both nodes states of an arm close to its reference."""
         for _ in range(states):
             self.stamp += MS
-            if self.slow.follower is not None:
-                at = self.slow.follower.reference(self.stamp)
+            if self.slow.goals.follower is not None:
+                at = self.slow.goals.follower.reference(self.stamp)
                 self.q, self.v = (x + rng.normal(0.0, 1e-3, x.size) for x in (at.q, at.v))
             assert self.answers(self.state(self.q, self.v))
 

@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from trajectory_msgs.msg import JointTrajectory
 from two_link_control import MS, effort
 
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 
 Goal = FollowJointTrajectory.Goal
 Result = FollowJointTrajectory.Result
@@ -78,5 +78,5 @@ def led(
 ) -> None:
     """Show the node states from ``begin`` to ``end`` in [ms], an error off its reference."""
     for stamp in range(begin * MS, end * MS + 1, step * MS):
-        there = node.follower.reference(stamp)
+        there = node.goals.follower.reference(stamp)
         effort(node, stamp, there.q - np.asarray(off(stamp)), there.v)

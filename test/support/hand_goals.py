@@ -13,9 +13,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.task_space import TaskSpace, quaternions
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 FRAME = "panda_hand_tcp"
 HAND = TaskSpace(models.dynamics("panda"), FRAME)
@@ -79,7 +79,7 @@ def planned(node: ControllerNode, stamp: int) -> None:
 
 
 def hand(node: ControllerNode, stamp: int) -> np.ndarray:
-    return HAND.pose(node.follower.reference(stamp).q).position - HERE.position
+    return HAND.pose(node.goals.follower.reference(stamp).q).position - HERE.position
 
 
 def long_trajectory(points: int, seconds: float, late: float = 0.0) -> JointTrajectory:

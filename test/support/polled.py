@@ -7,7 +7,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from ctypes import CFUNCTYPE, byref, c_int64, c_void_p, cast
-from struct import pack_into
 from typing import Any
 
 from arm_dynamics.ros.joint_state import FAILED, NONE
@@ -29,14 +28,14 @@ def offered(
     inputs: Inputs, engine: TickEngine, messages: Iterable[bytes] = (), arrival: int = 0
 ) -> deque[bytes]:
     """Let C take these messages, and those that are added later; they arrive then, in [ns]."""
-    waiting, ticks, reader = deque(messages), engine.ticks, inputs.reader
+    waiting, ticks, reader = deque(messages), engine.ticks, inputs.reader.efforts
 
     def take(*_: object) -> int:
         if not waiting:
             return NONE
         raw = waiting.popleft()
         outcome = reader._read(raw, len(raw))
-        pack_into("q", reader._found, 8, arrival)
+        reader._state.arrival = arrival
         reader._state.raw, reader._state.length = cast(raw, c_void_p).value, len(raw)
         ticks.kept_by_test = raw
         return int(outcome)

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from harness import Ros
 
-from arm_dynamics.ros.common.transport import by_udp, clear_dead
+from arm_dynamics.ros.common.dead_segments import clear_dead
+from arm_dynamics.ros.common.transport import by_udp
 
 
 @pytest.fixture(autouse=True)

@@ -13,10 +13,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_sim.ros.commands import LatestCommand
+from arm_dynamics.ros import ControllerNode
+from arm_sim.ros import SimNode
+from arm_sim.ros.commands.latest import LatestCommand
 from arm_sim.ros.node_library import library
-from arm_sim.ros.sim_node import SimNode
 
 NAMES = list(models.dynamics("two_link").joint_names)
 TAU = [1.5, -0.5]
@@ -66,7 +66,7 @@ def follow(
         if k == 0:
             controller.on_joint_trajectory(goal)
         sim.tick()
-        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
+        reference = controller.goals.follower.reference(round(sim.simulator.state.time * 1e9))
         errors.append(reference.q - sim.simulator.state.q)
         positions.append(sim.simulator.state.q)
     return np.array(errors), np.array(positions)

@@ -38,10 +38,10 @@ static int64_t ordered, fulfilled, full;
 
 static int64_t bell, ended, lateness_bins[FINE + COARSE], trip_bins[FINE + COARSE];
 static int64_t stamps[SENT], times[SENT];
-static double x[JOINTS], acted[JOINTS], newest[JOINTS], next_command[JOINTS];
+static double x[JOINTS], acted[JOINTS], newest[JOINTS], next_command[JOINTS], read[JOINTS];
 static double kept_states[ROWS * JOINTS], kept_efforts[ROWS * JOINTS];
 static int64_t kept_ticks[ROWS];
-static uint8_t state_raw[MESSAGE], tick_raw[MESSAGE], chunk_raw[2][CHUNK], found[24 + 8 * JOINTS];
+static uint8_t state_raw[MESSAGE], tick_raw[MESSAGE], chunk_raw[2][CHUNK];
 static int64_t places[2][CHUNK / 31];
 static chunk_t chunks[2];
 static done_t done;
@@ -128,7 +128,7 @@ static int64_t count_of(const histogram_t* h) {
   return sum + 0 * __atomic_load_n(&h->longest, __ATOMIC_RELAXED);
 }
 
-/* TickEngine._note; counts ticks whose efforts belong together. */
+/* EnergyAccount.note; counts ticks whose efforts belong together. */
 static void note(ticks_t* t) {
   pthread_mutex_lock(&noting);
   const int64_t kept = __atomic_load_n(&t->kept, __ATOMIC_ACQUIRE);
@@ -242,7 +242,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   slot_t slot = {.timeout = NEWS, .policy = ZERO, .efforts = newest};
   joint_state_t reader = {
       .kinds = {{.fixed = any, .expected = any, .size = MESSAGE, .at = {HEAD}, .place = joints}},
-      .fields = 1, .joints = JOINTS, .found = found};
+      .fields = 1, .joints = JOINTS, .numbers = read};
   source_t from = {0};
   const uint8_t* numbers = (uint8_t*)x;
   sink_t state = {

@@ -10,7 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.control import ComputedTorque, Measured
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.trajectory import Reference
 
 DYNAMICS = models.dynamics("two_link")
@@ -52,5 +52,5 @@ def still(*q: float) -> Reference:
 
 def reference_of(node: ControllerNode, stamp: int) -> np.ndarray:
     """Position, velocity and acceleration that the node follows, shape (3, 2)."""
-    found = node.follower.reference(stamp)
+    found = node.goals.follower.reference(stamp)
     return np.array([found.q, found.v, found.a])

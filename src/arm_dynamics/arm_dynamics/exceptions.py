@@ -117,7 +117,9 @@ class NotWritten(ArmError, OSError):
 
 
 class NoAnswer(ArmError, TimeoutError):
-    """No node offers a service, or it did not answer in time."""
+    """No node offers a service, or it did not answer in time: then it is ``offered``."""
+
+    offered = False
 
 
 class Refused(ArmError):

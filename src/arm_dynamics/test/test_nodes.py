@@ -15,8 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 
 ROOM = 87  # a separate domain without other nodes
 

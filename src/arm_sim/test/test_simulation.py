@@ -14,7 +14,7 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 
 from arm_sim import Simulator
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 SCENE = "double_pendulum"  # comes with the package, robot included
 ROOM = 88  # a separate domain without other nodes

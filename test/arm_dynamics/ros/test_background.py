@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 
 
 @pytest.fixture

@@ -30,8 +30,8 @@ from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_sim.ros.sim_node import SimNode
+from arm_dynamics.ros import ControllerNode
+from arm_sim.ros import SimNode
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros
@@ -70,7 +70,7 @@ def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
     assert node.goals.planner.busy
     np.testing.assert_array_equal(see(node, MS), before)
     planned(node, 2 * MS)
-    duration = node.follower.remaining(2 * MS)
+    duration = node.goals.follower.remaining(2 * MS)
     assert node.goals.outcome == f"following a straight line for {duration:.3f} s"
     assert duration > 1.0
     assert_close(hand(node, 2 * MS + round(1e9 * duration)), [0.0, 0.2, 0.0], 1e-8)
@@ -79,7 +79,7 @@ def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
 def test_a_path_is_followed_through_its_poses(node: ControllerNode) -> None:
     node.on_cartesian_path(path([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]))
     planned(node, MS)
-    duration = round(1e9 * node.follower.remaining(MS))
+    duration = round(1e9 * node.goals.follower.remaining(MS))
     *said, seconds, _ = node.goals.outcome.split()
     assert said == ["following", "3", "poses", "for"]
     assert_close(float(seconds), 1e-9 * duration, 1e-3)  # rounded to milliseconds
@@ -92,12 +92,12 @@ def test_a_path_is_followed_through_its_poses(node: ControllerNode) -> None:
 def test_a_goal_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
     node.on_cartesian_goal(pose([0.0, 0.25, 0.0]))
     planned(node, 0)
-    end = round(1e9 * node.follower.remaining(0))
-    node.follower.reference(end // 3)
+    end = round(1e9 * node.goals.follower.remaining(0))
+    node.goals.follower.reference(end // 3)
     see(node, end // 3)
     node.on_cartesian_goal(pose([0.0, -0.1, 0.0]))
     planned(node, end // 3)
-    references = [node.follower.reference(end // 3 + k * MS) for k in range(6000)]
+    references = [node.goals.follower.reference(end // 3 + k * MS) for k in range(6000)]
     q, v = (np.array([getattr(r, name) for r in references]) for name in "qv")
     assert abs(v[0]).max() > 0.05
     np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
@@ -115,7 +115,7 @@ def test_goals_may_be_as_quick_as_the_joints_allow(ros: Ros) -> None:
         see(node, 0)
         node.on_cartesian_goal(pose([0.0, 0.2, -0.1]))
         planned(node, 0)
-        took.append(node.follower.remaining(0))
+        took.append(node.goals.follower.remaining(0))
         assert_close(hand(node, 10_000 * MS), [0.0, 0.2, -0.1], 1e-8)
     assert took[1] < 0.9 * took[0]
 
@@ -136,7 +136,7 @@ def test_a_short_trajectory_takes_the_place_of_a_goal_that_is_being_planned(
     assert not node.goals.planner.busy
     time.sleep(0.3)
     see(node, MS)
-    assert_close(node.follower.reference(5_000 * MS).q, HOME + 0.2, 1e-12)
+    assert_close(node.goals.follower.reference(5_000 * MS).q, HOME + 0.2, 1e-12)
 
 
 def test_a_refused_trajectory_leaves_a_goal_that_is_being_planned(node: ControllerNode) -> None:
@@ -185,7 +185,7 @@ def test_a_bad_goal_is_refused_with_the_reason_and_the_arm_holds(
             assert "refused: " in said and complaint in said
         assert complaint in node.goals.outcome
         np.testing.assert_array_equal(see(node, now + 999 * MS), before)
-        assert node.follower.remaining(now + 999 * MS) == 0.0
+        assert node.goals.follower.remaining(now + 999 * MS) == 0.0
 
 
 def test_without_a_frame_or_a_state_goals_are_refused(

@@ -22,7 +22,7 @@ from two_link_control import NAMES, point, state, still, trajectory
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.control import NAMES as CONTROLLERS
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.task_space.task_space import TaskSpace
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
@@ -274,7 +274,7 @@ def test_a_plan_that_is_ready_is_followed(ros: Ros, rng: np.random.Generator) ->
             return outcome.startswith("following")
 
         ros.spin_until(followed)
-        assert pair.fast.follower.remaining(pair.stamp) > 0.5
+        assert pair.fast.goals.follower.remaining(pair.stamp) > 0.5
 
 
 def test_a_cartesian_motion_is_for_python(ros: Ros, rng: np.random.Generator) -> None:
@@ -329,7 +329,7 @@ def test_goals_of_the_action_are_watched(ros: Ros, rng: np.random.Generator) -> 
     publisher = ros.publisher(JointState, "/joint_states")
 
     def see(stamp: int, off: float) -> None:
-        at = node.follower.reference(stamp * MS) if node.follower else still(0.1, -0.2)
+        at = node.goals.follower.reference(stamp * MS) if node.goals.follower else still(0.1, -0.2)
         count = len(heard)
         publisher.publish(deserialize_message(state(stamp * MS, at.q + off, at.v), JointState))
         ros.spin_until(lambda: len(heard) > count)
@@ -359,7 +359,7 @@ def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None
         pair.led(20, rng)
         values = pair.fast.diagnostics()[0].values
         assert values["answered in C"] == pair.in_c > 10
-        assert values["answered in Python"] == "states that are not ordinary"
+        assert values["answered in Python"] == "few states, as after a change"
         assert 0.0 < values["answer in C [µs]"] <= values["longest answer in C [µs]"] < 1e7
         assert values["rate [Hz]"] > 0.0 and values["last state [s]"] < 5.0
         by_hand = pair.slow.diagnostics()[0].values

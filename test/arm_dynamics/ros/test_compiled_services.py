@@ -15,8 +15,9 @@ import models
 from arm_dynamics import Dynamics, Term, load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, compiled_services
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import DynamicsNode
+from arm_dynamics.ros.dynamics import compiled_services
+from arm_dynamics.ros.dynamics.answers import ANSWERS
 from arm_dynamics.ros.dynamics_node import node as dynamics_node
 from arm_dynamics.ros.interfaces import DYNAMICS_TERMS, FORWARD_DYNAMICS, INVERSE_DYNAMICS, Service
 from tolerances import PINOCCHIO, assert_close
@@ -100,7 +101,7 @@ def numbers(response: Any) -> dict[str, np.ndarray]:
 def test_c_says_what_python_says(ros: Ros, ask: Ask, rng: np.random.Generator, scene: Any) -> None:
     chosen = models.scene(scene) if isinstance(scene, str) else scene
     node, reference = ros.add(DynamicsNode, chosen), Dynamics(chosen)
-    warm(node, ask, *(service for service, *_ in COMPILED))
+    warm(node, ask, *(service for service, *_ in compiled_services.COMPILED))
     n, before = node.dynamics.n, in_c(node)
     requests = []
     for points in (1, 3, 300):
@@ -213,8 +214,8 @@ def test_a_giant_request_leaves_no_memory_behind(ros: Ros, ask: Ask) -> None:
     assert in_c(node) > before
     assert node._compiled is not None
     assert ask(INVERSE_DYNAMICS).success is False  # the giant is done with by then
-    known = node._compiled._known[0]
-    assert len(known._response.read().effort) == 0
+    answer = node._compiled._running[0]
+    assert len(answer._response.read().effort) == 0
 
 
 def test_who_shuts_down_ends_the_thread(ros: Ros, ask: Ask) -> None:

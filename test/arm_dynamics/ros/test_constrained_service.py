@@ -12,10 +12,10 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import CONSTRAINED_DYNAMICS
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros

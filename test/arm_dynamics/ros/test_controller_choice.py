@@ -17,11 +17,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller import selection as module
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -160,13 +160,13 @@ def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
     settle(node)
     see(node, 2 * MS, led)  # the hand-over begins with the torque of before
     assert node.params.controller == "computed_torque" and not node.busy
-    assert_close(node.follower.reference(3 * MS).q, led, ALGEBRA)
+    assert_close(node.goals.follower.reference(3 * MS).q, led, ALGEBRA)
     assert_close(see(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
     assert abs(see(node, 4 * MS, led + 0.1) - see(node, 4 * MS, led)).max() > 1.0
     go(node, 0.1, 1)
     assert change(node, bandwidth=8.0).successful
     settle(node)
-    assert node.follower is not None and node.follower.remaining(4 * MS) > 0.9
+    assert node.goals.follower is not None and node.goals.follower.remaining(4 * MS) > 0.9
 
 
 def test_gains_set_while_a_controller_is_prepared_are_of_that_one(
@@ -222,7 +222,7 @@ def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     see(node, 0)
     assert change(node, controller="pd").successful
     see(node, MS, HOME + 0.4)
-    assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
+    assert_close(node.goals.follower.reference(2 * MS).q, HOME, ALGEBRA)
 
 
 def test_the_newest_choice_counts_whatever_was_being_prepared(

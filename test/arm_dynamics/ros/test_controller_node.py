@@ -25,7 +25,7 @@ from two_link_control import (
 
 import models
 from arm_dynamics import ArmError
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -157,7 +157,7 @@ def test_a_gap_between_states_means_hold_again_unless_any_gap_is_allowed(ros: Ro
         effort(node, 0, (0.0, 0.0))
         node.on_joint_trajectory(trajectory(point(4.0, 1.0, -1.0)))
         effort(node, 1000 * MS, (0.1, 0.2))
-        assert (node.follower.remaining(1000 * MS) == 0.0) == held
+        assert (node.goals.follower.remaining(1000 * MS) == 0.0) == held
         assert_close(reference_of(node, 1000 * MS)[0], (0.1, 0.2), ALGEBRA) if held else None
 
 

@@ -10,7 +10,7 @@ from trajectory_msgs.msg import JointTrajectory
 from two_link_control import MS, NAMES, effort, point, reference_of, trajectory, wanted
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.trajectory import Reference
 from tolerances import ALGEBRA, assert_close
 
@@ -112,12 +112,12 @@ BAD = (
     (trajectory(point(0.0, 1.0, 1.0)), "no waypoint lies in the future"),
     (trajectory(point(1.0, 1.0)), "positions of point 0 has 1 numbers; allowed: 2"),
     (trajectory(point(1.0)), "positions of point 0 has 0 numbers"),
-    (trajectory(point(1.0, 1.0, np.nan)), "nan"),
+    (trajectory(point(1.0, 1.0, np.nan)), f"positions of point 0, joint '{NAMES[1]}', is nan"),
     (trajectory(point(1.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "increasing"),
     (trajectory(point(2.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "increasing"),
     (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0])), "velocities of point 0 has 1"),
     (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0, 1.0])), "last waypoint"),
-    (trajectory(point(1.0, 1.0, 1.0, accelerations=[np.inf] * 2)), "inf"),
+    (trajectory(point(1.0, 1.0, 1.0, accelerations=[np.inf] * 2)), f"'{NAMES[0]}', is inf"),
     (trajectory(point(1.0, 1.0), names=["nobody"]), "unknown joints nobody; allowed: "),
     (trajectory(point(1.0, 1.0, 1.0), names=[NAMES[0]] * 2), "each once"),
     (trajectory(point(1.0), names=[]), "no joint names"),

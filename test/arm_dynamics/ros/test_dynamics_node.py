@@ -14,7 +14,7 @@ from std_msgs.msg import String
 import models
 from arm_dynamics import ArmError, Term, load_scene
 from arm_dynamics.client.client import ALL_TERMS
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.dynamics_node import node as dynamics_node
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,

@@ -8,9 +8,9 @@ import pytest
 from samples import sampled
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.executable import split_words, usage
-from arm_dynamics.ros.controller import ControllerParams
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.controller.controller_params import ControllerParams
 
 pytestmark = pytest.mark.ros
 

@@ -19,9 +19,9 @@ from sensor_msgs.msg import JointState
 import models
 from arm_dynamics import load_scene
 from arm_dynamics.codegen.compiler import find_compiler
-from arm_dynamics.ros.dynamics import COMPILED, compiled_services
-from arm_dynamics.ros.dynamics_node import DynamicsNode
-from arm_dynamics.ros.joint_state import JointStateReader
+from arm_dynamics.ros import DynamicsNode
+from arm_dynamics.ros.dynamics import compiled_services
+from arm_dynamics.ros.joint_state import Expected, JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
@@ -33,10 +33,9 @@ ROOM = 0.3  # of requests that C may answer
 
 @pytest.mark.parametrize("gaps", [False, True])
 def test_bent_joint_states(rng: np.random.Generator, fuzz: int, gaps: bool) -> None:
-    options: dict[str, Any] = {"partial": gaps, "extra": gaps, "gaps": gaps}
     fields = ("position", "velocity", "effort")
-    python = PlainReader(NAMES, fields, **options)
-    compiled = JointStateReader(NAMES, fields, **options)
+    expected = Expected(NAMES, fields, partial=gaps, extra=gaps, gaps=gaps)
+    python, compiled = PlainReader(expected), JointStateReader(expected)
     message = JointState(name=NAMES)
     message.position, message.velocity, message.effort = rng.normal(size=(3, 3)).tolist()
     whole = bytes(serialize_message(message))
@@ -77,7 +76,7 @@ def test_requests_of_any_kind(
     assert node._compiled is not None
     clients = {
         service: ros.peer.create_client(service.type, service.name.replace("~", "/dynamics"))
-        for service, *_ in COMPILED
+        for service, *_ in compiled_services.COMPILED
     }
     for client in clients.values():
         ros.spin_until(client.service_is_ready)

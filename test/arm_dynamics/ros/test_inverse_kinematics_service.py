@@ -10,7 +10,7 @@ from arm_msgs.srv import InverseKinematics as Service
 from harness import Ros
 
 import models
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.interfaces import INVERSE_KINEMATICS, MAX_POSES
 from arm_dynamics.task_space import TaskSpace, quaternions
 from tolerances import assert_close

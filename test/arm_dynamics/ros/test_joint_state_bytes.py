@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import HEADER, JointStateReader
+from arm_dynamics.ros.joint_state import HEADER, Clip, Expected, JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -51,9 +51,9 @@ def state(**fields: list[float]) -> JointState:
 def reader() -> Readers:
     """Makes a reader of positions and velocities."""
 
-    def make(**options: Any) -> JointStateReader:
-        options = {"partial": False, "extra": False, **options}
-        return JointStateReader(NAMES, ("position", "velocity"), **options)
+    def make(partial: bool = False, extra: bool = False, **options: Any) -> JointStateReader:
+        expected = Expected(NAMES, ("position", "velocity"), partial, extra)
+        return JointStateReader(expected, **options)
 
     return make
 
@@ -165,9 +165,9 @@ def test_c_knows_what_came_once_of_several_publishers_in_any_order_of_joints(
 
 
 def test_publishers_of_some_joints_in_turn_are_read_alike_by_both() -> None:
-    options: Any = {"partial": True, "extra": True, "limit": [2.0] * 3}
-    options["beyond"] = lambda numbers: tuple(min(x, 2.0) for x in numbers)
-    readers = [kind(NAMES, ("position",), **options) for kind in (PlainReader, JointStateReader)]
+    clip = Clip([2.0] * 3, lambda numbers: tuple(min(x, 2.0) for x in numbers))
+    expected = Expected(NAMES, ("position",), partial=True, extra=True)
+    readers = [kind(expected, clip=clip) for kind in (PlainReader, JointStateReader)]
     orders = [NAMES[:1], NAMES[1:], NAMES[::-1], ["hand", NAMES[2]], NAMES[2:], NAMES[:2]]
     for k in range(40):
         names = orders[k % 3] if k < 20 else orders[k % 6]  # more kinds than are known at once
@@ -189,7 +189,7 @@ def test_beside_extra_joints_the_number_that_is_not_finite_is_named() -> None:
     arm = models.dynamics("gripper").model.joint_names
     message = JointState(name=[*arm, "lamp"], position=[0.0] * (len(arm) + 1))
     message.velocity = [np.nan, *[0.0] * len(arm)]
-    reader = JointStateReader(arm, ("position", "velocity"), partial=False, extra=True)
+    reader = JointStateReader(Expected(arm, ("position", "velocity"), extra=True))
     with pytest.raises(InvalidInput, match=f"velocity of joint '{arm[0]}' is nan"):
         reader.read(serialize_message(message))
 
@@ -215,8 +215,7 @@ FOLLOWERS = {
 def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: str) -> None:
     """The first message of a kind is read in Python, the next ones in C alone."""
     arm = models.dynamics("gripper").model.joint_names
-    options: dict[str, Any] = {"partial": True, "extra": False, "gaps": True}
-    reader = JointStateReader(arm, ORDER, **options)
+    reader = JointStateReader(Expected(arm, ORDER, partial=True, gaps=True))
     names = ["left_slide", "right_slide", "swing"]
     raw = serialize_message(JointState(name=names, **fields))
     other = HEADER.constants["OTHER"]
@@ -233,7 +232,7 @@ def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: 
 
 def test_a_mimic_joint_alone_is_told_to_follow() -> None:
     arm = models.dynamics("gripper").model.joint_names
-    reader = JointStateReader(arm, ("effort",), partial=True, extra=False)
+    reader = JointStateReader(Expected(arm, ("effort",), partial=True))
     raw = serialize_message(JointState(name=["swing", "right_slide"], effort=[1.0, 0.0]))
     with pytest.raises(InvalidInput, match="^right_slide follows left_slide; command that one$"):
         reader.read(raw)
@@ -262,7 +261,7 @@ def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:
         ),
         (state(position=[1.0] * 3, velocity=[0.0, 0.0, np.inf]), "'wrist_é' is inf"),
         (JointState(name=["base"] * 3, position=[0.0] * 3, velocity=[0.0] * 3), "all different"),
-        (JointState(), "joints base, elbow, wrist_é are missing"),
+        (JointState(), "names no joints; allowed: base, elbow, wrist_é"),
     ],
 )
 def test_useless_messages_are_refused(
@@ -311,7 +310,8 @@ def test_rubbish_is_refused(rng: np.random.Generator, reader: Readers) -> None:
 def test_numbers_beyond_their_limit_are_replaced(reader: Readers) -> None:
     told: list[tuple[float, ...]] = []
     instead = (0.5, 0.5, 0.5)
-    read = reader(limit=[1.0, np.inf, 3.0], beyond=lambda numbers: told.append(numbers) or instead)
+    clip = Clip([1.0, np.inf, 3.0], lambda numbers: told.append(numbers) or instead)
+    read = reader(clip=clip)
     for position in ([1.0, 99.0, -3.0], [1.0, 0.0, -3.1], [-1.1, 0.0, 0.0], [0.0, 0.0, 0.0]):
         message = state(position=position, velocity=[9.0] * 3)
         taken = read.read(serialize_message(message))[1]

@@ -12,9 +12,9 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.direct import PolledSubscription
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
-from arm_dynamics.ros.joint_state import NONE, JointStateReader, JointStateSink, Read
+from arm_dynamics.ros.joint_state import NONE, Expected, JointStateReader, JointStateSink, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 pytestmark = pytest.mark.ros
@@ -64,7 +64,7 @@ def test_what_is_published_arrives(ros: Ros) -> None:
     arrays = [np.zeros(2) for _ in range(3)]
     writer = JointStateWriter(JOINTS, frame_id="here")
     sink = JointStateSink(node, JOINT_STATES, writer, arrays)
-    reader = JointStateReader(JOINTS, ("position", "effort"), partial=False, extra=False)
+    reader = JointStateReader(Expected(JOINTS, ("position", "effort")))
     source, bytes_of = Source(node, JOINT_STATES, reader), PolledSubscription(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
@@ -93,7 +93,7 @@ def test_what_is_published_arrives(ros: Ros) -> None:
 def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
+    reader = JointStateReader(Expected(JOINTS, ("effort",)))
     source = Source(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     for _ in range(2):
@@ -125,7 +125,7 @@ class Memory(ctypes.Structure):
 def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
+    reader = JointStateReader(Expected(JOINTS, ("effort",)))
     source = Source(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     room = []

@@ -11,9 +11,9 @@ from two_link_control import MS, effort, point, reference_of, still, trajectory,
 
 import models
 from arm_dynamics.control.controller import Measured
-from arm_dynamics.ros.controller import Jumps
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller.goals import Goal
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.trajectory.follower import Outset
 from arm_dynamics.trajectory.reference import Motion, hold
 from tolerances import ALGEBRA, assert_close

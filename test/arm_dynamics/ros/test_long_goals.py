@@ -14,8 +14,8 @@ from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller.goals import Goal
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.trajectory.follower import Outset
 from arm_dynamics.trajectory.reference import Motion, hold
@@ -33,10 +33,10 @@ def node(ros: Ros) -> ControllerNode:
 def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(10, 1.0))
     see(node, 300 * MS)
-    old = [node.follower.reference((300 + k) * MS) for k in range(1000)]
+    old = [node.goals.follower.reference((300 + k) * MS) for k in range(1000)]
     node.on_joint_trajectory(long_trajectory(500, 2.0, late=0.7))
     planned(node, 301 * MS)
-    new = [node.follower.reference((301 + k) * MS) for k in range(3000)]
+    new = [node.goals.follower.reference((301 + k) * MS) for k in range(3000)]
     assert_close(new[0].q, old[1].q, 1e-12)
     q, v = (np.array([getattr(r, name) for r in new]) for name in "qv")
     np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
@@ -54,15 +54,15 @@ def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
         stamp += 20 * MS
         time.sleep(2e-3)
         see(node, stamp)
-    assert node.follower.remaining(stamp) < 10.0
-    assert_close(node.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
+    assert node.goals.follower.remaining(stamp) < 10.0
+    assert_close(node.goals.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
 
 
 def test_a_goal_that_is_never_planned_in_time_is_refused(node: ControllerNode) -> None:
     """Each plan gets twice the time of the one before it; the motion goes on."""
     node.on_joint_trajectory(long_trajectory(10, 60.0))
     see(node, 300 * MS)
-    before, begins = node.follower, [299 * MS]
+    before, begins = node.goals.follower, [299 * MS]
     ended: list[object] = []
 
     def plan(outset: Outset) -> Motion:
@@ -79,8 +79,8 @@ def test_a_goal_that_is_never_planned_in_time_is_refused(node: ControllerNode) -
     assert ended == [None]
     assert (np.diff(begins) - MS).tolist() == [50 * MS << k for k in range(9)]
     assert node.goals.outcome.startswith("goal refused: the arm's reference changed faster")
-    assert node.follower is before
-    assert_close(node.follower.reference(60_000 * MS).q, HOME + 0.2, 1e-12)
+    assert node.goals.follower is before
+    assert_close(node.goals.follower.reference(60_000 * MS).q, HOME + 0.2, 1e-12)
 
 
 def test_another_frame_is_built_in_the_background_and_used_when_ready(ros: Ros) -> None:
@@ -113,10 +113,10 @@ def test_a_long_trajectory_over_the_wire_is_followed(
     publisher.publish(sent(long_trajectory(1000, 4.0), order))
     ros.spin_until(lambda: node.goals.planner.busy)
     planned(node, MS)
-    assert node.follower.remaining(MS) == pytest.approx(4.0)
-    assert_close(node.follower.reference(MS).q, HOME, 1e-12)
-    assert_close(node.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
-    assert_close(node.follower.reference(5000 * MS).q, HOME + 0.2, 1e-12)
+    assert node.goals.follower.remaining(MS) == pytest.approx(4.0)
+    assert_close(node.goals.follower.reference(MS).q, HOME, 1e-12)
+    assert_close(node.goals.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
+    assert_close(node.goals.follower.reference(5000 * MS).q, HOME + 0.2, 1e-12)
 
 
 def test_damaged_goals_are_refused_and_the_arm_holds(
@@ -146,7 +146,7 @@ def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
     message = long_trajectory(MAX_GOAL_POINTS, 40.0)
     node.on_joint_trajectory(message)
     planned(node, MS)
-    assert node.follower.remaining(MS) == pytest.approx(40.0)
+    assert node.goals.follower.remaining(MS) == pytest.approx(40.0)
     message.points.append(message.points[-1])
     node.on_joint_trajectory(message)
     assert not node.goals.planner.busy

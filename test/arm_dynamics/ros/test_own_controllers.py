@@ -13,9 +13,9 @@ from two_link_control import MS, effort, point, state, trajectory
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import Measured, PDGravity
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.diagnostics import ERROR, OK
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros
@@ -64,7 +64,7 @@ def test_hand_over_is_without_a_jump_both_ways(ros: Ros) -> None:
     np.testing.assert_array_equal(effort(node, 2 * MS, q), ours)
     for k in range(3, 30):
         tau = effort(node, k * MS, q)
-    reference = node.follower.reference(29 * MS)
+    reference = node.goals.follower.reference(29 * MS)
     assert_close(tau, expected.torque(Measured(q, np.zeros(2)), reference), 1e-12)
     assert change(node, controller="pd_gravity").successful
     np.testing.assert_array_equal(effort(node, 30 * MS, q), tau)

@@ -14,9 +14,9 @@ import pytest
 from harness import Ros
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common import privileges, scheduling
-from arm_dynamics.ros.common.privileges import ThreadParams, read_cpus
-from arm_dynamics.ros.common.scheduling import (
+from arm_dynamics.ros.common.threads import privileges, scheduling
+from arm_dynamics.ros.common.threads.privileges import ThreadParams, read_cpus
+from arm_dynamics.ros.common.threads.scheduling import (
     MiddlewareThreads,
     arrange_middleware_threads,
     shorten_slice,

@@ -12,9 +12,9 @@ from two_link_control import MS, state
 
 import models
 from arm_dynamics.codegen.compiler import find_compiler
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.conflicts import publishers
-from arm_dynamics.ros.controller import StateSource
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.interfaces import JOINT_STATES
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]

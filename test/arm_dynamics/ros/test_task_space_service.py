@@ -9,7 +9,7 @@ from arm_msgs.srv import TaskSpace as Service
 from harness import Ros
 
 import models
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS, TASK_SPACE
 from arm_dynamics.task_space import TaskSpace
 from tolerances import PINOCCHIO, assert_close

@@ -17,8 +17,8 @@ from sensor_msgs.msg import JointState
 from two_link_control import MS, NAMES, effort, point, reference_of, state, trajectory
 
 import models
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller import trajectory_action
-from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.trajectory import Reference
 from arm_dynamics.trajectory.reference import Motion, hold
 from tolerances import ALGEBRA, assert_close
@@ -93,7 +93,7 @@ def test_an_arm_that_is_stopped_keeps_the_efforts_it_had(
         led(node, 501, 501, off=lambda _: (0.0, 0.06))
     client.result(handle)
     for stamp in (502 * MS, 3000 * MS):
-        assert_close(node.follower.reference(stamp).tau, [2.0, -1.0], ALGEBRA)
+        assert_close(node.goals.follower.reference(stamp).tau, [2.0, -1.0], ALGEBRA)
 
 
 @pytest.mark.parametrize(
@@ -329,7 +329,7 @@ BAD = {
     "no waypoint lies in the future": stamped(to(0.1, 0.1), 0.5),
     "stamps of the same clock": stamped(to(0.1, 0.1), 3700.0),
     "'shoulder' would leave its position limit at 7.63": to(3.2, 0.0, time=9.0),
-    "'elbow' would leave its velocity limit at 0.": to(0.0, 2.0, time=0.3),
+    "rad/s and 2 % more (limit_margin)": to(0.0, 2.0, time=0.3),
     "'shoulder' would leave its effort limit at 0.": to(0.6, 0.0, time=0.2),
 }  # fmt: skip
 
@@ -501,7 +501,7 @@ def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:
     shown = JointState(name=names, position=here.tolist(), velocity=[0.0] * len(names))
     node.on_joint_states(serialize_message(shown))
     assert Client(ros).send(goal(trajectory(point(2.0, *there), names=names))).accepted
-    assert node.follower.reference(2000 * MS).q[turn] == pytest.approx(2.0 * np.pi + 0.3)
+    assert node.goals.follower.reference(2000 * MS).q[turn] == pytest.approx(2.0 * np.pi + 0.3)
 
 
 def test_without_the_interface_there_is_no_action(

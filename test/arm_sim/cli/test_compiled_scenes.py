@@ -53,9 +53,9 @@ NODES = """
 import sys, time
 import rclpy
 from rclpy.context import Context
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
-from arm_sim.ros.sim_node import SimNode
+from arm_dynamics.ros import ControllerNode
+from arm_dynamics.ros import DynamicsNode
+from arm_sim.ros import SimNode
 
 options = {"context": Context()}
 rclpy.init(args=[], context=options["context"], domain_id=int(sys.argv[2]))

@@ -15,9 +15,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import load_scene
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.trajectory import Waypoint
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from arm_sim.simulation.closed_loop import ClosedLoop
 from tolerances import ALGEBRA, assert_close
 

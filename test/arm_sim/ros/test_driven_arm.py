@@ -11,8 +11,8 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_sim.ros.sim_node import SimNode
+from arm_dynamics.ros import ControllerNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

@@ -12,8 +12,7 @@ from sim_by_hand import NAMES, by_hand, command
 from std_msgs.msg import Header
 
 import models
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import SET_FRICTION, SET_JOINT_STATE
 
 pytestmark = pytest.mark.ros

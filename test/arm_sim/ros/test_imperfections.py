@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_sim import Recording, Simulator
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from arm_sim.ros.tick_engine import TickEngine
 
 pytestmark = pytest.mark.ros

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from ctypes import byref
+
 import numpy as np
 import pytest
 from polled import offered
@@ -14,8 +16,8 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.joint_state import reader
 from arm_dynamics.ros.joint_state.serialization import parsed
+from arm_sim.ros import command_reader
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
@@ -127,7 +129,7 @@ def test_messages_of_a_rival_are_analysed_once(
     """Refused a thousand times a second, they would slow down the loop."""
     lead(inputs)
     analysed = list[bytes]()
-    monkeypatch.setattr(reader, "parsed", lambda raw: analysed.append(raw) or parsed(raw))
+    monkeypatch.setattr(command_reader, "parsed", lambda raw: analysed.append(raw) or parsed(raw))
     for count in (1, 2, 3):
         assert inputs.on_joint_commands(command(source="other", joint1=9.0)) is None
         assert (inputs.refused, len(analysed)) == (count, 1)
@@ -181,7 +183,7 @@ def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: Tic
 def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
     inputs: Inputs, engine: TickEngine, stamp: int, sent: int, alone: bool, acts: float
 ) -> None:
-    inputs.round_trip.sent(sent)
+    library().sent(byref(inputs.round_trip), sent)
     if not alone:
         engine.arbiter.admit("other", frozenset({6}))
     offered(inputs, engine, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
@@ -195,7 +197,7 @@ def test_answers_are_timed_from_state_to_arrival(
 ) -> None:
     trip = inputs.round_trip
     for stamp in 5, 6, 7:
-        trip.sent(stamp)
+        library().sent(byref(trip), stamp)
     arrival, late = int(trip._times[0]), 10**6
     if waits:
         offered(inputs, engine, [command(5, joint1=1.0), command(6, joint1=NAN)], arrival + late)
@@ -203,8 +205,8 @@ def test_answers_are_timed_from_state_to_arrival(
     else:
         inputs.on_joint_commands(command(5, joint1=1.0), arrival + late)
         inputs.on_joint_commands(command(6, joint1=NAN), arrival + 2 * late)
-    assert trip.percentiles().count == 1 and trip.awaits(6) and not trip.awaits(5)
-    assert trip.percentiles().max == pytest.approx(1e-9 * late)
+    assert trip.histogram.percentiles().count == 1 and trip.awaits(6) and not trip.awaits(5)
+    assert trip.histogram.percentiles().max == pytest.approx(1e-9 * late)
 
 
 def test_after_it_is_closed_nothing_is_read(inputs: Inputs, engine: TickEngine) -> None:

@@ -13,8 +13,9 @@ from sim_by_hand import NAMES, by_hand, command, ticks
 
 import models
 from arm_dynamics.ros.interfaces import STEP
-from arm_dynamics.ros.joint_state import JointStateReader
-from arm_sim.ros.sim_node import SimNode
+from arm_dynamics.ros.joint_state import Expected, JointStateReader
+from arm_sim.ros import SimNode
+from arm_sim.ros.command_reader import CommandReader
 
 pytestmark = pytest.mark.ros
 
@@ -164,9 +165,9 @@ def test_in_c_messages_mean_what_they_mean_in_python() -> None:
     """Each kind twice: the first goes the long way, the second is known."""
     readers = []
     for make in (JointStateReader, PlainReader):
-        ways = {"partial": True, "extra": False}
-        other = make(NAMES, FIELDS, gaps=True, **ways)
-        readers.append(make(NAMES, ("effort",), other=other, **ways))
+        efforts = Expected(NAMES, ("effort",), partial=True)
+        every = Expected(NAMES, FIELDS, partial=True, gaps=True)
+        readers.append(CommandReader(make(efforts), make(every)))
     for _ in range(2):
         for fields in MESSAGES:
             raw = command(name=list(NAMES)[::-1], **fields)

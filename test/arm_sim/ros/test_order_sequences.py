@@ -31,10 +31,9 @@ from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_time
 from arm_sim import Recording
 from arm_sim.replay import replay
-from arm_sim.ros import node_library
+from arm_sim.ros import SimNode, node_library
 from arm_sim.ros.commands.latest import POLICIES
-from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.histogram import Histogram
 from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
@@ -113,7 +112,7 @@ class Sim:
             "parameters": simulator.arm.parameters.tobytes(),
             "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
             "next": str(next_command(slot, simulator.arm.x[:2])),
-            "sources": [(k, s.joints, s.heard, s.count) for k, s in arbiter._streams.items()],
+            "sources": [(k, s.joints, s.last_time, s.count) for k, s in arbiter._streams.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),
             "engine": (engine.paused, engine.failure, engine.held, engine.pushed_frames),
@@ -199,7 +198,7 @@ def test_orders_and_commands_in_any_sequence(
     if heard:
         ros.listen(Energy, "sim/energy")
         outputs = [sim.node._outputs for sim in (fast, slow)]
-        ros.spin_until(lambda: all(each.energy.heard for each in outputs))
+        ros.spin_until(lambda: all(each.energy.has_subscribers for each in outputs))
     for _ in range(200 * fuzz):
         stamp = fast.node.engine.stamp
         messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]

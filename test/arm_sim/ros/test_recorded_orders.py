@@ -54,7 +54,7 @@ class Live:
     def __init__(self, ros: Ros, given: dict[str, Any], path: Path) -> None:
         self.node = by_hand(ros, given, record=str(path), command_timeout=0.01)
         self._commands, self.made = Waiting(self.node), 0
-        self.node._outputs.energy._wanted = lambda: True
+        self.node._outputs.energy._also_read = lambda: True
         self.node.engine.on_tick.append(self._count)
         self.spans = list[tuple[int, int, Account]]()
         self.pushed = "forearm" if "forearm" in self.node.simulator.model.pin.names else "link3"
@@ -64,12 +64,12 @@ class Live:
         self.made += 1
 
     def _open(self) -> None:
-        self.node.engine.keep_account(True)
+        self.node.engine.energy.keep(True)
         self._since = self.made
 
     def read(self) -> None:
         """Read the account."""
-        account = self.node.engine.account()
+        account = self.node.engine.energy.read()
         assert account is not None
         self.spans.append((self._since, self.made, account))
 

@@ -19,17 +19,16 @@ from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import ArmError, InvalidInput
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
 from arm_sim import Recording, Simulator
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import messages
 from arm_sim.replay import replay
+from arm_sim.ros import SimNode
 from arm_sim.ros.record.definitions import definition_of
 from arm_sim.ros.record.player import Player
 from arm_sim.ros.record.topics import TopicRecorder
-from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
 
@@ -102,7 +101,7 @@ def test_a_bag_of_a_node_has_its_metadata(ros: Ros, tmp_path: Path) -> None:
 
 def test_without_the_parameter_nothing_is_recorded(ros: Ros) -> None:
     node = by_hand(ros)
-    assert node.recorder is None and node.inputs.tap is None
+    assert node.recorder is None
     assert "recording" not in [finding.part for finding in node.diagnostics()]
 
 
@@ -121,8 +120,8 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     found = finding.message(node)
     assert (found.level, found.message) == (
         DiagnosticStatus.ERROR,
-        "2 ticks are not in the recording: the disk is full; 3 ticks and messages are not in the "
-        "recording: the disk is full; recording stopped",
+        "2 time steps not in the recording: the disk is full; 3 messages not in the recording: "
+        "the disk is full; recording stopped",
     )
 
 

@@ -19,7 +19,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_sim import Recording
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 
@@ -99,7 +99,7 @@ def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[...,
     gripper = driver(["finger"])
     gripper.speaks.set()
     made = sim(ros)
-    ros.spin_until(lambda: len(made.rivals._known) == 2)
+    ros.spin_until(lambda: len(made.rivals._harmless) == 2)
     made.rivals.update()
     assert not made.rivals.alarm.message and made.rivals._newest is None  # it listens no more
 

@@ -18,9 +18,9 @@ from std_msgs.msg import String
 
 import models
 from arm_dynamics import ArmError
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.interfaces import LATCHED
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

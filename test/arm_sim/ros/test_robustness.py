@@ -20,8 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import load_scene
-from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
     FORWARD_DYNAMICS,
@@ -33,7 +32,7 @@ from arm_dynamics.ros.interfaces import (
     STEP,
     TASK_SPACE,
 )
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

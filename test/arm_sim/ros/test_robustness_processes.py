@@ -20,9 +20,9 @@ from std_msgs.msg import String
 
 import models
 from arm_dynamics.client import ArmClient
-from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.interfaces import LATCHED, NEWEST
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

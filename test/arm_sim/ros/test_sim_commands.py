@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray
 import models
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.interfaces import RESET
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 
@@ -170,7 +170,7 @@ def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
         ({"name": list(NAMES), "position": [1.0]}, "position has 1 numbers for 2 joints"),
         ({"name": list(NAMES), "velocity": [np.inf, 1.0]}, "is inf; allowed: finite numbers"),
         ({"name": list(NAMES)}, "effort has 0 numbers"),
-        ({}, "are missing"),
+        ({}, "it names no joints; allowed: shoulder, elbow"),
     ],
 )
 def test_bad_commands_are_passed_over(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pushes, payload, friction, the first command and diagnostics, on a sim node ticked by hand."""
 
+from ctypes import byref
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -22,9 +23,10 @@ import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_sim import Simulator
+from arm_sim.ros import SimNode
 from arm_sim.ros.commands.arbiter import STREAM
-from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.timing.latency import Percentiles
+from arm_sim.ros.node_library import library
+from arm_sim.ros.timing.histogram import Percentiles
 from arm_sim.ros.timing.realtime_loop import LoopReport
 
 pytestmark = pytest.mark.ros
@@ -78,7 +80,7 @@ def test_bad_wrenches_are_passed_over(
     node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
     assert node.engine.pushed_frames == ()
-    assert "1 wrenches ignored" in finding(node, "commands").message
+    assert "1 wrench message ignored" in finding(node, "commands").message
 
 
 # --- payload and friction ----------------------------------------------------------------------
@@ -119,17 +121,17 @@ def test_what_a_payload_puts_in_is_accounted_for(ros: Ros) -> None:
     ros.spin_until(lambda: node.count_subscribers("/sim/energy") == 1)
     engine.commands.put((2.0, 1.0))
     ticks(node, 50)
-    before = engine.account()
+    before = engine.energy.read()
     load = SetPayload.Request(mass=2.0, com=[0.1, 0.0, 0.0])
     assert node.requests.answer(SET_PAYLOAD, load).success
     rub = SetFriction.Request(viscous=[2.0, 0.5])
     assert node.requests.answer(SET_FRICTION, rub).success
-    after = engine.account()
+    after = engine.energy.read()
     jump = sum(sim.dynamics.energy(sim.state.q, sim.state.v)) - before.total
     assert after.changed == pytest.approx(jump, rel=1e-12)
     assert abs(jump) > 0.1
     ticks(node, 50)
-    account = engine.account()
+    account = engine.energy.read()
     assert account.dissipated > after.dissipated
     assert abs(account.balance) < 1e-8
     engine.commands.clear()
@@ -186,7 +188,7 @@ def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
     trip = node.inputs.round_trip
     trip.reset()
     for state, arrival in (7, 3_000_000), (8, 5_000_000):  # 3 and 5 ms after they were sent
-        trip.sent(state)
+        library().sent(byref(trip), state)
         sent = trip._times[(trip.next - 1) % 256]
         assert trip.answered(state, sent + arrival)
     node.inputs.on_wrench(pushed("tip", 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -218,7 +220,8 @@ def test_ticks_that_are_late_show_once(ros: Ros, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(node.loop, "report", lambda: report)
     found = finding(node, "loop")
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "3 time steps began after the next one was due; 1 dropped",
+        DiagnosticStatus.WARN,
+        "3 time steps began after the next one was due; 1 time step dropped",
     )  # fmt: skip
     assert values(found) == {
         "rate [Hz]": "500", "ticks": "2000", "missed": "3", "dropped": "1",
@@ -242,7 +245,7 @@ def test_joints_at_their_stops_and_ticks_of_first_order_show(ros: Ros) -> None:
     assert (told["at stops"], told["error estimate"]) == ("elbow -2.5", "0.00025")
     assert told["time-stepped ticks"] == "4"
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "4 time steps were of first order: too many events",
+        DiagnosticStatus.WARN, "4 time steps of first order: too many events",
     )  # fmt: skip
     assert finding(node, "simulation").message == "ok"
 
@@ -284,15 +287,15 @@ def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
 def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> None:
     node = by_hand(ros, energy_period=0.005)
     ticks(node, 5)
-    assert node.engine.account() is None
+    assert node.engine.energy.read() is None
     heard = ros.peer.create_subscription(DiagnosticArray, "/diagnostics", lambda _: None, 10)
     ros.spin_until(lambda: node.diagnosis.has_subscribers)
     ticks(node, 5)
-    assert node.engine.account() is not None
+    assert node.engine.energy.read() is not None
     ros.peer.destroy_subscription(heard)
     ros.spin_until(lambda: not node.diagnosis.has_subscribers)
     ticks(node, 5)
-    assert node.engine.account() is None
+    assert node.engine.energy.read() is None
 
 
 def test_ticks_that_are_too_coarse_show(ros: Ros) -> None:
@@ -304,7 +307,7 @@ def test_ticks_that_are_too_coarse_show(ros: Ros) -> None:
     ticks(node, 300)
     found = finding(node, "simulation")
     assert found.level == DiagnosticStatus.WARN
-    assert f"off by {node.engine.energy_error:.2g} of the energy that moved" in found.message
+    assert f"off by {node.engine.energy.error:.2g} of the energy that moved" in found.message
     assert "with time steps of 0.001 s" in found.message
     ros.peer.destroy_subscription(heard)
 
@@ -396,7 +399,7 @@ def test_counters_are_reset(ros: Ros) -> None:
     ticks(node, 5)
     counts = lambda: [  # noqa: E731
         node.inputs.refused, node.inputs.refused_wrenches, node.engine.arbiter.refused,
-        node.engine.commands.stale_count, node.inputs.round_trip.percentiles().count,
+        node.engine.commands.stale_count, node.inputs.round_trip.histogram.percentiles().count,
     ]  # fmt: skip
     assert counts() == [3, 1, 3, 1, 1]
     assert "3 commands ignored" in finding(node, "commands").message
@@ -404,4 +407,4 @@ def test_counters_are_reset(ros: Ros) -> None:
     assert counts() == [0, 0, 0, 0, 0]
     assert "passed over" not in finding(node, "commands").message
     node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
-    assert "1 commands ignored" in finding(node, "commands").message
+    assert "1 command ignored" in finding(node, "commands").message

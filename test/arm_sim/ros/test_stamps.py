@@ -19,7 +19,7 @@ from sim_by_hand import by_hand, ticks
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 from arm_sim.ros.timing.stamps import NodeTime

@@ -14,7 +14,7 @@ from sim_by_hand import by_hand, motion, ticks
 
 import models
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = [

@@ -15,11 +15,11 @@ from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
 import models
 from arm_dynamics.exceptions import CompilerMissing
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
+from arm_sim.ros import SimNode
 from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
-from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.sim_params import SimParams
 from models import features
 
@@ -196,13 +196,13 @@ def test_joints_below_a_millirad_per_second_are_held_at_once(
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
     node = braked(ros, command_timeout=0.0)
     ticks(node, 5)
-    node.engine.keep_account(True)
+    node.engine.energy.keep(True)
     q = node.simulator.state.q.tolist()
     request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=q, velocity=[1.0, 0.0])
     assert node.requests.answer(SET_JOINT_STATE, request).success
-    moving = node.engine.account()
+    moving = node.engine.energy.read()
     node.tick()
-    stopped = node.engine.account()
+    stopped = node.engine.energy.read()
     assert moving is not None and stopped is not None
     assert stopped.kinetic == 0.0
     np.testing.assert_allclose(moving.changed - stopped.changed, moving.kinetic, rtol=1e-9)

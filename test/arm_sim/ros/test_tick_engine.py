@@ -288,15 +288,15 @@ def test_wrenches_of_different_frames_add_up_and_the_newest_on_a_frame_counts() 
 def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
     made = engine(reference="local_world_aligned", wrench_timeout=1.0)
     made.simulator.set_state([0.7, -0.4], [0.0, 0.0])
-    made.keep_account(True)
-    start = made.account()
+    made.energy.keep(True)
+    start = made.energy.read()
     made.push("tip", [0.0, 0.0, -4.0, 0.0, 0.0, 0.0])
     task = TaskSpace(models.dynamics("two_link"), "tip", "local_world_aligned")
     before = task.pose(made.simulator.state.q).position[2]
     ticks(made, 100)
     fallen = before - task.pose(made.simulator.state.q).position[2]
     assert abs(fallen) > 1e-3
-    assert made.account().input - start.input == pytest.approx(4.0 * fallen, rel=1e-2)
+    assert made.energy.read().input - start.input == pytest.approx(4.0 * fallen, rel=1e-2)
 
 
 # --- energy ------------------------------------------------------------------------------------
@@ -304,11 +304,11 @@ def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
 
 def test_the_energy_account_knows_of_wrenches() -> None:
     made = engine(wrench_timeout=10.0, method="rk4")
-    made.keep_account(True)
+    made.energy.keep(True)
     ticks(made, 20)
     made.push("tip", [5.0, 0.0, 3.0, 0.0, 0.0, 0.0])
     ticks(made, 200)
-    account = made.account()
+    account = made.energy.read()
     assert account is not None
     assert abs(account.input) > 0.01
     assert abs(account.balance) < 1e-4 * abs(account.input)
@@ -317,30 +317,30 @@ def test_the_energy_account_knows_of_wrenches() -> None:
 def test_the_energy_account_knows_of_changes() -> None:
     """Put elsewhere: what that takes to lift and to move is no energy from nowhere."""
     made = engine(method="rk4")
-    made.keep_account(True)
+    made.energy.keep(True)
     ticks(made, 50)
-    before = made.account()
+    before = made.energy.read()
     simulator = made.simulator
     q, v = simulator.state.q + 0.3, simulator.state.v - 0.5
     made.change(lambda: simulator.set_state(q, v))
-    account = made.account()
+    account = made.energy.read()
     assert account.changed == pytest.approx(sum(simulator.dynamics.energy(q, v)) - before.total)
     assert abs(account.changed) > 0.1
     assert (account.input, account.dissipated) == (before.input, before.dissipated)
     ticks(made, 50)
-    assert made.account().changed == account.changed
-    assert abs(made.account().balance) < 1e-8
-    assert made.energy_error < 1e-7
+    assert made.energy.read().changed == account.changed
+    assert abs(made.energy.read().balance) < 1e-8
+    assert made.energy.error < 1e-7
 
 
 def test_ticks_that_are_too_coarse_are_reported() -> None:
     made = engine(method="euler")
-    assert made.energy_error == 0.0
-    made.keep_account(True)
+    assert made.energy.error == 0.0
+    made.energy.keep(True)
     ticks(made, 200)
-    account = made.account()
-    assert made.energy_error > 1e-3
-    assert made.energy_error == pytest.approx(abs(account.balance) / moved(made), rel=0.5)
+    account = made.energy.read()
+    assert made.energy.error > 1e-3
+    assert made.energy.error == pytest.approx(abs(account.balance) / moved(made), rel=0.5)
 
 
 def moved(made: TickEngine) -> float:
@@ -353,22 +353,22 @@ def moved(made: TickEngine) -> float:
 
 def test_the_energy_account_is_open_while_needed_and_is_reopened_by_a_reset() -> None:
     made = engine()
-    assert made.account() is None
-    made.keep_account(True)
+    assert made.energy.read() is None
+    made.energy.keep(True)
     made.commands.put((5.0, 5.0))
     ticks(made, 10)
-    supplied = made.account().input
+    supplied = made.energy.read().input
     assert supplied != 0.0
-    made.keep_account(True)
-    assert made.account().input == supplied
+    made.energy.keep(True)
+    assert made.energy.read().input == supplied
     made.change(lambda: None)
-    assert made.account().input == supplied
+    assert made.energy.read().input == supplied
     made.reset()
-    assert made.account() is None
-    made.keep_account(True)
-    assert made.account().input == 0.0
-    made.keep_account(False)
-    assert made.account() is None
+    assert made.energy.read() is None
+    made.energy.keep(True)
+    assert made.energy.read().input == 0.0
+    made.energy.keep(False)
+    assert made.energy.read() is None
 
 
 # --- the queue ---------------------------------------------------------------------------------

@@ -25,9 +25,9 @@ import models
 from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim import Recording, Simulator
+from arm_sim.ros import SimNode
 from arm_sim.ros.node_library import library
-from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.histogram import Histogram
 from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
@@ -95,9 +95,9 @@ def test_in_lockstep_states_are_those_of_a_simulator(ros: Ros, tmp_path: Path, e
     with partner(ros.domain):
         ros.spin_until(lambda: node.simulator.arm.step_count >= 20)
         assert node.recorder is not None and node.lockstep is not None
-        asked = node.lockstep.asked_again
+        repeated = node.lockstep.repeated
         ros.spin_until(lambda: node.simulator.arm.step_count >= 200)
-    assert node.lockstep.asked_again == asked, "an answer was lost"
+    assert node.lockstep.repeated == repeated, "an answer was lost"
     node.recorder.close()
     motion, made = Recording.load(path), node.simulator.arm.step_count
     assert len(motion) == made + 1 and not motion.gaps
@@ -185,20 +185,20 @@ def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
 def test_an_account_of_many_ticks_is_that_of_each(
     ros: Ros, monkeypatch: pytest.MonkeyPatch, rows: int
 ) -> None:
-    monkeypatch.setattr("arm_sim.ros.tick_engine.ROWS", rows)
+    monkeypatch.setattr("arm_sim.ros.energy_account.ROWS", rows)
     clocked, each = Clocked(ros), by_hand(ros, command_timeout=5e-3)
     each.inputs.close()
     for node in clocked.node, each:
-        node.engine.keep_account(True)
+        node.engine.energy.keep(True)
     for k in range(19):  # before it is closed, since nobody listens
         clocked.commands.append(raw := message(math.sin(k), 1.0))
         clocked.ticks(5)
         each.inputs.on_joint_commands(raw)
         for _ in range(5):
             each.tick()
-            each.engine.account()
+            each.engine.energy.read()
         assert motion(each).tobytes() == motion(clocked.node).tobytes()
-    one, other = clocked.node.engine.account(), each.engine.account()
+    one, other = clocked.node.engine.energy.read(), each.engine.energy.read()
     assert one is not None and other is not None and one.input != 0.0
     np.testing.assert_allclose(one, other, atol=1e-12)
 
@@ -218,12 +218,12 @@ def test_energies_are_published_beside_ticks_by_the_clock(ros: Ros) -> None:
     ros.peer.create_subscription(JointState, "joint_states", answer, 10)
     ros.spin_until(lambda: len(energies) >= 10)
     node.loop.stop()
-    assert node.inputs.round_trip.percentiles().count > 0
+    assert node.inputs.round_trip.histogram.percentiles().count > 0
     stamps = np.array([s.header.stamp.sec * SECOND + s.header.stamp.nanosec for s in said])
     assert (np.diff(stamps) >= 0).all() and stamps[-1] <= time.time_ns()
     times = [to_nanoseconds(e.header.stamp) for e in energies]
     assert (np.diff(times) > 0).all() and times[-1] <= time.time_ns()
     assert all(abs(e.balance) < 1e-6 for e in energies)
-    last = node.engine.account()
+    last = node.engine.energy.read()
     assert last is not None and last.step == node.simulator.arm.step_count
     assert (last.kinetic, last.potential) == node.simulator.dynamics.energy(*motion(node))

@@ -13,7 +13,7 @@ from sim_by_hand import by_hand, state_bytes
 from topic_hardware import TopicHardware
 
 import models
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 pytestmark = pytest.mark.ros
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import POINTS, Charts, RollingCharts
+from arm_sim.view.charts import POINTS, Charts, RollingCharts, Sample
 
 
 def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
@@ -48,7 +48,7 @@ def test_rolling_plots_forget_what_is_old_and_leave_out_what_is_unknown(server: 
     rolling = RollingCharts(server, {"arm": ("hip",)}, ("total",), memory=1.0, sampled=0.1)
     for k in range(200):
         energy = np.array([np.nan if k < 150 else k])
-        rolling.add("arm", 0.01 * k, lambda k=k, e=energy: (np.array([k]), np.zeros(1), e))
+        rolling.add("arm", 0.01 * k, lambda k=k, e=energy: Sample(np.array([k]), np.zeros(1), e))
     assert rolling.draw() and not rolling.draw(60.0)
     total, _, torque = (plot for plot, _ in rolling._charts._handles.values())
     np.testing.assert_allclose(torque.data[0], 1.0 + 0.1 * np.arange(10))

@@ -67,7 +67,7 @@ def test_its_energies_are_those_of_a_recording() -> None:
     other = Simulator("motor_pendulum")
     other.reset(start.q, start.v, start.z)
     recorded = other.run(0.2, np.array(commands))
-    account = dict(zip(ENERGIES, rig.curves()[2].tolist(), strict=True))
+    account = dict(zip(ENERGIES, rig.sample().energies.tolist(), strict=True))
     for name, expected in {
         "kinetic": recorded.kinetic, "potential": recorded.potential, "total": recorded.energy,
         "supplied": recorded.supplied, "lost": recorded.lost, "balance": recorded.balance,
@@ -76,7 +76,7 @@ def test_its_energies_are_those_of_a_recording() -> None:
     assert account["lost"] > 1e-3
     theirs = sim.run(0.1, [5.0])  # somebody else moves it: the account begins again
     rig.tick()
-    lost = rig.curves()[2][ENERGIES.index("lost")]
+    lost = rig.sample().energies[ENERGIES.index("lost")]
     assert 0.0 < lost < 0.1 * theirs.lost[-1]  # that of a single tick
 
 

@@ -107,7 +107,7 @@ def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
     time, torque = curves["one: torque [N m]"]
     np.testing.assert_array_equal(time, run.time)
     np.testing.assert_array_equal(torque, run.tau)
-    names = page._charts._names["other: energy [J]"]
+    names = page._charts.names["other: energy [J]"]
     energy = dict(zip(names, curves["other: energy [J]"][1].T, strict=True))
     np.testing.assert_allclose(energy["total"], energy["kinetic"] + energy["potential"])
     total, flows = energy["total"], energy["supplied"] - energy["lost"] + energy["balance"]

@@ -194,9 +194,9 @@ class ArmClient:
         Returns:
             Torques in [N m] or [N], shape of ``q``.
         """
-        more = {"terms": whole("terms", terms, ALL_TERMS)}
+        options = {"terms": whole("terms", terms, ALL_TERMS)}
         answer, shape = self._ask_at(
-            interfaces.INVERSE_DYNAMICS, q, joint_names, more, velocity=v, acceleration=a
+            interfaces.INVERSE_DYNAMICS, q, joint_names, options, velocity=v, acceleration=a
         )
         return shaped(answer.effort, shape)
 
@@ -239,11 +239,13 @@ class ArmClient:
             The fields of ``arm_msgs/TaskSpace`` by name, as arrays in their natural shapes; a
             batch has k in front. ``axes`` and ``joint_names`` are tuples.
         """
-        more = {
+        options = {
             "frame": str(frame), "reference": str(reference), "axes": words("axes", axes),
             "direction": flat("direction", direction),
         }  # fmt: skip
-        answer, (*batch, n) = self._ask_at(interfaces.TASK_SPACE, q, joint_names, more, velocity=v)
+        answer, (*batch, n) = self._ask_at(
+            interfaces.TASK_SPACE, q, joint_names, options, velocity=v
+        )
         names = {"axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names)}
         shapes = TASK_SPACE | {"effective_mass": (), "effective_mass_bounded": ()}
         return names | fields_of(answer, shapes, tuple(batch), n=n, m=len(answer.axes))
@@ -280,14 +282,14 @@ class ArmClient:
         names = tuple(answer.joint_names)
         if seed is not None:
             rows("seed", seed, len(names))
-        found = Postures(
+        postures = Postures(
             names, shaped(answer.position, (*batch, len(names))),
             np.array(answer.reached, bool).reshape(batch),
             shaped(answer.distance, batch), shaped(answer.angle, batch),
         )  # fmt: skip
         if not answer.success:
-            raise NotReached(answer.message, found)
-        return found
+            raise NotReached(answer.message, postures)
+        return postures
 
     def constrained_dynamics(
         self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None,
@@ -395,11 +397,11 @@ class ArmClient:
 
     def _ask_at(
         self, service: interfaces.Service, q: ArrayLike, joint_names: Sequence[str],
-        more: Mapping[str, Any] = MappingProxyType({}), **vectors: ArrayLike | None,
+        options: Mapping[str, Any] = MappingProxyType({}), **vectors: ArrayLike | None,
     ) -> tuple[Any, tuple[int, ...]]:  # fmt: skip
         """The response of the dynamics node at points, and their shape: (n,) or (k, n)."""
-        sent = motion(joint_names, position=q, **vectors)
-        answer = self._ask(self._dynamics, service, **sent, **more)
+        fields = motion(joint_names, position=q, **vectors)
+        answer = self._ask(self._dynamics, service, **fields, **options)
         n = len(answer.joint_names)
         return answer, (*rows("position", q, n), n)
 

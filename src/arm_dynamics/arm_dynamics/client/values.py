@@ -14,10 +14,10 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 
 
-def motion(joint_names: Sequence[str], **given: ArrayLike | None) -> dict[str, Any]:
+def motion(joint_names: Sequence[str], **vectors: ArrayLike | None) -> dict[str, Any]:
     """Fields of a request: the joint order, and flat vectors; None is omitted."""
-    vectors = {name: flat(name, value) for name, value in given.items() if value is not None}
-    return {"joint_names": words("joint_names", joint_names), **vectors}
+    flat_vectors = {name: flat(name, x) for name, x in vectors.items() if x is not None}
+    return {"joint_names": words("joint_names", joint_names), **flat_vectors}
 
 
 def flat(name: str, value: ArrayLike) -> array[float]:
@@ -71,9 +71,9 @@ def fields_of(
     answer: Any, shapes: Mapping[str, Sequence[str | int]], batch: tuple[int, ...], **sizes: int
 ) -> dict[str, Array]:
     """The fields of an answer that it has, of shapes in numbers and names of sizes."""
-    found = {}
+    arrays = {}
     for name, shape in shapes.items():
         if len(values := getattr(answer, name)):
-            whole = (sizes[x] if isinstance(x, str) else x for x in shape)
-            found[name] = np.array(values).reshape((*batch, *whole))
-    return found
+            numbers = (sizes[x] if isinstance(x, str) else x for x in shape)
+            arrays[name] = np.array(values).reshape((*batch, *numbers))
+    return arrays

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
+    from arm_dynamics.ros.common.dead_segments import clear_dead
     from arm_dynamics.ros.common.executor import make_executor
-    from arm_dynamics.ros.common.transport import LARGE_BATCHES, clear_dead
-    from arm_dynamics.ros.controller_node import ControllerNode
-    from arm_dynamics.ros.dynamics_node import DynamicsNode
+    from arm_dynamics.ros.common.transport import LARGE_BATCHES
+    from arm_dynamics.ros.controller_node.node import ControllerNode
+    from arm_dynamics.ros.dynamics_node.node import DynamicsNode
 
 __all__ = ["ControllerNode", "DynamicsNode", "LARGE_BATCHES", "clear_dead", "make_executor"]
 __getattr__, __dir__ = on_demand(__name__, __file__)

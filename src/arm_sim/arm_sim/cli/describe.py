@@ -72,9 +72,9 @@ def describe(
     out = console()
     if details and simulator:  # the comment that begins a file, such as where its numbers are from
         text = find_scene(scene, Path.cwd()).read_text(encoding="utf-8", errors="replace")
-        comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
-        if said := " ".join(line.lstrip("# ") for line in comment):
-            out.print(f"\n{said}", style="dim", markup=False, highlight=False)
+        lines = takewhile(lambda line: line.startswith("#"), text.splitlines())
+        if comment := " ".join(line.lstrip("# ") for line in lines):
+            out.print(f"\n{comment}", style="dim", markup=False, highlight=False)
     _show_robot(out, model)
     _show_joints(out, model)
     if simulator:
@@ -117,7 +117,7 @@ def _columns(model: ArmModel) -> list[tuple[str, str, Array]]:
 
 
 def _motion(simulator: Simulator) -> dict[str, Any]:
-    """What computes its motion, likewise."""
+    """What computes its motion, for --json."""
     plan, choice = simulator.plan, simulator.choice
     return {
         "dt": choice.dt, "integrator": choice.method.name, "tolerance": choice.tolerance,
@@ -186,10 +186,10 @@ def _show_joints(out: Console, model: ArmModel) -> None:
                 "the joints that they follow they allow no motion")  # fmt: skip
     outside = (model.q0 < model.position_lower) | (model.position_upper < model.q0)
     at_stop = model.stops.touched(model.q0) & ~outside
-    for what, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
+    for place, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
         if joints.any():
             named = ", ".join(np.array(names)[joints])
-            _remark(out, f"starts {what}:", f"{named}; a scene's initial.position changes that")
+            _remark(out, f"starts {place}:", f"{named}; a scene's initial.position changes that")
 
 
 def _show_drives(model: ArmModel) -> None:

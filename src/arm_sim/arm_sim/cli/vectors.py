@@ -58,15 +58,15 @@ class VectorType(click.ParamType):
     ) -> Vector:
         """Parse an argument, or fail with a usage error."""
         try:
-            found = value if isinstance(value, Vector) else parse(value)
+            vector = value if isinstance(value, Vector) else parse(value)
         except OSError as error:
             self.fail(f"'{error.filename}': {error.strerror}; {HOW}", param, ctx)
         except ValueError as error:
             self.fail(f"{error}; {HOW}", param, ctx)
         count = self._row.partition(" ")[0]
-        if count and [str(len(row)) for row in found.rows] != [count]:
+        if count and [str(len(row)) for row in vector.rows] != [count]:
             self.fail(f"{value!r}; {self._row}", param, ctx)
-        return found
+        return vector
 
 
 def parse(text: str) -> Vector:

@@ -22,7 +22,7 @@ QUANTITIES = {
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
-_APART = 5e-3  # of what a panel shows: curves that are closer to each other coincide
+_APART = 5e-3  # of the range of a panel: curves that are closer to each other coincide
 _ENERGY = "energy [J]"
 NO_WINDOW = "no window: Matplotlib has no display"
 LONG = 60_001  # rows up to which the energy account repeats ticks for curves
@@ -76,28 +76,28 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     return figure
 
 
-def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[str]:
+def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> list[str]:
     """Joints to draw: the requested ones, else all that every recording has."""
     for other in recordings:
         if not isinstance(other, RecordedMotion):
             raise InvalidInput(f"plot: {other!r} is no recording; plot(joints=[…]) chooses joints")
         if not len(other):
             raise InvalidInput("plot: a recording without states has nothing to draw")
-    if isinstance(asked, str):
-        raise InvalidInput(f"joints = '{asked}'; a list of names is expected, ['{asked}']")
+    if isinstance(requested, str):
+        raise InvalidInput(f"joints = '{requested}'; a list of names is expected, ['{requested}']")
     shared = [
         name for name in recordings[0].joint_names
         if all(name in recording.joint_names for recording in recordings)
     ]  # fmt: skip
     if not shared:
-        told = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
-        raise InvalidInput(f"the recordings share no joint: {told}")
-    if unknown := [name for name in asked if name not in shared]:
+        joints = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
+        raise InvalidInput(f"the recordings share no joint: {joints}")
+    if unknown := [name for name in requested if name not in shared]:
         raise InvalidInput(
             f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
         )
-    if asked:
-        return list(asked)
+    if requested:
+        return list(requested)
     columns = [recordings[0].joint_names.index(name) for name in shared]
     return [shared[i] for i in most_moved(recordings[0].q[:, columns])]
 
@@ -145,11 +145,11 @@ def _account(recording: RecordedMotion) -> list[tuple[str, Array]]:
     """Energies, that of rest from its least; work and heat, if they are cheap to compute."""
     rest = recording.energy - recording.kinetic
     rest = rest - rest.min(initial=np.inf)
-    found = [("T, kinetic", recording.kinetic), ("V, potential", rest),
-             ("T + V", recording.kinetic + rest)]  # fmt: skip
+    energies = [("T, kinetic", recording.kinetic), ("V, potential", rest),
+                ("T + V", recording.kinetic + rest)]  # fmt: skip
     if recording.account.makes_ticks_again(recording.x) and len(recording) > LONG:
-        return found
-    return [*found, ("work", recording.supplied), ("heat", recording.lost),
+        return energies
+    return [*energies, ("work", recording.supplied), ("heat", recording.lost),
             ("residual", recording.balance)]  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
-    from arm_sim.ros.sim_node import SimNode
+    from arm_sim.ros.sim_node.node import SimNode
 
 __all__ = ["SimNode"]
 __getattr__, __dir__ = on_demand(__name__, __file__)

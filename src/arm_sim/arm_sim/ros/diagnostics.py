@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.display import Display
@@ -23,7 +24,7 @@ from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 if TYPE_CHECKING:
-    from arm_sim.ros.record import TickRecorder
+    from arm_sim.ros.record.ticks import TickRecorder
 
 UNBALANCED = 1e-3
 """Error of the energy balance, relative to the energy that moved, that is worth a warning."""
@@ -41,22 +42,24 @@ class SimDiagnostics:
     outputs: Outputs
     display: Display
     lockstep: Lockstep | None
-    refused_privileges: Sequence[str]
     recorder: TickRecorder | None
     rivals: Rivals
     lateness: Lateness
+    refused_privileges: Sequence[str] = ()  # since the ticking thread has begun
     growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
         """Inspect every part."""
-        found = [self._check_loop(), self._check_commands(), self._check_simulation()]
+        findings = [self._check_loop(), self._check_commands(), self._check_simulation()]
         if self.recorder is not None:
-            found.append(self._check_recorder(self.recorder))
-        return found if self.lockstep is None else [*found, self._check_lockstep(self.lockstep)]
+            findings.append(self._check_recorder(self.recorder))
+        if self.lockstep is not None:
+            findings.append(self._check_lockstep(self.lockstep))
+        return findings
 
     def _check_loop(self) -> Finding:
-        report, params, found = self.loop.report(), self.params, Finding("loop")
-        found.values = {
+        report, params, finding = self.loop.report(), self.params, Finding("loop")
+        finding.values = {
             "rate [Hz]": report.rate, "ticks": report.ticks, "missed": report.missed,
             "dropped": report.dropped, "lateness p50 [s]": report.lateness.p50,
             "lateness p99 [s]": report.lateness.p99, "lateness max [s]": report.lateness.max,
@@ -64,19 +67,19 @@ class SimDiagnostics:
             "driven by": params.tick_source,
             "messages": "in C", "ticks made": "in C",
         }  # fmt: skip
-        self.growth.warn(found, report.missed, "time steps began after the next one was due")
-        self.growth.warn(found, report.dropped, "dropped")
+        self.growth.warn(finding, report.missed, "time step", "began after the next one was due")
+        self.growth.warn(finding, report.dropped, "time step", "dropped")
         for refusal in self.refused_privileges:
-            found.add(WARN, refusal)
-        return found
+            finding.add(WARN, refusal)
+        return finding
 
     def _check_commands(self) -> Finding:
-        engine, found = self.engine, Finding("commands")
+        engine, finding = self.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = self.inputs, self.inputs.round_trip.percentiles()
+        inputs, trip = self.inputs, self.inputs.round_trip.histogram.percentiles()
         topic = self.node.resolve_topic_name(JOINT_COMMANDS.name)
         publishers = self.node.count_publishers(topic)
-        found.values = {
+        finding.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": bool(slot.stale),
             "stale count": slot.stale_count, "extended": slot.extended, "policy": policy,
             "held": engine.held,
@@ -89,28 +92,28 @@ class SimDiagnostics:
         }  # fmt: skip
         stopped = self.growth.of("stale", slot.stale_count)
         if slot.stale:
-            found.add(WARN, f"commands stopped: {in_force(policy)}")
+            finding.add(WARN, f"commands stopped: {in_force(policy)}")
         elif stopped:
-            found.add(WARN, "commands stopped, and have resumed")
-        late = "time steps with an old command: the middleware has to catch up"
-        self.growth.warn(found, slot.extended, late)
-        found.add(WARN, self.lateness.message)
-        self.growth.warn(found, inputs.refused, "commands ignored")
-        self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
+            finding.add(WARN, "commands stopped, and have resumed")
+        late = "with an old command: the middleware has to catch up"
+        self.growth.warn(finding, slot.extended, "time step", late)
+        finding.add(WARN, self.lateness.message)
+        self.growth.warn(finding, inputs.refused, "command", "ignored")
+        self.growth.warn(finding, inputs.refused_wrenches, "wrench message", "ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
-            found.add(ERROR, arbiter.last_refusal)
+            finding.add(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
-            found.add(WARN, f"{publishers} publishers on {topic}")
-        return found
+            finding.add(WARN, f"{publishers} publishers on {topic}")
+        return finding
 
     def _check_simulation(self) -> Finding:
-        engine, found = self.engine, Finding("simulation")
+        engine, finding = self.engine, Finding("simulation")
         state, stops = engine.queue.run(
             lambda: (engine.simulator.state, engine.simulator.stop_torque)
         )
         names, account = engine.simulator.joint_names, self.outputs.energy.account()
         pushed = [f"{name} {x:.4g}" for name, x in zip(names, stops, strict=True) if x != 0.0]
-        found.values = {
+        finding.values = {
             "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": ", ".join(pushed) or "none",
@@ -120,40 +123,39 @@ class SimDiagnostics:
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
-        piled_up = "time steps were of first order: too many events"
-        self.growth.warn(found, state.time_stepped, piled_up)
+        piled_up = "of first order: too many events"
+        self.growth.warn(finding, state.time_stepped, "time step", piled_up)
         if self.outputs.clock is not None:
-            found.add(ERROR, self.outputs.clock.alarm.message)
-        found.add(ERROR, self.rivals.alarm.message)
-        found.add(ERROR, engine.failure)
-        if (off := engine.energy_error) > UNBALANCED:
-            found.add(
+            finding.add(ERROR, self.outputs.clock.alarm.message)
+        finding.add(ERROR, self.rivals.alarm.message)
+        finding.add(ERROR, engine.failure)
+        if (error := engine.energy.error) > UNBALANCED:
+            finding.add(
                 WARN,
-                f"the energy account is off by {off:.2g} of the energy that moved, more than "
+                f"the energy account is off by {error:.2g} of the energy that moved, more than "
                 f"{UNBALANCED:g}: with time steps of {engine.simulator.dt:g} s reduce dt or set a "
                 "tolerance",
             )
-        return found
+        return finding
 
     def _check_recorder(self, recorder: TickRecorder) -> Finding:
-        found, thread = Finding("recording"), recorder.thread
-        found.values = {
+        finding, thread = Finding("recording"), recorder.thread
+        finding.values = {
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
             "messages lost": thread.lost, "written [B]": thread.written,
         }  # fmt: skip
-        for count, what in ((recorder.lost, "ticks"), (thread.lost, "ticks and messages")):
-            if grown := self.growth.of(what, count):
-                found.add(WARN, f"{grown} {what} are not in the recording: {thread.trouble}")
-        found.add(ERROR, thread.failure)
-        return found
+        for count, item in ((recorder.lost, "time step"), (thread.lost, "message")):
+            self.growth.warn(finding, count, item, f"not in the recording: {thread.trouble}")
+        finding.add(ERROR, thread.failure)
+        return finding
 
     def _check_lockstep(self, lockstep: Lockstep) -> Finding:
-        found = Finding("lockstep")
-        found.values = {
-            "asked again": lockstep.asked_again, "ignored": lockstep.waiting.ignored,
+        finding = Finding("lockstep")
+        finding.values = {
+            "asked again": lockstep.repeated, "ignored": lockstep.waiting.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        self.growth.warn(found, lockstep.asked_again, "states had to be published again")
+        self.growth.warn(finding, lockstep.repeated, "state", "published again")
         if lockstep.gone:
-            found.add(ERROR, "the partner does not answer; time stands still")
-        return found
+            finding.add(ERROR, "the partner does not answer; time stands still")
+        return finding

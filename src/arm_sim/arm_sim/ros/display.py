@@ -5,25 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import count
-from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 
-from arm_dynamics import ArmError
+from arm_dynamics import ArmError, ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints, Links
-from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
+from arm_sim.ros.frames import Frames
 from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
-_RSP = "robot_state_publisher"
 _PERIOD, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
 
 
@@ -31,13 +26,15 @@ class AllJointStates:
     """Arrays for all joints, filled from those of the arm's joints.
 
     Attributes:
-        arrays: Positions, velocities and efforts, each of shape (len(joints.names),).
+        names: All joints.
+        arrays: Their positions, velocities and efforts, each of shape (len(names),).
     """
 
-    def __init__(self, joints: AllJoints, own: Sequence[Array]) -> None:
-        """Use these joints, and the published arrays of the arm's own joints."""
-        self._joints, self._own = joints, tuple(own)
-        self.arrays = tuple(np.zeros(len(joints.names)) for _ in own)
+    def __init__(self, model: ArmModel, own: Sequence[Array]) -> None:
+        """Use the published arrays of the arm's own joints."""
+        self._joints, self._own = AllJoints(model), tuple(own)
+        self.names = self._joints.names
+        self.arrays = tuple(np.zeros(len(self.names)) for _ in own)
 
     def fill(self) -> None:
         """Copy the current contents of the arm's arrays."""
@@ -68,35 +65,34 @@ class Display:
         """
         self._engine, self._own, self._stamp = engine, arrays, stamp
         model = engine.simulator.model
-        joints = AllJoints(model)
         self._copies = tuple(array.copy() for array in arrays)
-        self._all = AllJointStates(joints, self._copies)
+        self._all = AllJointStates(model, self._copies)
         self.frames, self._tf = "off", None
         if params.display_rate == 0.0:
             return
-        writer = JointStateWriter(joints.names, frame_id=params.frame_id)
+        writer = JointStateWriter(self._all.names, frame_id=params.frame_id)
         self._states = JointStateSink(node, ALL_JOINT_STATES, writer, self._all.arrays)
         if params.publish_tf:
             self.frames = "not published: tf2_msgs is not installed"
             if (topics := frames_topics()) is not None:
-                about = Links(model), joints.names, params.frame_prefix
-                self._tf, self.frames = Frames(node, *about, *topics), "published"
-        self._updates, self._heard, self._wanted = count(), False, False
+                links, prefix = Links(model), params.frame_prefix
+                self._tf = Frames(node, links, self._all.names, prefix, *topics)
+                self.frames = "published"
+        self._updates, self._sends_states, self._sends_frames = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
         self._timer.cancel()
         self._update_timer = steady_timer(node, _PERIOD, self.update)
 
     def update(self) -> None:
         """Check for subscribers, and start or stop publishing."""
-        idle = not (self._heard or self._wanted)
-        self._heard, self._wanted = self._states.heard, False
+        self._sends_states, self._sends_frames = self._states.has_subscribers, False
         if self._tf is not None:
             if next(self._updates) % _SELDOM == 0:
                 self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
-            self._wanted = self.frames == "published" and self._tf.heard
-        if not (self._heard or self._wanted):
+            self._sends_frames = self.frames == "published" and self._tf.has_subscribers
+        if not (self._sends_states or self._sends_frames):
             self._timer.cancel()
-        elif idle:
+        elif self._timer.is_canceled():
             self._timer.reset()
 
     def show(self) -> None:
@@ -106,64 +102,12 @@ class Display:
         except ArmError:
             return  # without ticks there is nothing new
         self._all.fill()
-        if self._heard:
+        if self._sends_states:
             self._states.send(stamp)
-        if self._wanted:
+        if self._sends_frames:
             self._tf.publish(stamp, self._all.arrays[0])
 
     def _copy(self) -> int:
         for copy, array in zip(self._copies, self._own, strict=True):
             copy[:] = array
         return self._stamp()
-
-
-class Frames:
-    """Transforms of the links: the fixed ones once (latched), the others on request."""
-
-    def __init__(
-        self, node: Node, links: Links, names: Sequence[str], prefix: str, moving: Topic,
-        still: Topic,
-    ) -> None:  # fmt: skip
-        """Advertise, and publish the fixed ones; ``names`` are the joints of later positions."""
-        self._node, self._links, self._names = node, links, names
-        self._publisher, static = advertise(node, moving), advertise(node, still)
-        self._topic = node.resolve_topic_name(moving.name)
-        links.place({})
-        fixed = moving.type(transforms=_named(links.fixed, prefix))
-        now = node.get_clock().now().to_msg()
-        _fill(fixed.transforms, links.fixed_transforms(), now)
-        static.publish(fixed)
-        self._message = moving.type(transforms=_named(links.moving, prefix))
-
-    @property
-    def heard(self) -> bool:
-        """Whether there are subscribers."""
-        return bool(self._publisher.get_subscription_count())
-
-    def rivals(self) -> bool:
-        """Whether a robot_state_publisher of the same namespace publishes frames."""
-        here = self._node.get_namespace()
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        return any(one.node_name == _RSP and one.node_namespace == here for one in found)
-
-    def publish(self, stamp: int, positions: Array) -> None:
-        """Publish the moving ones at positions of all joints, with a stamp in [ns]."""
-        self._links.place(dict(zip(self._names, positions.tolist(), strict=True)))
-        _fill(self._message.transforms, self._links.transforms(), to_time(stamp))
-        self._publisher.publish(self._message)
-
-
-def _named(pairs: Sequence[tuple[str, str]], prefix: str) -> list[TransformStamped]:
-    made = []
-    for parent, child in pairs:
-        made.append(TransformStamped(child_frame_id=prefix + child))
-        made[-1].header.frame_id = prefix + parent
-    return made
-
-
-def _fill(transforms: Sequence[TransformStamped], numbers: Array, stamp: Any) -> None:
-    for message, (x, y, z, qx, qy, qz, qw) in zip(transforms, numbers.tolist(), strict=True):
-        message.header.stamp = stamp
-        at, turn = message.transform.translation, message.transform.rotation
-        at.x, at.y, at.z = x, y, z
-        turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Event, Thread
 from typing import Any
 
@@ -11,13 +12,13 @@ from arm_msgs.msg import Energy
 from rclpy.node import Node
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.energy_meter import Account
 
-_UNHEARD = 1.0  # [s] between evaluations that only diagnostics read
+_UNPUBLISHED = 0.5  # [s] between evaluations without subscribers, for diagnostics
 
 
 class EnergyTopic:
@@ -32,7 +33,7 @@ class EnergyTopic:
     """
 
     def __init__(
-        self, node: Node, engine: TickEngine, period: float, wanted: Callable[[], bool],
+        self, node: Node, engine: TickEngine, period: float, also_read: Callable[[], bool],
         stamp: Callable[[int], int], send: Callable[[Topic, Any, Energy, int], None],
     ) -> None:  # fmt: skip
         """Advertise the topic, and build what the first account needs.
@@ -41,36 +42,36 @@ class EnergyTopic:
             node: The node.
             engine: The engine.
             period: Simulated time between messages in [s].
-            wanted: Returns whether anything else reads the account.
+            also_read: Returns whether anything else reads the account.
             stamp: Returns the stamp for a simulated time, both in [ns].
             send: Called with the topic, its publisher, a message, and its stamp in [ns].
         """
-        self._engine, self._wanted, self._context = engine, wanted, node.context
+        self._engine, self._also_read, self._context = engine, also_read, node.context
         self._stamp, self._send = stamp, send
         self._thread: Thread | None = None
-        self._opened, self._ended = Event(), Event()
+        self._ended = Event()
         self._latest: Account | None = None
         self.every = max(1, round(period / engine.simulator.dt))
         self._publisher = advertise(node, ENERGY)
         engine.simulator.arm.compiled.energy_account.prepare()
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
-        return bool(self._publisher.get_subscription_count() > 0)
+        return bool(self._publisher.get_subscription_count())
 
     def after_tick(self) -> None:
         """Open or close the account as required, and publish it; in the ticking thread."""
-        heard, engine = self.heard, self._engine
-        engine.keep_account(heard or self._wanted())
-        if heard and (account := engine.account()) is not None:
+        published, energy = self.has_subscribers, self._engine.energy
+        energy.keep(published or self._also_read())
+        if published and (account := energy.read()) is not None:
             self._publish(account)
 
     def account(self) -> Account | None:
         """The account, by the clock as evaluated last; None while it is closed."""
         if self._thread is None:
-            return self._engine.account()
-        return self._latest if self._engine.accounted else None
+            return self._engine.energy.read()
+        return self._latest if self._engine.energy.is_open else None
 
     def watch(self, period: float) -> None:
         """Evaluate and publish every ``period`` in [s] in a thread of its own, see ``update``."""
@@ -79,38 +80,30 @@ class EnergyTopic:
 
     def update(self) -> None:
         """Open or close the account as required; not for the ticking thread."""
-        wanted, engine = self.heard or self._wanted(), self._engine
-        if wanted == engine.accounted:
+        needed, engine = self.has_subscribers or self._also_read(), self._engine
+        if needed == engine.energy.is_open:
             return
-        try:
-            engine.queue.run(lambda: engine.keep_account(wanted))
-        except InvalidInput:  # no tick has ended for long; the next update tries again
-            return
-        if wanted:
-            self._opened.set()
-        else:
-            self._opened.clear()
+        with suppress(InvalidInput):  # no tick has ended for long; the next update tries again
+            engine.queue.run(lambda: engine.energy.keep(needed))
 
     def close(self) -> None:
         """End the thread."""
         if self._thread is not None:
             self._ended.set()
-            self._opened.set()
             self._thread.join()
 
     def _run(self, period: float) -> None:
-        published = -1
-        while self._opened.wait() and not self._ended.is_set():
-            heard, account = self.heard, self._engine.account()
+        published, last_step = False, -1
+        while not self._ended.wait(period if published else _UNPUBLISHED):
+            published, account = self.has_subscribers, self._engine.energy.read()
             self._latest = account
-            if heard and account is not None and account.step != published:
-                published = account.step
+            if published and account is not None and account.step != last_step:
+                last_step = account.step
                 try:
                     self._publish(account)
                 except Exception:
                     if self._context.ok():  # otherwise ROS has been shut down meanwhile
                         raise
-            self._ended.wait(period if heard else _UNHEARD)
 
     def _publish(self, account: Account) -> None:
         energies = account._asdict()

@@ -17,15 +17,16 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.direct import PolledSubscription
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import FAILED, JointStateReader, Numbers
+from arm_dynamics.ros.joint_state import FAILED, Clip, Expected, JointStateReader, Numbers
 from arm_sim.inputs import clipped
+from arm_sim.ros.command_reader import CommandReader
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.round_trip import RoundTrip
 
 _UNNAMED = "~/commands"  # the source of commands without a header
 _NEVER = -1  # their stamp
@@ -41,7 +42,7 @@ class Inputs:
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
         rivals: Know of other sims, for which a command may be; None if there cannot be any.
-        tap: Called with topic and message of every input that is read here, if set.
+        tap: Called with topic and message of every input that is read here.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
@@ -49,17 +50,18 @@ class Inputs:
         self._model = engine.simulator.model
         self._limit = self._model.command_limit.tolist()
         self._joints = JointCommands(self._model, engine.arbiter.admit)
-        options = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
-        names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **options)
-        self.reader = JointStateReader(
-            names, ("effort",), other=references, admit=self._joints.admit, **options
+        names, clip = self._model.joint_names, Clip(self._limit, self._clipped)
+        efforts = Expected(names, ("effort",), partial=True)
+        every = Expected(names, ("effort", "position", "velocity"), partial=True, gaps=True)
+        self.reader = CommandReader(
+            JointStateReader(efforts, self._joints.admit, clip),
+            JointStateReader(every, self._joints.note, clip),
         )
         self._newest: PolledSubscription | None = None
-        self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
+        self._take_again: Callable[[], tuple[bytes, int] | None] = lambda: None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.rivals: Rivals | None = None
-        self.tap: Callable[[Topic, Any], None] | None = None
+        self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
         self._explained = False
         engine.ticks.trip = addressof(self.round_trip)
         engine.ticks.answer(read=self._read)
@@ -73,19 +75,20 @@ class Inputs:
         self.read_from(newest.pointer, newest.take)
         self._engine.ticks.at_once = AT_ONCE
 
-    def read_from(self, place: int, again: Callable[[], tuple[bytes, int] | None]) -> None:
+    def read_from(self, place: int, take_again: Callable[[], tuple[bytes, int] | None]) -> None:
         """Let C read the messages of an ``rcl_subscription_t``.
 
-        ``again`` takes a message and its arrival in [ns] after C has failed to, or raises why.
+        ``take_again`` returns a message and its arrival in [ns] after C has failed to, or raises
+        why.
         """
-        self.reader.open(place)
-        self._again = again
-        self._engine.ticks.source, self._engine.ticks.reader = self.reader.places
+        self.reader.efforts.open(place)
+        self._take_again = take_again
+        self._engine.ticks.source, self._engine.ticks.reader = self.reader.efforts.places
 
     def close(self) -> None:
         """End the subscription."""
         self._engine.ticks.at_once = 0
-        self.reader.close()
+        self.reader.efforts.close()
         if self._newest is not None:
             self._newest.close()
             self._newest = None
@@ -101,7 +104,7 @@ class Inputs:
         watched = self.rivals is not None and bool(self.rivals.alarm.message)
         delayed = self._engine.commands.line is not None
         if leader is not None and len(leader[1]) == self._model.n and not (watched or delayed):
-            whole = self.reader.whole_from(leader[0])
+            whole = self.reader.efforts.whole_from(leader[0])
             ticks.leads[: len(whole)] = whole
         else:
             ticks.leads[:] = [0] * len(ticks.leads)
@@ -112,12 +115,12 @@ class Inputs:
         Returns whether no newer one is expected: after the answer to the newest state none is,
         unless there are other sources. A read without result takes as long as one with a message.
         """
-        ticks, reader = self._engine.ticks, self.reader
-        taken = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
-        if taken is None:
+        ticks, reader = self._engine.ticks, self.reader.efforts
+        arrived = self._take_again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
+        if arrived is None:
             self._refuse(InvalidInput("a message was lost"))
             return False
-        stamp = self.on_joint_commands(*taken)
+        stamp = self.on_joint_commands(*arrived)
         ticks.stamp = -1 if stamp is None else stamp
         answers = bool(stamp) and stamp == self.round_trip.newest
         return answers and self._engine.arbiter.alone
@@ -129,7 +132,7 @@ class Inputs:
             Its stamp in [ns], or None if it was refused.
         """
         slot = self._engine.commands
-        self._show(JOINT_COMMANDS, raw)
+        self.tap(JOINT_COMMANDS, raw)
         try:
             self._catch_up()
             stamp, numbers = self.reader.read(raw)
@@ -146,19 +149,15 @@ class Inputs:
         self.round_trip.answered(stamp, arrival)
         return stamp
 
-    def _show(self, topic: Topic, message: Any) -> None:
-        if self.tap is not None:
-            self.tap(topic, message)
-
     def _catch_up(self) -> None:
         """Register efforts of all joints that C has read."""
         if (efforts := self._engine.commands.read()) is not None:
             self._joints.follow(efforts)
-            self.reader.keep(efforts)
+            self.reader.efforts.keep(efforts)
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
-        self._show(COMMANDS, message)
+        self.tap(COMMANDS, message)
         if not self._explained:  # once, since the type does not say what the numbers are
             self._explained = True
             units = zip(self._model.joint_names, self._model.command_unit, strict=True)
@@ -180,7 +179,7 @@ class Inputs:
             return
         numbers = tuple(tau.tolist())
         if any_beyond(numbers, self._limit):
-            numbers = self._cut(numbers)
+            numbers = self._clipped(numbers)
         self._engine.queue.post(lambda: self._put_efforts(numbers))
 
     def _put_efforts(self, numbers: Numbers) -> None:
@@ -196,7 +195,7 @@ class Inputs:
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Apply a wrench to the frame in the header."""
-        self._show(WRENCH, message)
+        self.tap(WRENCH, message)
         force, moment = message.wrench.force, message.wrench.torque
         wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:
@@ -205,7 +204,7 @@ class Inputs:
             self.refused_wrenches += 1
             self._log.warning(f"wrench ignored: {plain(error)}")
 
-    def _cut(self, tau: Numbers) -> Numbers:
+    def _clipped(self, tau: Numbers) -> Numbers:
         """Clip efforts to their limits, with a warning."""
         limits = self._limit
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
@@ -213,6 +212,6 @@ class Inputs:
         pairs = zip(tau, limits, strict=True)
         return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)
 
-    def _refuse(self, why: InvalidInput) -> None:
+    def _refuse(self, error: InvalidInput) -> None:
         self.refused += 1
-        self._log.warning(f"command ignored: {plain(why)}")
+        self._log.warning(f"command ignored: {plain(error)}")

@@ -8,7 +8,8 @@ from ctypes import byref
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.executor import steady_timer, subscribe
+from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.topics import subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.node_library import LOOP, library
@@ -29,7 +30,7 @@ class Lockstep:
     happens in the thread that spins the node.
 
     Attributes:
-        asked_again: Number of states that were published again.
+        repeated: Number of states that were published again.
         gone: Whether the partner is reported gone.
         waiting: The state whose answer is awaited: ``waiting_t`` of loop.h, where its fields are.
     """
@@ -39,12 +40,12 @@ class Lockstep:
     ) -> None:
         """Subscribe to commands, and monitor the partner by a timer."""
         self._engine, self._inputs, self._outputs = engine, inputs, outputs
-        self._log = node.get_logger()
+        self._node, self._log = node, node.get_logger()
+        self._yielding = False
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
         self._period = 0.5 * params.lockstep_retry
-        self.asked_again = 0
-        self.gone = False
+        self.repeated, self.gone = 0, False
         self.waiting = LOOP.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.read_from(self._subscription.handle.pointer, self._take)
@@ -54,32 +55,41 @@ class Lockstep:
 
     def reset_counters(self) -> None:
         """Reset the counters."""
-        self.asked_again = self.waiting.ignored = 0
+        self.repeated = self.waiting.ignored = 0
 
     def _take(self) -> tuple[bytes, int] | None:
         """A message and its arrival in [ns]."""
-        taken = self._subscription.handle.take_message(self._subscription.msg_type, True)
-        return None if taken is None else (bytes(taken[0]), time.time_ns())
+        message = self._subscription.handle.take_message(self._subscription.msg_type, True)
+        return None if message is None else (bytes(message[0]), time.time_ns())
 
     def on_command(self, raw: bytes) -> None:
         """Process a command, and those that arrive soon after it, for at most ``_STRETCH``.
 
-        Sleeping and waking up takes longer than most answers.
+        Sleeping and waking up takes longer than most answers. For every command that C reads, the
+        events executor still has a call queued ahead of new requests: until these are over,
+        commands are processed one by one.
         """
         engine, arm = self._engine, self._engine.simulator.arm
-        self.waiting.end = time.monotonic_ns() + _STRETCH
+        self.waiting.end = 0 if self._yielding else time.monotonic_ns() + _STRETCH
         stamp, before = self._inputs.on_joint_commands(raw, time.time_ns()), arm.step_count
         engine.run(library().in_lockstep, byref(self.waiting), -1 if stamp is None else stamp)
         if engine.paused:
             self.wait()
+        executor = self._node.executor
+        if not self._yielding and executor is not None and arm.step_count - before > 1:
+            self._yielding = True
+            executor.create_task(self._go_on)
         if self.gone and arm.step_count != before:
             self.gone = False
             self._log.info("the partner answers again")
 
+    def _go_on(self) -> None:
+        self._yielding = False
+
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
         self.waiting.stamp = -1 if self._engine.paused else self._engine.stamp
-        self.waiting.asked = self.waiting.first = time.monotonic_ns()
+        self.waiting.published = self.waiting.first = time.monotonic_ns()
 
     def watch(self) -> None:
         """Publish the state again, or report the partner gone, when it is time."""
@@ -93,7 +103,7 @@ class Lockstep:
                 f"no answer to the state of {1e-9 * self._engine.stamp:.6f} s for "
                 f"{1e-9 * self._timeout:g} s: the partner is gone; time stands still"
             )
-        if now - self.waiting.asked > self._retry:
-            self.asked_again += 1
-            self.waiting.asked = now
+        if now - self.waiting.published > self._retry:
+            self.repeated += 1
+            self.waiting.published = now
             self._outputs.publish()

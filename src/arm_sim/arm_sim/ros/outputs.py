@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from ctypes import addressof, byref, c_void_p
+from ctypes import addressof, byref
 from typing import Any
 
 import numpy as np
@@ -12,15 +12,13 @@ from arm_msgs.msg import Multipliers
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.model.description import AllJoints
 from arm_dynamics.ros.common.convert import as_bytes, to_time
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.display import AllJointStates
+from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.node_library import library
@@ -28,37 +26,9 @@ from arm_sim.ros.sim_params import CLOCK, SimParams
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.clock import SimClock
 from arm_sim.ros.timing.stamps import ROS, NodeTime, SimulatedTime
-from arm_sim.simulation.simulated_arm import SimulatedArm
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 _POLL = 0.5  # [s] between checks for subscribers of infrequent topics
-
-
-class DriveTorques:
-    """Torques of a simulation's drives at the end of the last tick; see ``Simulator.effort``.
-
-    Attributes:
-        values: In [N m] or [N], shape (n,).
-        place: Address of the compiled function that updates them, as a ``kernel.Entry``, or None.
-    """
-
-    @one_at_a_time
-    def __init__(self, arm: SimulatedArm) -> None:
-        """Compile them; for a scene with models with internal states."""
-        torques = arm.plant.torques
-        assert torques is not None
-        self._arm = arm
-        self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
-        self.values, entry = self._call.outputs[0], self._call.entry
-        self.place = None
-        if entry is not None:
-            inputs = (c_void_p * 2).from_address(entry.arguments)
-            inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
-            self.place = addressof(entry)
-
-    def update(self) -> None:
-        """Evaluate them without compiled code."""
-        self._call(self._arm.x, self._arm.acted)
 
 
 class Outputs:
@@ -73,23 +43,46 @@ class Outputs:
         energy: Keeps and publishes the energy account.
         stamps: Source of stamps.
         clock: Publishes simulated time, or None.
-        tap: Called with topic, stamp in [ns] and bytes of every output but the joint states of
-            ticks, if set.
+        tap: Called with topic, bytes and stamp in [ns] of every output but the joint states of
+            ticks.
     """
 
     def __init__(
-        self, node: Node, engine: TickEngine, params: SimParams, account_wanted: Callable[[], bool]
+        self, node: Node, engine: TickEngine, params: SimParams, account_read: Callable[[], bool]
     ) -> None:
         """Advertise the topics and attach to the engine.
 
-        ``account_wanted`` returns whether anything besides ``~/energy`` needs the energy account.
+        ``account_read`` returns whether anything besides ``~/energy`` reads the energy account.
         """
         self._engine = engine
         self._simulator = simulator = engine.simulator
-        arm, n, x = simulator.arm, simulator.n, simulator.arm.x
+        self._by_the_clock = params.tick_source == CLOCK
+        self.tap: Callable[[Topic, Any, int], None] = lambda topic, raw, stamp: None
+        self.stamps = _stamps(node, params, simulator.dt)
+        self._advertise_states(node, params)
+        self._multipliers = None
+        if simulator.model.scene.bilateral:
+            self._multipliers = advertise(node, MULTIPLIERS)
+            simulator.multipliers()  # builds in advance what would delay the loop
+        self.clock = SimClock(node) if params.publish_clock else None
+        stamp = self.stamps.near if self._by_the_clock else self.stamps.at
+        period = params.energy_period
+        self.energy = EnergyTopic(node, engine, period, account_read, stamp, self._publish)
+        if self._by_the_clock:
+            self.energy.watch(period / (params.realtime_factor or 1.0))
+            steady_timer(node, _POLL, self._update)
+        self._share(params.publish_every)
+        engine.on_idle.append(lambda: self.repeat(simulator.dt))
+        engine.on_jump.append(self.publish)
+        engine.on_pause.append(self._release)
+
+    def _advertise_states(self, node: Node, params: SimParams) -> None:
+        """Joint states, of all joints if that is set, and the exact ones if there are sensors."""
+        simulator, arm = self._simulator, self._simulator.arm
+        n, x, names = simulator.n, arm.x, simulator.joint_names
         self._drives = None if arm.plant.torques is None else DriveTorques(arm)
         effort = arm.acted if self._drives is None else self._drives.values
-        truth, names = (x[:n], x[n : 2 * n], effort), simulator.joint_names
+        truth = x[:n], x[n : 2 * n], effort
 
         def sink(topic: Topic, names: Sequence[str], arrays: Sequence[Array]) -> JointStateSink:
             writer = JointStateWriter(names, frame_id=params.frame_id)
@@ -100,32 +93,10 @@ class Outputs:
         self._truth = None if sensors is None else sink(GROUND_TRUTH, names, truth)
         self._all = None
         if params.publish_all_joints:
-            joints = AllJoints(simulator.model)
-            self._all = AllJointStates(joints, self.reported)
-            self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
+            self._all = AllJointStates(simulator.model, self.reported)
+            self.states = sink(JOINT_STATES, self._all.names, self._all.arrays)
         else:
             self.states = sink(JOINT_STATES, names, self.reported)
-        self._multipliers = None
-        if simulator.model.scene.bilateral:
-            self._multipliers = advertise(node, MULTIPLIERS)
-            simulator.multipliers()  # builds in advance what would delay the loop
-        self._by_the_clock = params.tick_source == CLOCK
-        self.stamps = stamps = SimulatedTime()
-        if params.stamps == ROS:
-            even = self._by_the_clock and params.realtime_factor == 1.0
-            tick = round(1e9 * simulator.dt) if even else 0
-            self.stamps = stamps = NodeTime(node.get_clock(), tick)
-        self.clock = SimClock(node) if params.publish_clock else None
-        period, stamp = params.energy_period, stamps.near if self._by_the_clock else stamps.at
-        self.energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
-        if self._by_the_clock:
-            self.energy.watch(period / (params.realtime_factor or 1.0))
-            steady_timer(node, _POLL, self._update)
-        self.tap: Callable[[Topic, int, bytes], None] | None = None
-        self._share(params.publish_every)
-        engine.on_idle.append(lambda: self.repeat(simulator.dt))
-        engine.on_jump.append(self.publish)
-        engine.on_pause.append(self._release)
 
     def _share(self, every: int) -> None:
         """Let C publish joint states after every so many ticks."""
@@ -139,7 +110,8 @@ class Outputs:
         if self._multipliers is not None or not self._by_the_clock:
             ticks.seldom = self.energy.every
             self._engine.on_seldom.append(self._publish_seldom)
-        ticks.answer(fill=self._fill, unsent=self._unsent)
+        # What C could not publish is published again, which raises the reason.
+        ticks.answer(fill=self._fill, unsent=lambda: self.states.publish(bytes(self.states.raw)))
 
     def _update(self) -> None:
         """Prepare for readers and clocks that came or went; not in the ticking thread."""
@@ -150,8 +122,7 @@ class Outputs:
         """Publish the current state, and the clock."""
         ticks = self._engine.ticks
         library().publish_state(byref(ticks))
-        if self.tap is not None:
-            self.tap(JOINT_STATES, ticks.published, self.states.raw)
+        self.tap(JOINT_STATES, self.states.raw, ticks.published)
 
     def _fill(self) -> None:
         """Fill arrays that C does not compute."""
@@ -159,10 +130,6 @@ class Outputs:
             self._drives.update()
         if self._all is not None:
             self._all.fill()
-
-    def _unsent(self) -> None:
-        """Publish again what C could not: raises the reason."""
-        self.states.publish(bytes(self.states.raw))
 
     def repeat(self, elapsed: float) -> None:
         """Publish the current state periodically; ``elapsed`` in [s] since the last call."""
@@ -195,5 +162,12 @@ class Outputs:
         message.header.stamp = to_time(stamp)
         raw = as_bytes(message)
         publisher.publish(raw)
-        if self.tap is not None:
-            self.tap(topic, stamp, raw)
+        self.tap(topic, raw, stamp)
+
+
+def _stamps(node: Node, params: SimParams, dt: float) -> SimulatedTime | NodeTime:
+    """The source of stamps; by the clock at its own pace, ticks are due at even times."""
+    if params.stamps != ROS:
+        return SimulatedTime()
+    even = params.tick_source == CLOCK and params.realtime_factor == 1.0
+    return NodeTime(node.get_clock(), round(1e9 * dt) if even else 0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
 
 from rclpy.node import Node
@@ -12,17 +13,17 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
-from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, NONE, JointStateReader, parsed
+from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
 
 _PERIOD = 0.5  # [s] between looks
 _MANY = 1000  # messages of others and of this sim between two looks
-_HEARD = JOINT_STATES._replace(
+_EVERY_STATE = JOINT_STATES._replace(
     subscribe=QoSProfile(depth=_MANY, reliability=ReliabilityPolicy.BEST_EFFORT)
 )
 _SILENCE = 1.0  # [s] after which a publisher is gone, although a killed one is listed for 20 s
@@ -39,18 +40,22 @@ class Rivals:
 
     Attributes:
         alarm: On while others publish.
-        changed: Called when it goes on or off.
     """
 
-    def __init__(self, node: Node, outputs: Outputs, trip: RoundTrip) -> None:
-        """Prepare for states that ``outputs`` publishes; ``trip`` knows their stamps."""
+    def __init__(
+        self, node: Node, outputs: Outputs, trip: RoundTrip, on_change: Callable[[], None]
+    ) -> None:
+        """Prepare for states that ``outputs`` publishes; ``trip`` knows their stamps.
+
+        ``on_change`` is called when the alarm goes on or off.
+        """
         self._node, self._outputs, self._trip = node, outputs, trip
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
-        self._known = {outputs.states.sender}  # this sim, and publishers of other joints
-        self._rival, self._heard = b"", 0.0  # who was heard last, and when
-        self._reader = JointStateReader((), (), partial=True, extra=True)
+        self._harmless = {outputs.states.sender}  # this sim, and publishers of other joints
+        self._rival, self._rival_time = b"", 0.0  # the last publisher of a state, and when
+        self._reader = JointStateReader(Expected((), (), extra=True))
         self._newest: PolledSubscription | None = None
-        self.alarm, self.changed = Alarm(node), lambda: None
+        self.alarm, self._on_change = Alarm(node), on_change
 
     def give_way(self) -> None:
         """Make sure that nobody else publishes, before this sim does; then watch that.
@@ -59,7 +64,7 @@ class Rivals:
             InvalidInput: If somebody does, and goes on for a while.
         """
         began = time.monotonic()
-        while self._others_are_there() and time.monotonic() - max(began, self._heard) < _SILENCE:
+        while self._find_rivals() and time.monotonic() - max(began, self._rival_time) < _SILENCE:
             if time.monotonic() - began > _LEAVING:
                 raise InvalidInput(self._message())
             time.sleep(0.02)
@@ -68,10 +73,10 @@ class Rivals:
 
     def update(self) -> None:
         """Look whether others published within the last second."""
-        goes_on = self._others_are_there() and time.monotonic() - self._heard < _SILENCE
-        if goes_on != bool(self.alarm.message):
-            self.alarm.set(self._message() if goes_on else "")
-            self.changed()
+        persists = self._find_rivals() and time.monotonic() - self._rival_time < _SILENCE
+        if persists != bool(self.alarm.message):
+            self.alarm.set(self._message() if persists else "")
+            self._on_change()
 
     def check(self, stamp: int) -> None:
         """Check that a command with a stamp in [ns] is for this sim.
@@ -90,14 +95,14 @@ class Rivals:
             self._newest.close()
             self._newest = None
 
-    def _others_are_there(self) -> bool:
+    def _find_rivals(self) -> bool:
         """Whether there are publishers that may be of this arm; if so, listen."""
         node, topic = self._node, self._topic
-        if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._known:
+        if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._harmless:
             self.close()
             return False
         if self._newest is None:
-            self._newest = PolledSubscription(node, _HEARD)
+            self._newest = PolledSubscription(node, _EVERY_STATE)
             self._reader.open(self._newest.pointer)
         for _ in range(_MANY):
             if self._reader.take() in (NONE, FAILED):
@@ -107,14 +112,14 @@ class Rivals:
         return True
 
     def _note(self, sender: bytes) -> None:
-        """Note who has published the message that was taken."""
-        if sender in self._known:
+        """Note the publisher of the message that the reader has."""
+        if sender in self._harmless:
             return
         mine = set(self._outputs.states.names)
         if sender != self._rival and mine.isdisjoint(parsed(self._reader.raw).name):
-            self._known.add(sender)
+            self._harmless.add(sender)
         else:
-            self._rival, self._heard = sender, time.monotonic()
+            self._rival, self._rival_time = sender, time.monotonic()
 
     def _message(self) -> str:
         rival = publishers(self._node, self._topic).get(self._rival, "unknown")

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from arm_dynamics import InvalidInput, Scene
+from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.params import SCENE, parameter
-from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_dynamics.ros.common.robot_source import DescriptionParams
+from arm_dynamics.ros.common.threads.privileges import ThreadParams
 from arm_sim.ros.commands.latest import BRAKE, POLICIES
 from arm_sim.ros.timing.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.ros.timing.stamps import AUTO, CHOICES, ROS, SIM
@@ -153,28 +153,20 @@ class SimParams(ThreadParams, DescriptionParams):
         return LOCKSTEP if self.lockstep else CLOCK if self.realtime else HAND
 
 
-def simulator_of(scene: Scene, params: SimParams) -> Simulator:
-    """The simulation of a scene, with the method and tick of the parameters."""
-    chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
-    return Simulator(scene, **{name: value for name, value in chosen.items() if value})
-
-
 def greeting(simulator: Simulator, params: SimParams) -> str:
     """Start-up message: the simulated robot, method, pace and source."""
     model, choice = simulator.model, simulator.choice
     at = ", ".join(
         f"{name} {place:.4g}" for name, place in zip(model.joint_names, model.q0, strict=True)
     )
+    factor = params.realtime_factor
+    by_clock = {0.0: "as fast as it goes", 1.0: "in real time"}
     pace = {
-        LOCKSTEP: "in lockstep",
-        CLOCK: f"{params.realtime_factor:g} times as fast as the clock",
-        HAND: "by hand",
-    }[params.tick_source]
-    if params.tick_source == CLOCK and params.realtime_factor in (0.0, 1.0):
-        pace = "in real time" if params.realtime_factor else "as fast as it goes"
-    if params.paused:
-        pace += ", paused at first"
+        LOCKSTEP: "in lockstep", HAND: "by hand",
+        CLOCK: by_clock.get(factor, f"{factor:g} times as fast as the clock"),
+    }[params.tick_source]  # fmt: skip
+    paused = ", paused at first" if params.paused else ""
     return (
         f"simulates {model.n} joints of '{model.pin.name}' by {choice.method.name}, "
-        f"time step {1e3 * choice.dt:g} ms, {pace}; from {at}"
+        f"time step {1e3 * choice.dt:g} ms, {pace}{paused}; from {at}"
     )

@@ -6,14 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from ctypes import addressof, byref, c_double, c_void_p, cast
-from threading import Lock
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
@@ -21,27 +19,33 @@ from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.stopping import Servos, Stopping
+from arm_sim.ros.energy_account import EnergyAccount
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
 from arm_sim.servo import JointCommand
-from arm_sim.simulation.energy_meter import Account, EnergyMeter
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
-ROWS = 8192  # ticks stored for the energy account
 _SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may delay one
 
-Listeners = list[Callable[[], None]]
+
+class Listeners(list[Callable[[], None]]):
+    """Functions that are called together."""
+
+    def __call__(self) -> None:
+        """Call them in the order in which they were added."""
+        for listener in self:
+            listener()
 
 
 class TickEngine:
     """A simulation that accepts commands, wrenches and requests, and advances tick by tick.
 
     C executes the ticks, see ``native/ticks.h``; here is what it asks for, and what happens
-    between ticks. All methods are for the ticking thread; other threads use ``queue``. Only
-    ``push`` and ``account`` are for any thread.
+    between ticks. All methods but ``push`` are for the ticking thread; other threads use
+    ``queue``.
 
     Attributes:
         simulator: The simulation.
@@ -49,6 +53,7 @@ class TickEngine:
         commands: The slot for the newest command.
         arbiter: Decides which source may command.
         queue: Actions of other threads, run between ticks.
+        energy: The energy account.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
@@ -92,36 +97,31 @@ class TickEngine:
         self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
         self._wrench_ticks = self.duration(wrench_timeout)
         self._pushable = self._pushing = False
-        self._meter: EnergyMeter | None = None
-        self._noting = Lock()
         self.guard: AbstractContextManager[Any] = nullcontext()
         self.arriving: Callable[[], bool] = lambda: False
         self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
         self.on_seldom = Listeners()
-        self.ticks = self._shared()
-        self.ticks.paused, self.ticks.waits = paused, wait_for_command
+        self.ticks = ticks = Ticks()
+        self.energy = EnergyAccount(self._arm, ticks)
+        self._share(ticks)
+        ticks.paused, ticks.waits = paused, wait_for_command
         self.configure(0.0, ZERO)
 
-    def _shared(self) -> Ticks:
-        """What C and Python share, and the answers to C's questions."""
-        arm, n, ticks = self._arm, self._arm.n, Ticks()
-        self._trail, self._acted = np.zeros((ROWS, arm.plant.nx)), np.zeros((ROWS, n))
-        self._steps = np.zeros(ROWS, np.int64)
+    def _share(self, ticks: Ticks) -> None:
+        """Let C know the parts of the engine, and who answers its questions."""
+        arm = self._arm
         ticks.bell = addressof(self.queue.bell)
         ticks.arbiter, ticks.slot = addressof(self.arbiter), addressof(self.commands)
         ticks.x, ticks.effort, ticks.dt = arm.x.ctypes.data, arm.acted.ctypes.data, arm.dt
         arm.share(ticks)
-        ticks.joints, ticks.states = n, arm.plant.nx
-        ticks.trail, ticks.acted = self._trail.ctypes.data, self._acted.ctypes.data
-        ticks.ticks = self._steps.ctypes.data
+        ticks.joints, ticks.states = arm.n, arm.plant.nx
         ticks.take = cast(library().joint_state_take, c_void_p).value
         ticks.answer(
-            serve=self.queue.serve, idle=lambda: _call(self.on_idle), prepare=self._prepare,
+            serve=self.queue.serve, idle=self.on_idle, prepare=self._prepare,
             expire=self._may_come, move=self._move, sense=arm.passed, ticked=self._ticked,
         )  # fmt: skip
         ticks.refresh.append(self._refresh)
-        return ticks
 
     def _refresh(self) -> None:
         arm, ticks, stopping = self._arm, self.ticks, self.stopping
@@ -159,8 +159,9 @@ class TickEngine:
     @property
     def held(self) -> str:
         """What stops or holds the arm without a command: ``brakes``, ``servos``, or ``no``."""
-        stopping = self.stopping
-        return "no" if not stopping.acts else "brakes" if stopping.locked else "servos"
+        if not self.stopping.acts:
+            return "no"
+        return "brakes" if self.stopping.locked else "servos"
 
     # --- ticking -------------------------------------------------------------------------------
 
@@ -204,18 +205,18 @@ class TickEngine:
         if not self.may_step:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self._run(library().read_commands)
-        done = self._run(library().advance, steps)
-        if done < steps:
-            raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
+        completed = self._run(library().advance, steps)
+        if completed < steps:
+            raise SimulationDiverged(f"after {completed} of {steps} steps; that state is kept")
 
     def _diverged(self) -> None:
         """Pause at the last good state."""
         error = self._arm.diverged()
         self._fail(f"paused, the last good state is kept; reset or set the joint state: {error}")
 
-    def _fail(self, why: str) -> None:
-        self.ticks.paused, self.failure = True, why
-        _call(self.on_failure)
+    def _fail(self, reason: str) -> None:
+        self.ticks.paused, self.failure = True, reason
+        self.on_failure()
 
     # --- what C asks for -----------------------------------------------------------------------
 
@@ -225,7 +226,7 @@ class TickEngine:
         self.commands.arrive(step)
         if self._pushed:
             tau = self._wrenches.torque(self._q, step)
-            self._note()  # with the quantities that acted
+            self.energy.note()  # with the quantities that acted
             self.simulator.set_parameter(EXTERNAL, tau)
             self._pushing = bool(self._wrenches.active)
 
@@ -276,14 +277,13 @@ class TickEngine:
 
     def _ticked(self) -> None:
         ticks = self.ticks
-        if ticks.kept - ticks.noted >= ROWS:
-            self._note()
+        self.energy.note_before_full()
         if self._arm.step_count % ticks.seldom == 0:
-            _call(self.on_seldom)
-        _call(self.on_tick)
+            self.on_seldom()
+        self.on_tick()
         if self.commands.stale != ticks.was_stale:
             ticks.was_stale = self.commands.stale
-            _call(self.on_staleness)
+            self.on_staleness()
 
     # --- requests ------------------------------------------------------------------------------
 
@@ -292,7 +292,7 @@ class TickEngine:
         self.ticks.paused = stop
         if not stop:
             self.failure = ""
-        _call(self.on_pause)
+        self.on_pause()
 
     def reset(self, *state: Any) -> None:
         """Reset to time zero and a state, see ``Simulator.reset``, without commands."""
@@ -300,7 +300,7 @@ class TickEngine:
         self.arbiter.forget()
         self._wrenches.clear()
         self.failure, self.ticks.was_stale = "", False
-        self.keep_account(False)
+        self.energy.keep(False)
         self.stopping.hold()
         self.change(lambda: self.simulator.reset(*state))
 
@@ -309,14 +309,10 @@ class TickEngine:
         self._accounted(action)
         if self.stopping.acts:
             self.stopping.hold()  # where it is now
-        _call(self.on_jump)
+        self.on_jump()
 
     def _accounted(self, action: Callable[[], Any]) -> None:
-        if self._meter is None:
-            action()
-        else:
-            self._note()
-            self._meter.change(action)
+        self.energy.change(action)
         self.commands.dynamics = self.simulator.dynamics  # gravity may have changed
 
     # --- wrenches ------------------------------------------------------------------------------
@@ -343,48 +339,3 @@ class TickEngine:
             self._pushable = True
         last = self._wrench_ticks - 1
         self.queue.run(lambda: self._wrenches.push(frame, wrench, self._arm.step_count + last))
-
-    # --- energy --------------------------------------------------------------------------------
-
-    @property
-    def accounted(self) -> bool:
-        """Whether the energy account is kept."""
-        return self._meter is not None
-
-    def keep_account(self, wanted: bool) -> None:
-        """Open the energy account if it is needed, or close it if it is not."""
-        with self._noting:
-            self.ticks.room = ROWS if wanted else 0
-            if not wanted:
-                self._meter = None
-            elif self._meter is None:
-                self.ticks.kept = self.ticks.noted = 0
-                self._meter = EnergyMeter(self._arm)
-
-    def _note(self) -> None:
-        """Note the ticks executed so far in the account; for any thread."""
-        ticks = self.ticks
-        with self._noting:
-            noted, kept, meter = ticks.noted, ticks.kept, self._meter
-            if kept == noted or meter is None:
-                return
-            rows = np.arange(noted, kept) % ROWS
-            moved, last = rows[self._steps[rows] > 0], abs(self._steps[rows[-1]])
-            meter.note_all(self._trail[moved], self._acted[moved], int(last))
-            ticks.noted = kept
-
-    def account(self) -> Account | None:
-        """Energies since the account was opened; None while it is closed."""
-        self._note()
-        meter = self._meter
-        return None if meter is None else meter.account()
-
-    @property
-    def energy_error(self) -> float:
-        """Unexplained energy of the last account, relative to the energy that moved; else 0."""
-        return 0.0 if self._meter is None else self._meter.error
-
-
-def _call(listeners: Listeners) -> None:
-    for listener in listeners:
-        listener()

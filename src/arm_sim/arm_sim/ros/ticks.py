@@ -26,7 +26,7 @@ class Ticks(Structure):
         self._answers: dict[int, Callable[[], object]] = {}
         self.refresh = list[Callable[[], object]]()
         self.error: BaseException | None = None
-        self._ask = _ASK(self._answered)
+        self._ask = _ASK(self._reply)
         ask = cast(self._ask, c_void_p).value
         super().__init__(ask=ask, every=1, seldom=_NEVER, share=1.0)
 
@@ -35,14 +35,14 @@ class Ticks(Structure):
         for name, function in functions.items():
             self._answers[TICKS.constants[name.upper()]] = function
 
-    def _answered(self, what: int) -> int:
+    def _reply(self, question: int) -> int:
         try:
-            found = self._answers[what]()
+            answer = self._answers[question]()
             self.refreshed()
         except BaseException as error:
             self.error, self.broken = error, 1
             return 0
-        return found if isinstance(found, int) else 0
+        return answer if isinstance(answer, int) else 0
 
     def refreshed(self) -> None:
         """Pass changes to C."""

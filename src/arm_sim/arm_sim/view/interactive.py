@@ -23,7 +23,7 @@ from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.simulation.energy_meter import EnergyMeter
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
-from arm_sim.view.charts import RollingCharts
+from arm_sim.view.charts import RollingCharts, Sample
 from arm_sim.view.drawn_arm import MOUSE, DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
@@ -84,14 +84,14 @@ class InteractiveArm:
             return np.zeros(self.simulation.n)
         return np.asarray(self._reference[0] - self.simulation.state.q)
 
-    def curves(self) -> tuple[Array, Array, Array]:
-        """Torques and errors, shape (n,), and ``ENERGIES`` in [J], NaN if unknown."""
-        if self._meter is None:
-            return self.simulation.effort, self.error, np.full(len(ENERGIES), np.nan)
-        x = self._meter.account()
-        flows = x.input + x.changed, x.dissipated, x.balance
-        energies = np.array([x.kinetic, x.potential, x.total, *flows])
-        return self.simulation.effort, self.error, energies
+    def sample(self) -> Sample:
+        """Torques, errors and ``ENERGIES``."""
+        energies = np.full(len(ENERGIES), np.nan)
+        if self._meter is not None:
+            x = self._meter.account()
+            flows = x.input + x.changed, x.dissipated, x.balance
+            energies = np.array([x.kinetic, x.potential, x.total, *flows])
+        return Sample(self.simulation.effort, self.error, energies)
 
     def instant(self) -> Instant:
         """The picture of the current state, under the torque of the last tick."""
@@ -272,7 +272,7 @@ class Interactive(View):
         self.run(False)
         for rig, actor in self._pairs:
             rig.restart()
-            actor.forget_way()
+            actor.clear_path()
             self._charts.clear(actor.name)
         self.draw()
 
@@ -307,7 +307,7 @@ class Interactive(View):
         for rig, actor in self._pairs:
             for _ in range(round(self._dt / rig.simulation.dt)):
                 rig.tick()
-            self._charts.add(actor.name, rig.simulation.state.time, rig.curves)
+            self._charts.add(actor.name, rig.simulation.state.time, rig.sample)
 
     def _report(self, trouble: str) -> None:
         self.run(False)

@@ -57,11 +57,6 @@ class View:
         self._thread = threading.Thread(target=self._run, name="arm view", daemon=True)
 
     @property
-    def name(self) -> str:
-        """Names of the arms."""
-        return ", ".join(actor.name for actor in self.actors)
-
-    @property
     def url(self) -> str:
         """URL of the page."""
         return address(self._server)
@@ -90,7 +85,7 @@ class View:
 
     def __repr__(self) -> str:
         """Where it is."""
-        return f"<View of {self.name} at {self.url}>"
+        return f"<View of {', '.join(actor.name for actor in self.actors)} at {self.url}>"
 
     def _repr_html_(self) -> str:
         """The page inside a notebook."""
@@ -135,7 +130,7 @@ class View:
             size: Width and height in pixels.
             rate: Frames per second.
             speed: Playback speed: 2 for twice as fast.
-            progress: Called with what is done next.
+            progress: Called with a description of each step.
 
         Raises:
             ViewError: If it is not a motion, there is no browser, or writing fails.
@@ -144,14 +139,14 @@ class View:
         pictures.refuse(path, (".gif", ".mp4"))
         with self._camera(size) as shoot:
 
-            def taken() -> Iterator[np.ndarray]:
+            def frames() -> Iterator[np.ndarray]:
                 for i, now in enumerate(times, 1):
                     progress(f"picture {i} of {len(times)}")
                     self._seek(now)
                     yield shoot()
                 progress("writing the file")
 
-            pictures.write_film(path, taken(), rate)
+            pictures.write_film(path, frames(), rate)
         return path
 
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
@@ -201,7 +196,7 @@ class View:
         """Draw a time of the motion immediately: the thread draws only when it plays."""
         raise ViewError(ENDLESS)
 
-    # --- for what shows simulations, recordings or robots -------------------------------------
+    # --- for pages of simulations, recordings or robots ---------------------------------------
 
     def _start(self, marks: Sequence[Row] = ()) -> None:
         """Add what all pages have to the controls of this one, and begin.

@@ -139,12 +139,11 @@ def instant(recording: Recording, time: float) -> Instant:
 def _curves(recording: Recording) -> Iterator[tuple[str, tuple[Sequence[str], Array, Array]]]:
     """Titles of plots, with names, times and values of their curves."""
     model = recording.dynamics.model
-    titles = {"torque": "effort", "position": "position", "velocity": "velocity"}
-    for title, quantity in titles.items():
-        attribute, *unit = QUANTITIES[quantity]
+    for quantity, (attribute, *unit) in QUANTITIES.items():
         if np.isfinite(values := getattr(recording, attribute)).any():
-            full = f"{title} [{units(model.joint_types, *unit)}]"
-            yield full, (model.joint_names, recording.time, values)
+            name = "torque" if quantity == "effort" else quantity
+            title = f"{name} [{units(model.joint_types, *unit)}]"
+            yield title, (model.joint_names, recording.time, values)
     if recording.of_robot:
         return  # work and heat between its states are unknown
     if (error := recording.local_error).any():

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from functools import partial
 from typing import Any, Self
 
@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from arm_dynamics.exceptions import InvalidInput, NoAnswer
-from arm_dynamics.ros.common.scheduling import arrange_middleware_threads
+from arm_dynamics.ros.common.threads.scheduling import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
@@ -28,11 +28,18 @@ _POLL_COUNT = 0.05  # [s] between checks of the number of servers, while waiting
 
 
 class PolledClient:
-    """A client of a service that needs no executor; its node must not be spun elsewhere."""
+    """A client of a service that needs no executor; its node must not be spun elsewhere.
+
+    Attributes:
+        name: Full name of the service.
+        has_answered: Whether the last request was answered.
+        server_count: Number of servers at the last look; None before the first.
+    """
 
     def __init__(self, node: Node, service: Service, name: str) -> None:
         client = node.create_client(service.type, name)
         self.name: str = client.service_name
+        self.has_answered, self.server_count = False, None
         self._response, self._handle = service.type.Response, client.handle
         self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
 
@@ -44,7 +51,7 @@ class PolledClient:
         """Send a request; return its number."""
         return int(self._handle.send_request(request))
 
-    def receive(self, asked: Collection[int], timeout: float) -> Any | None:
+    def receive(self, requests: Collection[int], timeout: float) -> Any | None:
         """The first answer to any of the requests of these numbers within ``timeout`` in [s]."""
         end = time.monotonic_ns() + int(1e9 * timeout)
         while (left := end - time.monotonic_ns()) > 0:
@@ -52,7 +59,7 @@ class PolledClient:
             self._waiting.add_client(self._handle)
             self._waiting.wait(left)
             info, response = self._handle.take_response(self._response)
-            if info is not None and info.request_id.sequence_number in asked:
+            if info is not None and info.request_id.sequence_number in requests:
                 return response
         return None
 
@@ -91,9 +98,8 @@ class TemporaryNode:
 
     def nodes(self) -> list[str]:
         """Full names of the other nodes."""
-        found = self._node.get_node_names_and_namespaces()
-        mine = self._node.get_name()
-        return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != mine)
+        nodes, own_name = self._node.get_node_names_and_namespaces(), self._node.get_name()
+        return sorted(f"{space.rstrip('/')}/{name}" for name, space in nodes if name != own_name)
 
     def where(self, node: str | None = None) -> str:
         """The visible nodes, and what to check if none, or not this one, is among them."""
@@ -114,8 +120,6 @@ class Caller(TemporaryNode):
         super().__init__("arm_call", domain)
         self._timeout = timeout
         self._clients: dict[tuple[str, str], PolledClient] = {}
-        self._answered: set[PolledClient] = set()
-        self._offering: dict[PolledClient, int] = {}
 
     def close(self) -> None:
         """Leave the graph; may be called repeatedly."""
@@ -134,70 +138,60 @@ class Caller(TemporaryNode):
         if (client := self._clients.get((node, service.name))) is None:
             name = service.name.replace("~", _full_name(node))
             client = self._clients[node, service.name] = PolledClient(self._node, service, name)
-        met = client in self._answered
-        if not (met and repeatable):  # a check takes 10 µs
+        if not (client.has_answered and repeatable):  # a check takes 10 µs
             end = time.monotonic() + self._timeout
             while not client.ready():
                 if time.monotonic() >= end:
-                    self._answered.discard(client)
+                    client.has_answered = False
                     raise NoAnswer(self._not_offered(client.name))
                 time.sleep(_POLL)
-            if not (met or repeatable):
+            if not (client.has_answered or repeatable):
                 time.sleep(_SETTLE)
         # A server that has answered before may have been restarted, but it needs time to work.
-        patience = self._timeout / 3.0 if met else _RETRY
+        patience = self._timeout / 3.0 if client.has_answered else _RETRY
         response = self._response(client, request, patience if repeatable else None)
+        client.has_answered = response is not None
         if response is None:
-            self._answered.discard(client)
             if not client.ready():
                 raise NoAnswer(self._not_offered(client.name))
             doubt = "" if repeatable else " The request may have been carried out nevertheless"
-            raise NoAnswer(
+            silence = NoAnswer(
                 f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
             )
-        self._answered.add(client)
+            silence.offered = True
+            raise silence
         return response
 
     def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:
         """The response; the request is repeated after ``patience`` in [s], unless that is None."""
-        end, response, asked = time.monotonic() + self._timeout, None, set[int]()
-        while response is None and (left := end - time.monotonic()) > 0.0:
-            asked.add(client.send(request))
+        end, requests = time.monotonic() + self._timeout, set[int]()
+        count_servers = partial(self._node.count_services, client.name)
+        while (left := end - time.monotonic()) > 0.0:
+            requests.add(client.send(request))
             if patience is None:
-                return client.receive(asked, left)
-            servers = partial(self._node.count_services, client.name)
-            if client not in self._offering:
-                self._offering[client] = servers()
-            before = self._offering[client]
-            response = self._watched(client, asked, min(patience, left), servers)
+                return client.receive(requests, left)
+            if client.server_count is None:
+                client.server_count = count_servers()
+            # Requests to a server that was killed are lost, and it counts for up to 20 s: if the
+            # number of servers changes, the request is repeated at once.
+            count, due = client.server_count, time.monotonic() + min(patience, left)
+            while client.server_count == count and (wait := due - time.monotonic()) > 0.0:
+                response = client.receive(requests, min(_POLL_COUNT, wait))
+                if response is not None:
+                    return response
+                client.server_count = count_servers()
             # Wait longer each time, but repeat at least three times.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
-            patience = longer if self._offering[client] == before else _RETRY
-        return response
-
-    def _watched(
-        self, client: PolledClient, asked: set[int], patience: float, servers: Callable[[], int]
-    ) -> Any | None:
-        """Wait for an answer, but only until the number of servers changes.
-
-        A killed server still counts for up to 20 s: requests to it are lost.
-        """
-        end = time.monotonic() + patience
-        while (left := end - time.monotonic()) > 0.0:
-            if (response := client.receive(asked, min(_POLL_COUNT, left))) is not None:
-                return response
-            if (now := servers()) != self._offering[client]:
-                self._offering[client] = now
-                break
+            patience = longer if client.server_count == count else _RETRY
         return None
 
     def _not_offered(self, name: str) -> str:
         lines = [f"no node offers {name} (waited {self._timeout:g} s)"]
-        wanted, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
-        others = [o for o, _ in offered if o.rsplit("/", 1)[1] == wanted and o != name]
-        if others:
-            lines.append(f"it is offered as {', '.join(others)}")
+        service, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
+        elsewhere = [o for o, _ in offered if o.rsplit("/", 1)[1] == service and o != name]
+        if elsewhere:
+            lines.append(f"it is offered as {', '.join(elsewhere)}")
         return "\n  ".join([*lines, self.where(name.rsplit("/", 1)[0])])
 
 

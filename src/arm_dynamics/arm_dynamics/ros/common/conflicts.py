@@ -43,8 +43,8 @@ def two_publish(topic: str, one: str, other: str) -> str:
 
 def same_name(node: Node) -> str:
     """Complaint of another node that has the name of this one; empty if there is none."""
-    me = node.get_name(), node.get_namespace()
-    if node.get_node_names_and_namespaces().count(me) < 2:
+    own = node.get_name(), node.get_namespace()
+    if node.get_node_names_and_namespaces().count(own) < 2:
         return ""
     return (
         f"two nodes are called {node.get_fully_qualified_name()}, and either answers requests to "

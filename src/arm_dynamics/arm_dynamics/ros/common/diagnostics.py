@@ -9,16 +9,13 @@ from dataclasses import dataclass, field
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from arm_dynamics.logs import Throttled
+from arm_dynamics.exceptions import counted
 from arm_dynamics.ros.common.conflicts import Alarm, same_name
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
-_LATE, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; what exceeds both is too long
-_BUSY = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
-_RARELY = 10.0  # [s] between log messages of a machine that is busy
 OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
@@ -45,7 +42,7 @@ class Finding:
             name=f"{node.get_fully_qualified_name().lstrip('/')}: {self.part}",
             message="; ".join(self._messages) or "ok",
             hardware_id=node.get_fully_qualified_name(),
-            values=[KeyValue(key=k, value=_text(v)) for k, v in self.values.items()],
+            values=[KeyValue(key=key, value=_text(x)) for key, x in self.values.items()],
         )
 
 
@@ -60,55 +57,17 @@ class Growth:
         before, self._before[name] = self._before.get(name, 0), count
         return count - before if count >= before else count
 
-    def warn(self, found: Finding, count: int, what: str) -> None:
-        """Add a warning if a count of ``what`` has grown."""
-        if grown := self.of(what, count):
-            found.add(WARN, f"{grown} {what}")
-
-
-class Lateness:
-    """The longest of some durations in the last second, and a warning if it is too long.
-
-    Attributes:
-        longest: This duration in [s].
-    """
-
-    def __init__(self, node: Node, take: Callable[[], float], usual: float, text: str) -> None:
-        """Start a timer.
-
-        Args:
-            node: The node.
-            take: Returns the longest duration in [s] since the last call.
-            usual: The usual duration in [s].
-            text: Text of the warning, with a place for the duration.
-        """
-        self._bound, self._text = max(_LATE, _FACTOR * usual), f"{text}: {_BUSY}"
-        self._take, self.longest = take, 0.0
-        self._log = Throttled(node.get_logger(), period=_RARELY)
-        self._timer = steady_timer(node, PERIOD, self.end_second)
-
-    def end_second(self) -> None:
-        """Look at the last second, and log what is wrong in two in a row, unlike at the start."""
-        before, self.longest = self.message, 0.0
-        self.update()
-        if before and (message := self.message):
-            self._log.warning(message)
-
-    def update(self) -> None:
-        """Look at the time since then, too."""
-        self.longest = max(self.longest, self._take())
-
-    @property
-    def message(self) -> str:
-        """The warning; empty if there is no reason for one."""
-        return self._text.format(self.longest) if self.longest > self._bound else ""
+    def warn(self, finding: Finding, count: int, noun: str, event: str) -> None:
+        """Add a warning if the count of an event has grown; after a colon it may have reasons."""
+        if growth := self.of(f"{noun} {event.partition(':')[0]}", count):
+            finding.add(WARN, f"{counted(growth, noun)} {event}")
 
 
 class Diagnosis:
     """A timer that collects findings and publishes them while there are subscribers."""
 
-    def __init__(self, node: Node, find: Callable[[], Sequence[Finding]]) -> None:
-        self._node, self._find, self._same_name = node, find, Alarm(node)
+    def __init__(self, node: Node, inspect: Callable[[], Sequence[Finding]]) -> None:
+        self._node, self._inspect, self._same_name = node, inspect, Alarm(node)
         self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = steady_timer(node, PERIOD, self.publish)
 
@@ -122,10 +81,10 @@ class Diagnosis:
         self._same_name.set(same_name(self._node))
         if not self.has_subscribers:
             return
-        found, executor = self._find(), self._node.executor
-        found[0].add(WARN, self._same_name.message)
-        found[0].values["executor"] = "none" if executor is None else type(executor).__name__
-        message = DiagnosticArray(status=[f.message(self._node) for f in found])
+        findings, executor = self._inspect(), self._node.executor
+        findings[0].add(WARN, self._same_name.message)
+        findings[0].values["executor"] = "none" if executor is None else type(executor).__name__
+        message = DiagnosticArray(status=[finding.message(self._node) for finding in findings])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 

@@ -23,7 +23,7 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, did_you_mean, known_
 from arm_dynamics.logs import heard_by
 from arm_dynamics.ros.common.executor import spin
 from arm_dynamics.ros.common.params import listed
-from arm_dynamics.ros.common.scheduling import arrange_middleware_threads
+from arm_dynamics.ros.common.threads.scheduling import arrange_middleware_threads
 from arm_dynamics.ros.common.transport import avoid_shared_memory
 
 _ROS = "--ros-args"
@@ -48,7 +48,7 @@ def execute(
         The exit status, see ``run``.
     """
     words = tuple(sys.argv[1:] if args is None else args)
-    if _HELP & set(words[: _end(words)]):
+    if _HELP & set(words[: _count_before_ros(words)]):
         print(usage(kind, params))
         return 0
     try:
@@ -56,8 +56,10 @@ def execute(
     except InvalidInput as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    chosen = [Parameter("scene", value=scene)] if scene else []
-    return run(lambda **about: kind(parameter_overrides=chosen, **options, **about), list(rest))
+    overrides = [Parameter("scene", value=scene)] if scene else []
+    return run(
+        lambda **others: kind(parameter_overrides=overrides, **options, **others), list(rest)
+    )
 
 
 def split_words(words: Words) -> tuple[str | None, Words]:
@@ -66,8 +68,8 @@ def split_words(words: Words) -> tuple[str | None, Words]:
     Raises:
         InvalidInput: If a word is neither.
     """
-    end = _end(words)
-    before = words[:end]
+    count = _count_before_ros(words)
+    before = words[:count]
     for i, word in enumerate(before):
         if i or word.startswith("-") or ":=" in word:
             rule = next((plain(word, 80) for word in before if ":=" in word), "NAME:=VALUE")
@@ -77,11 +79,11 @@ def split_words(words: Words) -> tuple[str | None, Words]:
                 f"'{plain(word, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, "
                 f"then for example {_ROS} {flag} {rule}"
             )
-    return (before[0] if before else None), words[end:]
+    return (before[0] if before else None), words[count:]
 
 
-def _end(words: Words) -> int:
-    """Index of the first ROS argument."""
+def _count_before_ros(words: Words) -> int:
+    """Number of words before the ROS arguments."""
     return words.index(_ROS) if _ROS in words else len(words)
 
 
@@ -137,12 +139,12 @@ def run(
         0 after a clean end, also before the node was built; 2 when it could not start, with the
         reason on stderr.
     """
-    asked: list[int] = []
+    signals: list[int] = []  # received
     sys.setswitchinterval(5e-5)  # [s] for which other threads may block the loop, instead of 5e-3
 
     def interrupt(number: int, _: Any) -> None:
-        asked.append(number)
-        _handle_signals(lambda received, _: asked.append(received))
+        signals.append(number)
+        _handle_signals(lambda later, _: signals.append(later))
         raise KeyboardInterrupt
 
     _handle_signals(interrupt)
@@ -156,16 +158,16 @@ def run(
         except RuntimeError as error:
             raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
         node = make_node(context=context)
-        _handle_signals(lambda received, _: asked.append(received))
+        _handle_signals(lambda number, _: signals.append(number))
         _warn_of_unknown(node)
         arrange_middleware_threads()
         if node.has_parameter(_FREEZE) and node.get_parameter(_FREEZE).value:
             gc.collect()
             gc.freeze()
         with heard_by(NodeHandler(node)):
-            spin(node, lambda: bool(asked) or done())
+            spin(node, lambda: bool(signals) or done())
     except BaseException as error:
-        if asked and node is None:
+        if signals and node is None:
             return 0
         if not isinstance(error, ArmError | OSError):
             raise
@@ -188,13 +190,13 @@ def _warn_of_unknown(node: Node) -> None:
 
     Those with dots may be declared later: for joints that are not known yet.
     """
-    given = [name for name in node._parameter_overrides if "." not in name]  # no public API
-    known = [name for name in node._parameters if "." not in name]
-    for name in given:
-        if name not in known:
+    overrides = [name for name in node._parameter_overrides if "." not in name]  # no public API
+    declared = [name for name in node._parameters if "." not in name]
+    for name in overrides:
+        if name not in declared:
             node.get_logger().warning(
                 f"this node has no parameter '{plain(name, 80)}', which is ignored"
-                f"{did_you_mean(name, known) or ';'} allowed: {known_names(known, 100)}"
+                f"{did_you_mean(name, declared) or ';'} allowed: {known_names(declared, 100)}"
             )
 
 

@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest executor available, timers and subscriptions."""
+"""The fastest executor available, its timers, and turns of coroutines."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-
-from arm_dynamics.exceptions import plain
-from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.interfaces import Topic
 
 _PROBE_TIMEOUT = 0.5  # [s]
 _SPIN_TIMEOUT = 0.25  # [s] between checks whether to end, without events
@@ -43,16 +39,16 @@ def make_executor(node: Node) -> Executor:
 
 def _dispatches(executor: Executor, node: Node) -> bool:
     """Test whether a timer of the node is called."""
-    called: list[bool] = []
-    timer = steady_timer(node, 0.001, lambda: called.append(True))
+    calls: list[bool] = []
+    timer = steady_timer(node, 0.001, lambda: calls.append(True))
     end = time.monotonic() + _PROBE_TIMEOUT
     try:
         # More than once: a pending request is handled first.
-        while not called and (left := end - time.monotonic()) > 0.0:
+        while not calls and (left := end - time.monotonic()) > 0.0:
             executor.spin_once(timeout_sec=left)
     finally:
         node.destroy_timer(timer)
-    return bool(called)
+    return bool(calls)
 
 
 def spin(node: Node, done: Callable[[], bool]) -> None:
@@ -68,25 +64,14 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
         executor.shutdown()
 
 
+class Turn:
+    """Awaited by a callback that goes on after a turn of the others."""
+
+    def __await__(self) -> Generator[None]:
+        """Yield once."""
+        yield
+
+
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any:
     """A timer on the steady clock, period in [s]; ROS timers stop when simulated time does."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-
-def guarded(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]:
-    """A callback for messages whose exceptions are logged and do not end the node."""
-    log = Throttled(node.get_logger())
-
-    def called(message: Any) -> None:
-        try:
-            callback(message)
-        except Exception as error:
-            log.error(plain(f"a message was ignored after an unexpected failure: {error!r}"))
-
-    return called
-
-
-def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
-    """Subscribe by a callback that is ``guarded``."""
-    called = guarded(node, callback)
-    return node.create_subscription(topic.type, topic.name, called, topic.subscribe, raw=raw)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import field, fields, is_dataclass, replace
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -25,9 +26,11 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 
 SCENE = "Scene: name of a ready one, scene file or URDF (path or package:// URI), or URDF text"
 _WRITTEN = {
-    float: "a number with a decimal point, as in 5.0", int: "a whole number, as in 5",
-    bool: "true or false", str: "text",
-}  # fmt: skip
+    float: "a number",
+    int: "a whole number, as in 5",
+    bool: "true or false",
+    str: "text",
+}
 
 
 def parameter(
@@ -56,14 +59,19 @@ def parameter(
 
 
 def declare[P](node: Node, kind: type[P]) -> P:
-    """Declare the parameters of ``kind`` and read their values.
+    """Declare the parameters of ``kind`` and read their values; 5 is accepted for 5.0.
 
     Raises:
         InvalidInput: If a value given at start is of a wrong type or not allowed.
     """
+    overrides = node._parameter_overrides  # rclpy provides them in no other way
+    if not node._pre_set_parameters_callbacks:  # with two, rclpy sets every parameter twice
+        node.add_pre_set_parameters_callback(partial(_with_floats, node))
 
-    def declared(name: str, default: Any, about: Mapping[str, Any]) -> Any:
+    def value_of(name: str, default: Any, about: Mapping[str, Any]) -> Any:
         default = _for_ros(default, about)
+        if isinstance(default, float) and name in overrides:
+            overrides[name] = _as_float(overrides[name])
         try:
             return node.declare_parameter(name, default, _descriptor(about, default)).value
         except InvalidParameterValueException as error:
@@ -71,22 +79,34 @@ def declare[P](node: Node, kind: type[P]) -> P:
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
         except InvalidParameterTypeException:
             allowed = _WRITTEN.get(type(default), "a list")
-        given = node._parameter_overrides[name].value  # rclpy provides it in no other way
-        raise InvalidInput(f"parameter '{name}' is {given!r}; allowed: {allowed}")
+        value = overrides[name].value
+        raise InvalidInput(f"parameter '{name}' is {value!r}; allowed: {allowed}")
 
-    return _with(kind(), declared)
+    return _replaced(kind(), value_of)
+
+
+def _with_floats(node: Node, parameters: list[Parameter]) -> list[Parameter]:
+    """The parameters to set, with whole numbers as floats where those are expected."""
+    return [
+        _as_float(p) if node.get_parameter_or(p.name).type_ == Parameter.Type.DOUBLE else p
+        for p in parameters
+    ]
+
+
+def _as_float(p: Parameter) -> Parameter:
+    return Parameter(p.name, value=float(p.value)) if p.type_ == Parameter.Type.INTEGER else p
 
 
 def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:
     """Names, values and metadata of parameters, in order; of a type its defaults."""
-    found: list[tuple[str, Any, Mapping[str, Any]]] = []
+    parameters: list[tuple[str, Any, Mapping[str, Any]]] = []
 
-    def noted(name: str, default: Any, about: Mapping[str, Any]) -> Any:
-        found.append((name, default, about))
-        return default
+    def unchanged(name: str, value: Any, about: Mapping[str, Any]) -> Any:
+        parameters.append((name, value, about))
+        return value
 
-    _with(params() if isinstance(params, type) else params, noted)
-    return found
+    _replaced(params() if isinstance(params, type) else params, unchanged)
+    return parameters
 
 
 def watch[P](
@@ -111,10 +131,10 @@ def watch[P](
         nonlocal present
         before, values = present, {p.name: p.value for p in parameters}
         try:
-            wanted = _with(before, lambda name, value, about: values.get(name, value))
-            if wanted != before or values.keys() & set(renewed):
-                present = wanted  # first, as it may be set back at once
-                apply(wanted)
+            after = _replaced(before, lambda name, value, about: values.get(name, value))
+            if after != before or values.keys() & set(renewed):
+                present = after  # first, as it may be set back at once
+                apply(after)
         except ArmError as error:
             present = before
             return SetParametersResult(reason=plain(error))  # not successful
@@ -124,7 +144,7 @@ def watch[P](
         stale = [
             Parameter(name, value=_for_ros(value, about))
             for name, value, about in listed(present)
-            if _plain(name, node.get_parameter(name).value, value, about) != value
+            if _typed(name, node.get_parameter(name).value, value, about) != value
         ]
         if stale:
             node.set_parameters_atomically(stale)
@@ -148,37 +168,36 @@ def _for_ros(value: Any, about: Mapping[str, Any]) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
+def _replaced[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
     """The dataclass with other values, checked by name, current value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
         present, about = getattr(params, item.name), item.metadata
         if is_dataclass(present):
-            changes[item.name] = _with(present, value_of)
+            changes[item.name] = _replaced(present, value_of)
         elif "description" in about:
             name = about.get("parameter", item.name)
-            changes[item.name] = _plain(name, value_of(name, present, about), present, about)
+            changes[item.name] = _typed(name, value_of(name, present, about), present, about)
     return replace(params, **changes)  # type: ignore[type-var]
 
 
-def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
-    """Convert a parameter's value to the type of ``like``; a number is accepted for a list."""
+def _typed(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any:
+    """A value in the type of the present one; a number is accepted for a list."""
     if value is None:
         raise InvalidInput(f"parameter '{name}' has no value; a parameter cannot be removed")
-    wanted = about.get("choices")
-    if wanted and value not in wanted:
+    allowed = about.get("choices")
+    if allowed and value not in allowed:
         raise InvalidInput(
-            f"parameter '{name}' is '{value}'; allowed: one of {choices(value, wanted)}"
+            f"parameter '{name}' is '{value}'; allowed: one of {choices(value, allowed)}"
         )
-    several = about.get("each_joint") or isinstance(like, list | tuple)
-    if not several:
+    if not (about.get("each_joint") or isinstance(present, list | tuple)):
         return value
-    listed = [value] if isinstance(value, bool | int | float | str) else list(value)
-    if any(isinstance(one, bool) for one in listed) and not isinstance(like, bool):
+    values = [value] if isinstance(value, bool | int | float | str) else list(value)
+    if any(isinstance(x, bool) for x in values) and not isinstance(present, bool):
         raise InvalidInput(f"parameter '{name}' is {value}; numbers are expected")
     if about.get("each_joint"):  # as the core expects them
-        return listed[0] if len(listed) == 1 else listed
-    return type(like)(listed)
+        return values[0] if len(values) == 1 else values
+    return type(present)(values)
 
 
 def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:

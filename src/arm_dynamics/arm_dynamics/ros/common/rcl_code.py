@@ -19,7 +19,7 @@ _HEADERS = (
     "rosidl_runtime_c", "rosidl_typesupport_interface", "type_description_interfaces",
     "service_msgs", "builtin_interfaces",
 )  # fmt: skip
-_CALLED = ("rcl", "rcutils", "rosidl_runtime_c")
+_LIBRARIES = ("rcl", "rcutils", "rosidl_runtime_c")
 _REMEDY = (
     "install a compiler (apt install gcc), or compile the nodes on another machine "
     f"({ARM} build SCENE --nodes --out DIR) and set ARM_CACHE=DIR"
@@ -45,9 +45,9 @@ def code_of_nodes(
         raise KernelError(f"nodes need the headers of ROS: {error}") from error
     places = [prefix / "include" / name for name, prefix in prefixes.items()]
     places += [*dict.fromkeys(file.parent for file in files), *folders]
-    called = (str(prefixes[name] / f"lib/lib{name}.so") for name in _CALLED)
+    libraries = (str(prefixes[name] / f"lib/lib{name}.so") for name in _LIBRARIES)
     flags = (*FLAGS, "-Wl,--no-as-needed")
-    local = (*(f"-I{place}" for place in places), *called)
+    local = (*(f"-I{place}" for place in places), *libraries)
     try:
         library = build(
             "\n".join(file.read_text(encoding="utf-8") for file in files), "c", flags, local

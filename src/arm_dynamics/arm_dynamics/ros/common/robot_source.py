@@ -13,8 +13,8 @@ from rclpy.serialization import deserialize_message
 
 from arm_dynamics.actuation.command_map import compensating
 from arm_dynamics.exceptions import InvalidInput, ModelError
-from arm_dynamics.ros.common.direct import PolledSubscription
 from arm_dynamics.ros.common.params import parameter
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Scene
@@ -60,25 +60,27 @@ class DescriptionParams(DescriptionLimits):
     )
 
 
-def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
+def scene_for(
+    node: Node, argument: Any, name: str, params: DescriptionParams
+) -> tuple[Scene, str]:
     """The scene of a node that cannot start without one, and its source.
 
-    The first match wins: the constructor's scene, the parameter ``scene``, the parameter
-    ``robot_description``, the topic. A description is URDF text, never the name of a file, so no
-    message makes a node read files.
+    The first match wins: the constructor's ``argument``, the ``name`` in the parameter ``scene``,
+    the parameter ``robot_description``, the topic. A description is URDF text, never the name of a
+    file, so no message makes a node read files.
 
     Raises:
         ArmError: If there is none, or it cannot be used.
     """
-    if given is not None or scene:
+    if argument is not None or name:
         warn_unused(node, params.robot_description)
-        found, source = load_scene(given if given is not None else scene), FROM_SCENE
+        scene, source = load_scene(argument if argument is not None else name), FROM_SCENE
     elif params.robot_description:
-        found, source = described_scene(params.robot_description, params), FROM_PARAMETER
+        scene, source = described_scene(params.robot_description, params), FROM_PARAMETER
     else:
-        text = _awaited(node, params.description_timeout)
-        found, source = described_scene(text, params), FROM_TOPIC
-    return compensating(found) if params.gravity_compensated else found, source
+        text = _description_from_topic(node, params.description_timeout)
+        scene, source = described_scene(text, params), FROM_TOPIC
+    return compensating(scene) if params.gravity_compensated else scene, source
 
 
 def described_scene(text: str, limits: DescriptionLimits) -> Scene:
@@ -104,15 +106,16 @@ def warn_unused(node: Node, description: str) -> None:
         )
 
 
-def _awaited(node: Node, timeout: float) -> str:
+def _description_from_topic(node: Node, timeout: float) -> str:
     topic = node.resolve_topic_name(ROBOT_DESCRIPTION.name)
     if timeout:
         node.get_logger().info(f"no scene: waiting for a robot description on {topic}")
         end = time.monotonic() + timeout
         with closing(PolledSubscription(node, ROBOT_DESCRIPTION)) as newest:
             while time.monotonic() < end:
-                if (taken := newest.take()) is not None:
-                    return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
+                if (message := newest.take()) is not None:
+                    raw, _ = message
+                    return str(deserialize_message(raw, ROBOT_DESCRIPTION.type).data)
                 time.sleep(_POLL)
     raise InvalidInput(
         "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "

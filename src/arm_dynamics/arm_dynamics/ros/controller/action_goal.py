@@ -120,31 +120,31 @@ class TrajectoryMessage:
                     + (f"more than {1e-9 * before:g} s" if i else "at least 0 s")
                 )
             before = time
-            for what in ("positions", "velocities", "accelerations", "effort"):
-                self._check(f"{what} of point {i}", getattr(point, what), what == "positions")
+            for field in ("positions", "velocities", "accelerations", "effort"):
+                self._check(f"{field} of point {i}", getattr(point, field), field == "positions")
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
             if abs(v) > STANDING:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
 
-    def _check(self, what: str, numbers: Sequence[float], required: bool) -> None:
+    def _check(self, field: str, numbers: Sequence[float], required: bool) -> None:
         count, n = len(numbers), len(self.joint_names)
         if count != n and (count or required):
-            raise InvalidInput(f"{what} has {count} numbers; allowed: {n}")
+            raise InvalidInput(f"{field} has {count} numbers; allowed: {n}")
         for joint, x in zip(self.joint_names, numbers, strict=False):
             if not math.isfinite(x):
-                raise InvalidInput(f"{what}, joint '{joint}', is {x}; allowed: finite numbers")
+                raise InvalidInput(f"{field}, joint '{joint}', is {x}; allowed: finite numbers")
 
 
 def refuse_multi_dof(goal: Any) -> None:
     """Refuse goals for joints of several degrees of freedom by ``InvalidInput``."""
-    several = goal.multi_dof_trajectory
-    for what, given in (
-        ("multi_dof_trajectory", [*several.joint_names, *several.points]),
+    multi_dof = goal.multi_dof_trajectory
+    for field, entries in (
+        ("multi_dof_trajectory", [*multi_dof.joint_names, *multi_dof.points]),
         ("component_path_tolerance", goal.component_path_tolerance),
         ("component_goal_tolerance", goal.component_goal_tolerance),
     ):
-        if len(given):
-            raise InvalidInput(f"{what} is given; allowed: none (joints have one degree)")
+        if len(entries):
+            raise InvalidInput(f"{field} is given; allowed: none (joints have one degree)")
 
 
 def tolerances(
@@ -167,7 +167,7 @@ def tolerances(
 
 
 def _joint_tolerances(
-    what: str,
+    field: str,
     messages: Sequence[Any],
     names: JointNames,
     position: Sequence[float],
@@ -175,15 +175,15 @@ def _joint_tolerances(
 ) -> StateTolerance:
     position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
-        names.refuse([message.name], f"{what} names joint")
+        names.refuse([message.name], f"{field} names joint")
         if any(message.name == other.name for other in messages[:k]):
-            raise InvalidInput(f"{what} names joint '{message.name}' twice; allowed: each once")
-        joint, of = names.index(message.name), f"{what} of joint '{message.name}'"
-        position[joint] = resolved(f"position in {of}", message.position, position[joint])
-        velocity[joint] = resolved(f"velocity in {of}", message.velocity, velocity[joint])
-        if resolved(f"acceleration in {of}", message.acceleration, NONE) != NONE:
+            raise InvalidInput(f"{field} names joint '{message.name}' twice; allowed: each once")
+        joint, entry = names.index(message.name), f"{field} of joint '{message.name}'"
+        position[joint] = resolved(f"position in {entry}", message.position, position[joint])
+        velocity[joint] = resolved(f"velocity in {entry}", message.velocity, velocity[joint])
+        if resolved(f"acceleration in {entry}", message.acceleration, NONE) != NONE:
             raise InvalidInput(
-                f"acceleration in {of} is {message.acceleration:g}; allowed: 0 or -1, since "
+                f"acceleration in {entry} is {message.acceleration:g}; allowed: 0 or -1, since "
                 "joint states have no accelerations"
             )
     return StateTolerance(tuple(position), tuple(velocity))

@@ -73,21 +73,20 @@ class AnswerLog:
         answers: dict[str, str | int | float],
     ) -> Finding:  # fmt: skip
         """Condition of the controller, for ``/diagnostics``; ``cut``: joints at effort limits."""
-        now, found = time.monotonic(), Finding("controller")
-        found.values = {
+        now, finding = time.monotonic(), Finding("controller")
+        finding.values = {
             "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
             "last state [s]": now - self._last_state, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, **answers,
         }  # fmt: skip
-        found.add(ERROR, self.failure)
+        finding.add(ERROR, self.failure)
         if now - self._last_state > SILENCE:
-            found.add(ERROR, f"no joint state for {now - self._last_state:.1f} s")
-        if grown := self._growth.of("passed over", self.passed_over):
-            found.add(WARN, f"{grown} joint states ignored: {self.unusable}")
-        self._growth.warn(found, int(goals["goals refused"]), "goals refused")
+            finding.add(ERROR, f"no joint state for {now - self._last_state:.1f} s")
+        self._growth.warn(finding, self.passed_over, "joint state", f"ignored: {self.unusable}")
+        self._growth.warn(finding, int(goals["goals refused"]), "goal", "refused")
         if self._growth.of("jumps", self.jumps):
-            found.add(WARN, "time or the arm jumped; the arm was held at its position")
+            finding.add(WARN, "time or the arm jumped; the arm was held at its position")
         if cut:
-            found.add(WARN, f"torque clipped at the effort limit: {', '.join(cut)}")
+            finding.add(WARN, f"torque clipped at the effort limit: {', '.join(cut)}")
         self._answers, self._since = 0, now
-        return found
+        return finding

@@ -26,8 +26,8 @@ from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
 from arm_dynamics.control.wrappers import AnyController, Switch
-from arm_dynamics.ros.common.direct import PolledSubscription
-from arm_dynamics.ros.common.executor import guarded
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
+from arm_dynamics.ros.common.topics import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.controller_params import ControllerParams
@@ -166,7 +166,7 @@ class CompiledAnswers:
         answers, since = self._answers, max(1, self.count - self._summarized)
         values: dict[str, str | int | float] = {
             "answered in C": self.count,
-            "answered in Python": self.obstacle or "states that are not ordinary",
+            "answered in Python": self.obstacle or "few states, as after a change",
             "answer in C [µs]": 1e-3 * answers.busy / since,
             "longest answer in C [µs]": 1e-3 * answers.longest,
         }
@@ -186,9 +186,9 @@ class CompiledAnswers:
         answers.interrupt = 0
         parts.report.prepare(params.state_period, parts.goals)
         answers.gap, answers.far = params.gap_limit, params.jump_limit
-        (given, _, memory), (torque, after) = law.call.inputs, law.call.outputs
+        (inputs, _, memory), (torque, after) = law.call.inputs, law.call.outputs
         answers.law, answers.limit = addressof(law.call.entry), _place(law.limit)
-        answers.input, answers.torque = _place(given), _place(torque)
+        answers.input, answers.torque = _place(inputs), _place(torque)
         answers.memory, answers.next_memory = _place(memory), _place(after)
         answers.remembered = memory.size
         answers.gain, answers.back_emf = map(_place, factors or (None, None))
@@ -230,7 +230,7 @@ class CompiledAnswers:
         self.count += count
         parts.goals.stamp = parts.jumps.stamp
         parts.control.note(self._tau.copy())
-        parts.log.add(count, 1e-9 * answers.seen, bytes(parts.sink.raw))
+        parts.log.add(count, 1e-9 * answers.last_time, bytes(parts.sink.raw))
 
     def _end(self) -> None:
         if self._receiver:
@@ -250,8 +250,8 @@ class CompiledAnswers:
         """Answer the state that C has taken with this outcome."""
         if outcome != FAILED:
             self._answer(self._reader.raw)
-        elif taken := self._newest.take():  # or it raises an error with the reason
-            self._answer(taken[0])
+        elif message := self._newest.take():  # or it raises an error with the reason
+            self._answer(message[0])
 
 
 def _place(array: Array | None) -> int | None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from arm_dynamics.control.factory import NAMES, Settings
 from arm_dynamics.ros.common.params import SCENE, parameter
-from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_dynamics.ros.common.robot_source import DescriptionParams
+from arm_dynamics.ros.common.threads.privileges import ThreadParams
 
 
 @dataclass(frozen=True)

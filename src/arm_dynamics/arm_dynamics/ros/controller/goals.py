@@ -19,8 +19,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, counted, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.convert import in_world
+from arm_dynamics.ros.common.poses import in_world
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.messages import PathBytes, TrajectoryBytes, path_of, waypoints
 from arm_dynamics.task_space.task_space import TaskSpace
@@ -61,7 +61,8 @@ class Goals:
 
     def __init__(
         self, model: ArmModel, limits: Limits, log: Throttled,
-        planned: Callable[[], None] = lambda: None, taken: Callable[[], None] = lambda: None,
+        on_planned: Callable[[], None] = lambda: None,
+        on_motion: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
         """Begin.
 
@@ -69,16 +70,16 @@ class Goals:
             model: The arm; never modified.
             limits: Limits of all motions.
             log: Logger for the outcomes of goals.
-            planned: Called on the planner's thread when a result is ready to be delivered.
-            taken: Called when a new motion will be followed.
+            on_planned: Called on the planner's thread when a result is ready to be delivered.
+            on_motion: Called when a new motion will be followed.
         """
         self.follower: Follower | None = None
         self.stamp = -1
         self.outcome = ""
         self.refused = 0
         self._model, self._limits, self._log = model, limits, log
-        self._taken = taken
-        self.planner = Background("planner", planned)
+        self._on_motion = on_motion
+        self.planner = Background("planner", on_planned)
 
     def hold(self, q: Array, why: str = "") -> None:
         """Hold position ``q``, shape (n,), and discard goals; ``why`` tells what ended them."""
@@ -112,7 +113,7 @@ class Goals:
         """Follow a serialized JointTrajectory from the current reference, or report why not."""
         names = self._model.joint_names
         most = len(names) + len(names.rules)
-        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, most))) is None:
+        if (message := self._or_refusal("trajectory", lambda: TrajectoryBytes(raw, most))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
@@ -138,7 +139,7 @@ class Goals:
 
     def path(self, raw: bytes, params: ControllerParams) -> None:
         """Move the task frame through the poses of a serialized Path, or report why not."""
-        if (message := self._result("Cartesian path", lambda: PathBytes(raw))) is None:
+        if (message := self._or_refusal("Cartesian path", lambda: PathBytes(raw))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
@@ -171,18 +172,18 @@ class Goals:
         outset = follower.outset(self.stamp, goal.start, lead)
         plan = partial(goal.plan, outset)
         if at_once:
-            self._take(goal, follower, outset, _TRIES, plan)
+            self._follow_planned(goal, follower, outset, _TRIES, plan)
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
-        if self.planner.start(plan, partial(self._take, goal, follower, outset, tries)):
+        if self.planner.start(plan, partial(self._follow_planned, goal, follower, outset, tries)):
             self._log.info("a newer goal replaces the one that was being planned")
 
-    def _take(
+    def _follow_planned(
         self, goal: Goal, follower: Follower, outset: Outset, tries: int,
         result: Callable[[], Motion],
     ) -> None:  # fmt: skip
         """Follow a planned motion, or plan it again if it was ready too late."""
-        motion = self._result(goal.kind, result)
+        motion = self._or_refusal(goal.kind, result)
         if motion is None:
             goal.then(None)
         elif follower.take(outset, motion, self.stamp):
@@ -191,7 +192,7 @@ class Goals:
             slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
             self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
             self._log.info(self.outcome)
-            self._taken()
+            self._on_motion()
             goal.then(motion)
         elif tries < _TRIES:
             self.follow(goal, tries=tries + 1)
@@ -199,7 +200,7 @@ class Goals:
             self.refuse(goal.kind, ": the arm's reference changed faster than it was planned")
             goal.then(None)
 
-    def _result[T](self, kind: str, result: Callable[[], T]) -> T | None:
+    def _or_refusal[T](self, kind: str, result: Callable[[], T]) -> T | None:
         try:
             return result()
         except Exception as error:

@@ -47,18 +47,17 @@ class Jumps:
         """
         q, v = np.ascontiguousarray(state.q), np.ascontiguousarray(state.v)
         compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
-        found = library().find_jump(*compared, longest, farthest)
+        kind = library().find_jump(*compared, longest, farthest)
         jump, gap = "", 1e-9 * (stamp - self.stamp)
-        if found == _BACKWARDS:
+        if kind == _BACKWARDS:
             jump = "time went backwards"
-        elif found == _PAUSED:
+        elif kind == _PAUSED:
             jump = f"time advanced by {gap:.3g} s between two states"
-        elif found != _STEADY:
-            joint = found - _MOVED
+        elif kind != _STEADY:
+            joint = kind - _MOVED
             moved = abs(state.q[joint] - self._q[joint])
             jump = f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"
-        self._before.known *= (
-            found == _STEADY
-        )  # so C measures no time between states across a jump
+        if kind != _STEADY:
+            self._before.valid = 0  # so C measures no time between states across a jump
         library().note_state(*compared)
         return jump

@@ -14,7 +14,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import CdrReader
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common.convert import in_world
+from arm_dynamics.ros.common.poses import in_world
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.scene.urdf.joint_names import JointNames, Named
 from arm_dynamics.task_space.task_space import Pose
@@ -103,16 +103,16 @@ def waypoints(
         raise InvalidInput(f"no joint names; allowed: some of {known_names(model_names)}")
     named, still = Named(message.joint_names, model_names), np.zeros_like(here.q)
 
-    def given(what: str, field: str, i: int, values: Sequence[float]) -> Array | None:
-        return named.spread(f"{what} of point {i}", field, values, still) if len(values) else None
+    def at_point(name: str, field: str, i: int, values: Sequence[float]) -> Array | None:
+        return named.spread(f"{name} of point {i}", field, values, still) if len(values) else None
 
     return [
         Waypoint(
             1e-9 * time,
             named.spread(f"positions of point {i}", "position", positions, here.q),
-            given("velocities", "velocity", i, velocities),
-            given("accelerations", "acceleration", i, accelerations),
-            given("effort", "effort", i, efforts),
+            at_point("velocities", "velocity", i, velocities),
+            at_point("accelerations", "acceleration", i, accelerations),
+            at_point("effort", "effort", i, efforts),
         )
         for i, (time, positions, velocities, accelerations, efforts) in enumerate(message.points())
     ]

@@ -22,9 +22,9 @@ from arm_dynamics.control.factory import (
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
-from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.diagnostics import Lateness
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import watch
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers
 from arm_dynamics.ros.controller.controller_params import ControllerParams
@@ -35,7 +35,7 @@ _GAINS = ("bandwidth", "damping_ratio", "stiffness", "damping")
 _FREE = "float"  # the controller for hand guiding: the arm moves away from its reference
 
 
-class _Loaded:
+class _Controllers:
     """Controllers by name.
 
     User code is imported here, when the node starts, and never later: a parameter change can only
@@ -53,9 +53,9 @@ class _Loaded:
                 f"parameter 'controllers' is {params.controllers}; texts such as "
                 "package.module:Class are expected"
             )
-        named = dict.fromkeys((params.controller, *params.controllers))
-        self._own = {name: load_controller(name) for name in named if is_own(name)}
-        for name in named:
+        names = dict.fromkeys((params.controller, *params.controllers))
+        self._own = {name: load_controller(name) for name in names if is_own(name)}
+        for name in names:
             self.maker(name)
         for maker in self._own.values():
             make_controller(maker, dynamics, settings)
@@ -97,9 +97,9 @@ class ControllerSelection:
         """
         self._node, self._dynamics, self._answers, self._log = node, dynamics, answers, log
         self._goals, self._late, self._velocity = goals, late, velocity
-        self._loaded = _Loaded(params, dynamics, self._settings(params))
+        self._controllers = _Controllers(params, dynamics, self._settings(params))
         self.params = self.active_params = params
-        self.control = Switch(self._made(params), params.settings.dt, params.switch_time)
+        self.control = Switch(self._controller_of(params), params.settings.dt, params.switch_time)
         self.builder = Background("builder", answers.interrupt)
         self._build_ahead()
 
@@ -116,12 +116,12 @@ class ControllerSelection:
     def _settings(self, params: ControllerParams) -> Settings:
         return replace(params.settings, limit=self._dynamics.model.effort_limit)
 
-    def _made(self, params: ControllerParams) -> AnyController:
+    def _controller_of(self, params: ControllerParams) -> AnyController:
         frame, axes = params.settings.frame, params.settings.axes
         if frame:  # rejected here, not when a controller first uses it
             TaskSpace(self._dynamics, frame, selection=axes)
-        settings, chosen = self._settings(params), self._loaded.maker(params.controller)
-        control = make_controller(chosen, self._dynamics, settings)
+        settings, maker = self._settings(params), self._controllers.maker(params.controller)
+        control = make_controller(maker, self._dynamics, settings)
         refuse_unsteady(settings)
         return control
 
@@ -134,11 +134,11 @@ class ControllerSelection:
         settings = self._settings(self.params)
         another = make_controller(IN_TASK_SPACE[0], self._dynamics, settings)
         if job := _preparation(another):
-            self.builder.start(job, lambda built: None)  # errors matter when it is selected
+            self.builder.start(job, lambda result: None)  # errors matter when it is selected
 
     def _apply(self, params: ControllerParams) -> None:
         with self._answers:
-            before, control = self.active_params, self._made(params)
+            before, control = self.active_params, self._controller_of(params)
             gains = {name: getattr(before.settings, name) for name in _GAINS}
             same = replace(params, settings=replace(params.settings, **gains)) == before
 
@@ -161,12 +161,12 @@ class ControllerSelection:
             if (job := _preparation(control)) is None:
                 switch()
             else:
-                self.builder.start(job, lambda built: self._finish_switch(built, switch))
+                self.builder.start(job, lambda result: self._finish_switch(result, switch))
             self._check_overreach()
 
-    def _finish_switch(self, built: Callable[[], object], switch: Callable[[], None]) -> None:
+    def _finish_switch(self, result: Callable[[], object], switch: Callable[[], None]) -> None:
         try:
-            built()
+            result()
         except ArmError as error:
             kept = "controller refused, the old one and its parameters stay in force"
             self._node.get_logger().error(f"{kept}: {plain(error)}")
@@ -178,10 +178,13 @@ class ControllerSelection:
 
     def _check_overreach(self) -> None:
         """Warn of gains that the loop, as late as it is now, does not carry."""
-        settings, chosen = self._settings(self.params), self._loaded.maker(self.params.controller)
+        settings, maker = (
+            self._settings(self.params),
+            self._controllers.maker(self.params.controller),
+        )
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay
-        self.overreach = overreach(chosen, self._dynamics, settings, delay)
+        self.overreach = overreach(maker, self._dynamics, settings, delay)
         if self.overreach:
             self._node.get_logger().warning(self.overreach)
 

@@ -37,22 +37,24 @@ class StateSource:
     def accept(self, sender: bytes) -> bool:
         """Whether a state that has come now is of the publisher that is followed."""
         shared, now = self.shared, time.monotonic_ns()
-        if shared.heard and sender != bytes(shared.who):
-            shared.other[:], shared.ignored = sender, now
-            if shared.heard >= self._since:
+        if shared.last_time and sender != bytes(shared.sender):
+            shared.other[:], shared.other_time = sender, now
+            if shared.last_time >= self._since:
                 self._since, self._count = now, 0
             self._count += 1
             if self._count < MIN_STATES or now - self._since <= SILENCE:
                 return False
-        shared.who[:], shared.heard = sender, now
+        shared.sender[:], shared.last_time = sender, now
         return True
 
     def check_conflict(self) -> None:
         """Look whether both were heard within the last half second."""
         shared, message = self.shared, ""
-        if time.monotonic_ns() - min(shared.heard, shared.ignored) < SILENCE // 2:
+        if time.monotonic_ns() - min(shared.last_time, shared.other_time) < SILENCE // 2:
             names = publishers(self._node, self._topic)
-            one, other = (names.get(bytes(x), "unknown") for x in (shared.who, shared.other))
+            one, other = (
+                names.get(bytes(sender), "unknown") for sender in (shared.sender, shared.other)
+            )
             one, other = f"'{one}', which is followed", f"'{other}', which is not"
             message = two_publish(self._topic, one, other)
         self.alarm.set(message)

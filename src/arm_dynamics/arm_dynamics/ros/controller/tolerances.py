@@ -27,19 +27,19 @@ NONE = math.inf  # tolerance that is never exceeded
 _ERASED = -1.0
 
 
-def resolved(what: str, asked: float, default: float) -> float:
+def resolved(name: str, requested: float, default: float) -> float:
     """The effective tolerance: positive ones unchanged, inf and -1 none, 0 the default.
 
     Source: comments of control_msgs/JointTolerance; -1 up to the rounding of a float32. Other
-    negative numbers and NaN are refused by ``InvalidInput``, which names ``what``.
+    negative numbers and NaN are refused by ``InvalidInput``, which has the ``name``.
     """
-    if asked > 0.0:
-        return asked
-    if asked == 0.0:
+    if requested > 0.0:
+        return requested
+    if requested == 0.0:
         return default
-    if abs(asked - _ERASED) < np.finfo(np.float32).eps:
+    if abs(requested - _ERASED) < np.finfo(np.float32).eps:
         return NONE
-    raise InvalidInput(f"{what} is {asked}; allowed: 0 (default), -1 (none) and positive ones")
+    raise InvalidInput(f"{name} is {requested}; allowed: 0 (default), -1 (none) and positive ones")
 
 
 class Allowed(Structure):
@@ -108,10 +108,10 @@ class Tolerances:
     def errors(self, reference: Reference, state: Moving) -> tuple[list[float], list[float]]:
         """Errors of positions and velocities, reference less measured, each of shape (n,)."""
         motion, n = joined(state, reference), len(state.q)
-        found = np.zeros(2 * n)
-        places = self.turns.ctypes.data, found.ctypes.data
+        errors = np.zeros(2 * n)
+        places = self.turns.ctypes.data, errors.ctypes.data
         library().find_errors(motion.ctypes.data, n, *places)
-        return found[:n].tolist(), found[n:].tolist()
+        return errors[:n].tolist(), errors[n:].tolist()
 
     def verdict(self, left: float, reference: Reference, state: Moving) -> Verdict | None:
         """The outcome by one state; None while the trajectory is being followed.
@@ -135,9 +135,9 @@ class Tolerances:
         """Message about the joint that is farthest outside, its error and tolerance."""
         tolerance = self.path if verdict is Verdict.LEFT_PATH else self.goal
         allowed = np.array((tolerance.position, tolerance.velocity))
-        found = np.array(self.errors(reference, state))
-        kind, joint = divmod(int(np.argmax(np.abs(found) / allowed)), len(names))
+        errors = np.array(self.errors(reference, state))
+        kind, joint = divmod(int(np.argmax(np.abs(errors) / allowed)), len(names))
         return (
             f"{('position', 'velocity')[kind]} of joint '{names[joint]}' is off by "
-            f"{found[kind, joint]:.4g}; allowed: {allowed[kind, joint]:.4g}"
+            f"{errors[kind, joint]:.4g}; allowed: {allowed[kind, joint]:.4g}"
         )

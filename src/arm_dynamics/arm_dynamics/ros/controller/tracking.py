@@ -15,7 +15,7 @@ from arm_dynamics.cdr import CdrReader
 from arm_dynamics.codegen.addresses import address
 from arm_dynamics.control.controller import Moving
 from arm_dynamics.ros.common.convert import as_bytes, to_array
-from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.tolerances import joined
@@ -60,8 +60,8 @@ class TrackingTopic:
         """
         self.prepare(period, goals)
         motion = joined(state, reference)
-        given = byref(self._shared), stamp, tau.size, motion.ctypes.data
-        if library().report(*given, np.ascontiguousarray(tau).ctypes.data):
+        arguments = byref(self._shared), stamp, tau.size, motion.ctypes.data
+        if library().report(*arguments, np.ascontiguousarray(tau).ctypes.data):
             self._publisher.publish(bytes(self._raw))  # again: it gives the reason
 
     def prepare(self, period: float, goals: Goals) -> None:

@@ -7,7 +7,7 @@ coroutine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
+from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from arm_dynamics.control.controller import Moving
@@ -23,7 +24,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
-from arm_dynamics.ros.common.diagnostics import Lateness
+from arm_dynamics.ros.common.executor import Turn
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
@@ -70,7 +72,8 @@ class Active:
     start: int  # stamp at which the goal's time is zero
     tolerances: Tolerances
     follower: Follower
-    handle: Any = None  # the action's goal, once it is accepted
+    request: Any  # of the action's client
+    handle: Any = None  # of the goal, once it is accepted
     next_feedback: int = 0
     next_check: int = 0  # until then only the path's tolerances are checked
 
@@ -83,13 +86,6 @@ class Active:
     def is_followed(self) -> bool:
         """Whether no other goal has replaced it."""
         return self.follower.newest[1] is self.motion
-
-
-class _Yield:
-    """Yields to other callbacks."""
-
-    def __await__(self) -> Generator[None]:
-        yield
 
 
 class TrajectoryAction:
@@ -121,7 +117,7 @@ class TrajectoryAction:
         kinds = enumerate(model.joint_types)
         self._continuous = tuple(i for i, kind in kinds if kind == "continuous")
         self.active: Active | None = None
-        self._coming: tuple[Any, Active] | None = None  # followed, its request to be accepted
+        self._coming: Active | None = None  # followed, its request to be accepted
         self._server: _Server | None = None
         self.params: FollowParams = declare(node, follow_params(model.joint_names))
         watch(node, self.params, partial(setattr, self, "params"))
@@ -143,18 +139,18 @@ class TrajectoryAction:
         """Monitor the goal, after the answer to every joint state, whose stamp is in [ns]."""
         if (active := self.active) is None:
             return
-        every = not active.tolerances.path.is_none  # state is checked
+        has_path_tolerances = not active.tolerances.path.is_none
         if self._goals.follower is not active.follower:
             self.abort(_HELD)
         elif not active.is_followed:
             self.abort(_OTHER)
-        elif stamp >= active.begin and (every or stamp >= active.next_check):
+        elif stamp >= active.begin and (has_path_tolerances or stamp >= active.next_check):
             self._check(active, stamp, reference, state)
 
-    def abort(self, why: str) -> None:
+    def abort(self, reason: str) -> None:
         """Abort the active goal, if there is one, because it is no longer followed."""
         if self.active is not None:
-            self._end("abort", "INVALID_GOAL", why)
+            self._end("abort", "INVALID_GOAL", reason)
 
     def _check(self, active: Active, stamp: int, reference: Reference, state: Moving) -> None:
         overdue = 1e-9 * (stamp - active.begin) - active.motion.duration
@@ -191,9 +187,9 @@ class TrajectoryAction:
 
     def _end(self, event: str, code: str, why: str) -> None:
         active, self.active = self.active, None
-        self._result(active.handle, event, code, why)
+        self._publish_result(active.handle, event, code, why)
 
-    def _result(self, handle: Any, event: str, code: str, why: str) -> None:
+    def _publish_result(self, handle: Any, event: str, code: str, why: str) -> None:
         result = ACTION.type.Result(error_string=why)
         result.error_code = getattr(ACTION.type.Result, code)
         getattr(handle, event)()
@@ -203,25 +199,25 @@ class TrajectoryAction:
 
     async def _on_goal(self, goal: Any) -> GoalResponse:
         """Accept a goal once it is followed, or report why not."""
-        answer: list[bool] = []
+        accepted = Future()
         try:
             with self._lock:
-                self._begin(goal, answer)
+                self._begin(goal, accepted)
         except Exception as error:
             why = error if isinstance(error, InvalidInput) else f"unexpected failure: {error!r}"
             self._goals.refuse(_KIND, f"{self._goals.unchanged}: {why}")
             return GoalResponse.REJECT
         planner = self._goals.planner
-        while not answer and planner.busy:
-            await _Yield()
+        while not accepted.done() and planner.busy:
+            await Turn()
             with self._lock:
                 planner.deliver()
-        if not answer:
+        if not accepted.done():
             self._goals.refuse(_KIND, ": a newer goal came while it was being planned")
-        return GoalResponse.ACCEPT if answer and answer[0] else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if accepted.result() else GoalResponse.REJECT
 
-    def _begin(self, goal: Any, answer: list[bool]) -> None:
-        """Plan a goal and follow it."""
+    def _begin(self, goal: Any, accepted: Future) -> None:
+        """Plan a goal and follow it; whether it is followed is the result of ``accepted``."""
         if why := self._obstacle():
             raise InvalidInput(why)
         refuse_multi_dof(goal)
@@ -239,14 +235,14 @@ class TrajectoryAction:
                 self.abort(_REPLACED)
                 follower = self._goals.follower
                 begin = follower.newest[0]
-                active = Active(motion, begin, message.stamp or begin, allowed, follower)
-                self._coming = goal, active
-            answer.append(motion is not None)
+                start = message.stamp or begin
+                self._coming = Active(motion, begin, start, allowed, follower, goal)
+            accepted.set_result(motion is not None)
 
         plan = partial(self._plan, message, params)
-        about, start = counted(message.count, "point"), message.stamp or None
+        about = counted(message.count, "point")
         at_once = message.count <= PLANNED_AT_ONCE
-        self._goals.follow(Goal(_KIND, about, start, plan, then), at_once)
+        self._goals.follow(Goal(_KIND, about, message.stamp or None, plan, then), at_once)
 
     def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
         """Plan a goal, perhaps in the planner's thread."""
@@ -268,19 +264,18 @@ class TrajectoryAction:
         """The points shifted by revolutions of continuous joints, the first to the nearest."""
         if not self._continuous:
             return points
-        turns, some = np.zeros_like(here.q), list(self._continuous)
-        turns[some] = np.round((here.q - np.asarray(points[0].q))[some] / (2.0 * np.pi))
+        turns, joints = np.zeros_like(here.q), list(self._continuous)
+        turns[joints] = np.round((here.q - np.asarray(points[0].q))[joints] / (2.0 * np.pi))
         return [replace(p, q=np.asarray(p.q) + 2.0 * np.pi * turns) for p in points]
 
     def _on_accepted(self, handle: Any) -> None:
         with self._lock:
             coming = self._coming
             handle.execute()
-            if coming is None or coming[0] is not handle.request or not coming[1].is_followed:
-                self._result(handle, "abort", "INVALID_GOAL", _REPLACED)
+            if coming is None or coming.request is not handle.request or not coming.is_followed:
+                self._publish_result(handle, "abort", "INVALID_GOAL", _REPLACED)
                 return
-            self._coming, self.active = None, coming[1]
-            self.active.handle = handle
+            self._coming, self.active, coming.handle = None, coming, handle
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         self._node.executor.create_task(self._cancelled, handle)  # after the response
@@ -293,7 +288,7 @@ class TrajectoryAction:
             if self.active is not None and self.active.handle == handle:
                 self.active = None
                 self._goals.brake()
-            self._result(handle, "canceled", "SUCCESSFUL", "")
+            self._publish_result(handle, "canceled", "SUCCESSFUL", "")
 
 
 def _zero_duration_motion(here: Reference, to: Waypoint) -> Motion:

@@ -21,23 +21,21 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, InvalidInput, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.convert import as_bytes
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import declare
 from arm_dynamics.ros.common.robot_source import scene_for
-from arm_dynamics.ros.controller import (
-    AnswerLog,
-    CompiledAnswers,
-    ControllerParams,
-    ControllerSelection,
-    Goals,
-    Jumps,
-    Parts,
-    StateSource,
-    TrackingTopic,
-    TrajectoryAction,
-)
+from arm_dynamics.ros.common.topics import subscribe
+from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers, Parts
 from arm_dynamics.ros.controller.controller_library import prepare
+from arm_dynamics.ros.controller.controller_params import ControllerParams
+from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.ros.controller.jumps import Jumps
+from arm_dynamics.ros.controller.selection import ControllerSelection
+from arm_dynamics.ros.controller.state_source import StateSource
+from arm_dynamics.ros.controller.tracking import TrackingTopic
+from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -45,8 +43,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateWriter
-from arm_dynamics.trajectory.follower import Follower
+from arm_dynamics.ros.joint_state import (
+    Expected,
+    JointStateReader,
+    JointStateSink,
+    JointStateWriter,
+)
 from arm_dynamics.trajectory.reference import Limits, Reference
 
 
@@ -85,23 +87,19 @@ class ControllerNode(Node):
         super().__init__("controller", **node_kwargs)
         prepare()  # now, not while a state waits
         params = declare(self, ControllerParams)
-        chosen, _ = scene_for(self, scene, params.scene, params)
-        self.dynamics = Dynamics(rigid_twin(chosen))
+        robot_scene, _ = scene_for(self, scene, params.scene, params)
+        self.dynamics = Dynamics(rigid_twin(robot_scene))
         names, model = self.dynamics.joint_names, self.dynamics.model
         self.answers, self._log = CompiledAnswers(), AnswerLog()
         limits = Limits.of(model, params.acceleration_limit or float("inf"))
         self._jumps, self._source = Jumps(names), StateSource(self)
         self._throttled = Throttled(self.get_logger())
-        interrupt, forget = self.answers.interrupt, self._log.forget
-        self.goals = Goals(model, limits, Throttled(self.get_logger()), interrupt, forget)
+        self.goals = Goals(
+            model, limits, Throttled(self.get_logger()), self.answers.interrupt, self._log.forget
+        )
         text = "joint states came up to {:.2g} s apart"
         self._late = Lateness(self, self._jumps.take_longest, params.settings.dt, text)
-        self._velocity: DerivedVelocity | None = None
-        if params.velocities == "positions":
-            dt, cutoff = params.settings.dt, params.velocity_cutoff
-            self._velocity = DerivedVelocity(self.dynamics.n, dt, cutoff)
-            delay = f"{1e3 * self._velocity.delay:.3g} ms"
-            self.get_logger().info(f"velocities are derived from positions, {delay} late")
+        self._velocity = self._velocity_of(params)
         self._selection = ControllerSelection(
             self, params, self.dynamics, self.answers, self._log, self.goals, self._late,
             self._velocity,
@@ -111,13 +109,13 @@ class ControllerNode(Node):
             self, self.goals, model, limits, self._selection.obstacle, self.answers, self._late
         )
         fields = ("position",) if self._velocity else ("position", "velocity")
-        self._reader = JointStateReader(names, fields, partial=False, extra=True)
-        me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
-        self._writer = JointStateWriter(names, ("effort",), frame_id=me)
+        self._reader = JointStateReader(Expected(names, fields, extra=True))
+        source = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
+        self._writer = JointStateWriter(names, ("effort",), frame_id=source)
         self._command = np.zeros(self.dynamics.n)
         self._sink = JointStateSink(self, JOINT_COMMANDS, self._writer, [self._command])
         self.send = self._sink.publish
-        self._report = TrackingTopic(self, self.dynamics.joint_names)
+        self._report = TrackingTopic(self, names)
         subscribe(self, JOINT_TRAJECTORY, self.on_joint_trajectory, raw=True)
         subscribe(self, CARTESIAN_GOAL, self.on_cartesian_goal)
         subscribe(self, CARTESIAN_PATH, self.on_cartesian_path, raw=True)
@@ -126,8 +124,17 @@ class ControllerNode(Node):
         self._complete = True
         self._subscribe_states(own_thread)
 
+    def _velocity_of(self, params: ControllerParams) -> DerivedVelocity | None:
+        """What derives velocities from positions, if states have none."""
+        if params.velocities != "positions":
+            return None
+        velocity = DerivedVelocity(self.dynamics.n, params.settings.dt, params.velocity_cutoff)
+        delay = f"{1e3 * velocity.delay:.3g} ms"
+        self.get_logger().info(f"velocities are derived from positions, {delay} late")
+        return velocity
+
     def _subscribe_states(self, own_thread: bool) -> None:
-        """Subscribe to states, with a thread of their own if it is wanted and possible."""
+        """Subscribe to states, with a thread of their own if that is requested and possible."""
         parts = Parts(
             self._reader, self._sink, self._command, self._report, self.control,
             self.dynamics.command_map, self.goals, self.action, self._jumps, self._log,
@@ -159,11 +166,6 @@ class ControllerNode(Node):
     def params(self) -> ControllerParams:
         """The parameters in force."""
         return self._selection.params
-
-    @property
-    def follower(self) -> Follower | None:
-        """Computes the reference; None until the first joint state."""
-        return self.goals.follower
 
     @property
     def busy(self) -> bool:
@@ -200,7 +202,7 @@ class ControllerNode(Node):
             self.send(command)
             return command
         try:
-            stamp, (q, *v) = self._reader.read(raw)
+            stamp, numbers = self._reader.read(raw)
         except InvalidInput as error:
             lacking = str(error).startswith("velocity")
             way_out = "; 'velocities: positions' derives them" if lacking else ""
@@ -210,11 +212,11 @@ class ControllerNode(Node):
             return None
         if not self._source.accept(self._reader.sender):
             return None
+        q = np.array(numbers[0])
         if self._velocity is None:
-            state = Checked(np.array(q), np.array(*v))
+            state = Checked(q, np.array(numbers[1]))
             reference = self._reference(stamp, state)
         else:
-            q = np.array(q)
             reference = self._reference(stamp, Checked(q, self._velocity.last))
             state = Checked(q, self._velocity(stamp, q))
         try:
@@ -265,15 +267,15 @@ class ControllerNode(Node):
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
         with self.answers:
-            about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
+            goals = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
             answers = self.answers.summary()
             answers["longest time between states [s]"] = self._late.longest
             name, cut = self._selection.active_params.controller, self._saturated_joints()
-            found = self._log.finding(name, cut, about, answers)
-            found.add(WARN, self._late.message)
-            found.add(WARN, self._selection.overreach)
-            found.add(ERROR, self._source.alarm.message)
-            return [found]
+            finding = self._log.finding(name, cut, goals, answers)
+            finding.add(WARN, self._late.message)
+            finding.add(WARN, self._selection.overreach)
+            finding.add(ERROR, self._source.alarm.message)
+            return [finding]
 
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
         """Follow a trajectory from the current reference, or report why not."""

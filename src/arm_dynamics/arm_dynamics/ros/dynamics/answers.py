@@ -16,7 +16,8 @@ from arm_dynamics.arrays import finite_answer
 from arm_dynamics.dynamics.dynamics import Dynamics, call_entry
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.ros import interfaces
-from arm_dynamics.ros.common.convert import pose_of, to_array
+from arm_dynamics.ros.common.convert import to_array
+from arm_dynamics.ros.common.poses import pose_of
 from arm_dynamics.ros.dynamics.batch import Batch
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
 from arm_dynamics.task_space.inertia import quaternions
@@ -34,7 +35,7 @@ def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     a = batch.read("acceleration", request.acceleration)
-    response.effort = batch.written(dynamics.inverse(batch.q, v, a, request.terms))
+    response.effort = batch.write(dynamics.inverse(batch.q, v, a, request.terms))
     response.joint_names = batch.joint_names
 
 
@@ -43,7 +44,7 @@ def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     tau = batch.read("effort", request.effort)
-    response.acceleration = batch.written(dynamics.forward(batch.q, v, tau))
+    response.acceleration = batch.write(dynamics.forward(batch.q, v, tau))
     response.joint_names = batch.joint_names
 
 
@@ -52,10 +53,10 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
     for entry in OF_SERVICE:
-        made = call_entry(dynamics, entry, {"q": batch.q, "v": v})
-        parts = zip(entry.parts.items(), made if entry.fields else [made], strict=True)
+        term = call_entry(dynamics, entry, {"q": batch.q, "v": v})
+        parts = zip(entry.parts.items(), term if entry.fields else [term], strict=True)
         for (name, shape), values in parts:
-            setattr(response, name, batch.written(values, shape))
+            setattr(response, name, batch.write(values, shape))
     response.joint_names = batch.joint_names
 
 
@@ -82,8 +83,8 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     else:
         tau = batch.read("effort", request.effort)
         a, lam = dynamics.constrained_forward(batch.q, v, tau)
-    response.effort = batch.written(tau)
-    response.acceleration = batch.written(a)
+    response.effort = batch.write(tau)
+    response.acceleration = batch.write(a)
     response.multipliers = to_array(finite_answer(np.asarray(lam).ravel()))
     response.joint_names = batch.joint_names
     response.constraint_names = list(dynamics.constrained.names)
@@ -115,20 +116,20 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
     v = batch.read("velocity", request.velocity)
     axes = " ".join(request.axes) or "pose"
     task = TaskSpace(dynamics, request.frame, request.reference, axes)
-    felt = task.effective_mass(batch.q, request.direction) if len(request.direction) else None
+    effective = task.effective_mass(batch.q, request.direction) if len(request.direction) else None
     terms = task.terms(batch.q, v)
     pose = np.hstack([terms.position, quaternions(terms.rotation)])
-    named = {"pose": pose, "twist": terms.velocity}
-    written = {
-        name: batch.written(named.get(name, getattr(terms, name, None)), shape)
+    computed = {"pose": pose, "twist": terms.velocity}
+    vectors = {  # all of them, before any is written
+        name: batch.write(computed.get(name, getattr(terms, name, None)), shape)
         for name, shape in TASK_SPACE.items()
         if name not in ("condition", "damped")
     }
-    if felt is not None:
-        written["effective_mass"] = batch.written(felt.mass, ())
-        response.effective_mass_bounded = felt.damped.tolist()
-    for name, values in written.items():
-        setattr(response, name, values)
+    if effective is not None:
+        vectors["effective_mass"] = batch.write(effective.mass, ())
+        response.effective_mass_bounded = effective.damped.tolist()
+    for name, vector in vectors.items():
+        setattr(response, name, vector)
     response.condition = to_array(terms.condition)  # infinite at a singularity
     response.damped = terms.damped.tolist()
     response.axes = list(task.axes)
@@ -148,7 +149,7 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
         raise InvalidInput(
             f"pose has {len(request.pose)} numbers; allowed: 7 for each of up to {MAX_POSES} poses"
         )
-    poses = [pose_of(seven) for seven in np.array(request.pose).reshape(-1, 7)]
+    poses = [pose_of(numbers) for numbers in np.array(request.pose).reshape(-1, 7)]
     n, size = dynamics.n, len(request.seed)
     if size not in (0, n, count * n):
         allowed = " or ".join(str(number) for number in dict.fromkeys((0, n, count * n)))
@@ -156,21 +157,21 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
     points = max(1, size // n)
     batch = Batch(request.joint_names, dynamics.joint_names, np.zeros(points * n), points)
     seeds = batch.read("seed", request.seed) if size else dynamics.model.q0[None]
-    found: list[Solution] = []
+    solutions: list[Solution] = []
     for i, pose in enumerate(poses):
-        found.append(solver.solve(pose, seeds[i] if i < len(seeds) else found[-1].q))
-    response.position = batch.written(np.array([one.q for one in found]))
-    response.reached = [one.reached for one in found]
-    response.distance = to_array([one.distance for one in found])
-    response.angle = to_array([one.angle for one in found])
+        solutions.append(solver.solve(pose, seeds[i] if i < len(seeds) else solutions[-1].q))
+    response.position = batch.write(np.array([solution.q for solution in solutions]))
+    response.reached = [solution.reached for solution in solutions]
+    response.distance = to_array([solution.distance for solution in solutions])
+    response.angle = to_array([solution.angle for solution in solutions])
     response.joint_names = batch.joint_names
-    if missed := [i for i, one in enumerate(found) if not one.reached]:
-        one = found[missed[0]]
-        limits = f"; at a limit: {', '.join(one.at_limit)}" if one.at_limit else ""
+    if missed := [i for i, solution in enumerate(solutions) if not solution.reached]:
+        first = solutions[missed[0]]
+        limits = f"; at a limit: {', '.join(first.at_limit)}" if first.at_limit else ""
         raise Unreachable(
             f"{len(missed)} of {count} poses of frame '{request.frame}' cannot be reached; pose "
-            f"{missed[0]} misses {one.distance:.3g} m and {one.angle:.3g} rad{limits}",
-            one.distance,
+            f"{missed[0]} misses {first.distance:.3g} m and {first.angle:.3g} rad{limits}",
+            first.distance,
         )
 
 

@@ -35,11 +35,11 @@ class Batch:
             InvalidInput: If joints are unknown, repeated or missing, or lengths do not match.
         """
         self.joint_names = list(names) or list(model_names)
-        self._order: _Order = _ALL
-        self._back: _Order = _ALL
+        self._request_order: _Order = _ALL
+        self._model_order: _Order = _ALL
         if self.joint_names != list(model_names):
-            self._order = _order(self.joint_names, model_names)
-            self._back = np.argsort(self._order)
+            self._request_order = _order(self.joint_names, model_names)
+            self._model_order = np.argsort(self._request_order)
         n, size = len(model_names), len(position)
         if size == 0 or size % n:
             text = f"position has {size} numbers; allowed: a multiple of {n}"
@@ -50,7 +50,7 @@ class Batch:
             )
         self.q = self._rows("position", position)
 
-    def read(self, what: str, values: Sequence[float]) -> Array:
+    def read(self, name: str, values: Sequence[float]) -> Array:
         """Another vector, as long as the positions or empty for zeros; (k, n), in model order.
 
         Raises:
@@ -59,25 +59,25 @@ class Batch:
         if len(values) == 0:
             return np.zeros_like(self.q)
         if len(values) != self.q.size:
-            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: 0 or {self.q.size}")
-        return self._rows(what, values)
+            raise InvalidInput(f"{name} has {len(values)} numbers; allowed: 0 or {self.q.size}")
+        return self._rows(name, values)
 
-    def written(self, values: Array, shape: Sequence[str | int] = ("n",)) -> array[float]:
+    def write(self, values: Array, shape: Sequence[str | int] = ("n",)) -> array[float]:
         """Write k values of a shape in n and numbers as the flat vector of a response."""
-        if self._order is not _ALL:
+        if self._request_order is not _ALL:
             for axis, size in enumerate(shape, 1):
-                values = np.take(values, self._order, axis) if size == "n" else values
+                values = np.take(values, self._request_order, axis) if size == "n" else values
         return to_array(finite_answer(values))
 
-    def _rows(self, what: str, values: Sequence[float]) -> Array:
+    def _rows(self, name: str, values: Sequence[float]) -> Array:
         rows = np.array(values, float).reshape(-1, len(self.joint_names))
         if not all_finite(rows):
             point, joint = np.argwhere(~np.isfinite(rows))[0]
             raise InvalidInput(
-                f"{what} of joint '{self.joint_names[joint]}' at point {point} is "
+                f"{name} of joint '{self.joint_names[joint]}' at point {point} is "
                 f"{rows[point, joint]}; allowed: finite numbers"
             )
-        return rows[:, self._back]
+        return rows[:, self._model_order]
 
 
 def _order(names: Sequence[str], model_names: JointNames) -> NDArray[np.intp]:

@@ -21,19 +21,19 @@ class CMessage:
         """Allocate the memory; ``kind`` is the class of a message, request or response."""
         check_for_type_support(kind)
         support = type(kind)  # the functions that rclpy uses for it
-        self._destroy = ctypes.CFUNCTYPE(None, c_void_p)(_in(support._DESTROY_ROS_MESSAGE))
+        self._destroy = ctypes.CFUNCTYPE(None, c_void_p)(_address(support._DESTROY_ROS_MESSAGE))
         self._write = ctypes.PYFUNCTYPE(ctypes.c_bool, py_object, c_void_p)(
-            _in(support._CONVERT_FROM_PY)
+            _address(support._CONVERT_FROM_PY)
         )
-        self._read = ctypes.PYFUNCTYPE(py_object, c_void_p)(_in(support._CONVERT_TO_PY))
-        self.place = c_void_p(ctypes.CFUNCTYPE(c_void_p)(_in(support._CREATE_ROS_MESSAGE))())
+        self._read = ctypes.PYFUNCTYPE(py_object, c_void_p)(_address(support._CONVERT_TO_PY))
+        self.place = c_void_p(ctypes.CFUNCTYPE(c_void_p)(_address(support._CREATE_ROS_MESSAGE))())
 
     @classmethod
     def of(cls, message: Any) -> CMessage:
         """A message with the content of a Python message."""
-        made = cls(type(message))
-        made._write(message, made.place)
-        return made
+        copy = cls(type(message))
+        copy._write(message, copy.place)
+        return copy
 
     def read(self) -> Any:
         """Its current content as a Python message."""
@@ -44,7 +44,7 @@ class CMessage:
         self._destroy(self.place)
 
 
-def _in(capsule: Any) -> int:
+def _address(capsule: Any) -> int:
     """The address that a capsule holds."""
     pointer = ctypes.pythonapi.PyCapsule_GetPointer
     pointer.argtypes, pointer.restype = [py_object, c_char_p], c_void_p

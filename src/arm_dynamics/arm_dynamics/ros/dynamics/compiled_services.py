@@ -15,7 +15,7 @@ from ctypes import c_char_p, c_void_p
 from functools import cache
 from pathlib import Path
 from threading import RLock, Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -27,8 +27,8 @@ from arm_dynamics.codegen.header import Header
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
+from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.dynamics.c_message import CMessage
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
@@ -41,25 +41,33 @@ from arm_dynamics.ros.interfaces import (
 from arm_dynamics.terms.compiled import rows
 from arm_dynamics.terms.table import FORWARD, INVERSE, OF_SERVICE, Entry
 
-COMPILED: tuple[tuple[Service, tuple[Entry, ...], int], ...] = (
-    (INVERSE_DYNAMICS, (INVERSE,), MAX_POINTS),
-    (FORWARD_DYNAMICS, (FORWARD,), MAX_POINTS),
-    (DYNAMICS_TERMS, OF_SERVICE, MAX_TERMS_POINTS),
+
+class Compiled(NamedTuple):
+    """A service that C may answer: its terms, and the largest number of points of a request."""
+
+    service: Service
+    terms: tuple[Entry, ...]
+    most: int
+
+
+COMPILED = (
+    Compiled(INVERSE_DYNAMICS, (INVERSE,), MAX_POINTS),
+    Compiled(FORWARD_DYNAMICS, (FORWARD,), MAX_POINTS),
+    Compiled(DYNAMICS_TERMS, OF_SERVICE, MAX_TERMS_POINTS),
 )
-"""Services in the order of services.c, their terms, and their largest numbers of points."""
+"""In the order of services.c."""
 WORTH = 20  # number of requests after which compiling a service is worth the time
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))
 _ENDED = HEADER.constants["ENDED"]
-_Answer = HEADER.structure("answer_t")
-"""``answer_t`` of services.h, where the fields are explained."""
+_SharedAnswer = HEADER.structure("answer_t")
 
 
 def code_of(entries: Sequence[Entry], dynamics: Dynamics) -> Any | None:
     """The C function that computes terms for a service; None if it cannot be compiled."""
-    asked = [(entry, ()) for entry in entries]
-    made = rows(dynamics.model, dynamics.steady_friction, asked, fixed=("external",))
-    return made and made.entry
+    terms = [(entry, ()) for entry in entries]
+    function = rows(dynamics.model, dynamics.steady_friction, terms, fixed=("external",))
+    return function and function.entry
 
 
 @cache
@@ -72,18 +80,24 @@ def native() -> ctypes.CDLL:
     return code_of_nodes(SOURCE, headers=(HEADER,), packages=("arm_msgs",))
 
 
-class _Known:
-    """Data with which C runs a service, for one arm."""
+class _Answer:
+    """What C answers a service with, for one arm.
 
-    def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
+    Attributes:
+        shared: ``answer_t`` of services.h, where the fields are explained.
+    """
+
+    def __init__(self, compiled: Compiled, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
         self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
-        self._response = CMessage.of(service.type.Response(success=True, joint_names=names))
+        self._response = CMessage.of(
+            compiled.service.type.Response(success=True, joint_names=names)
+        )
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
-        self.answer = _Answer(
+        self.shared = _SharedAnswer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
             names=ctypes.addressof(self._names),
-            joints=len(names), most=most,
+            joints=len(names), most=compiled.most,
             level=self._level.ctypes.data if friction.has_dry else None,
             zeros=self._zeros.ctypes.data,
         )  # fmt: skip
@@ -112,24 +126,25 @@ class CompiledServices:
         dynamics: Callable[[], Dynamics | None], lock: RLock,
     ) -> None:  # fmt: skip
         self._log, self._native, self._answer = Throttled(node.get_logger()), library, answer
-        self._arm, self._lock = dynamics, lock
-        self._known: dict[int, _Known] = {}
-        self._asked, self._tried = Counter[int](), set[int]()
+        self._dynamics, self._lock = dynamics, lock
+        self._running: dict[int, _Answer] = {}  # by index of the service, as all below
+        self._requested, self._tried = Counter[int](), set[int]()
         self._builder = Background("builder")
         self._handles = []
         profile = qos_profile_services_default.get_c_qos_profile()
         for service, *_ in COMPILED:  # which no executor handles
             check_for_type_support(service.type)
-            about = service.type, service.name, profile
             with node.handle:
-                self._handles.append(rclpy_implementation.Service(node.handle, *about))
+                self._handles.append(
+                    rclpy_implementation.Service(node.handle, service.type, service.name, profile)
+                )
         self._requests = [CMessage(service.type.Request) for service, *_ in COMPILED]
         pointers = [handle.pointer for handle in self._handles]
         places = [message.place.value for message in self._requests]
         table = c_void_p * len(COMPILED)
         self._server = c_void_p(library.server(table(*pointers), table(*places)))
         if not self._server:
-            self._give_back()
+            self._release()
             raise KernelError("this ROS does not signal service calls")
         node.context.on_shutdown(self._end)
         self._thread = Thread(target=self._serve, name="services", daemon=True)
@@ -146,16 +161,16 @@ class CompiledServices:
     @property
     def compiled(self) -> list[Service]:
         """The services that C answers now."""
-        return [COMPILED[k][0] for k in self._known]
+        return [COMPILED[k].service for k in self._running]
 
     def forget(self) -> None:
         """Stop answering for the current arm, before another one is set."""
         with self._lock:
-            for k, known in self._known.items():
-                self._native.use(self._server, k, ctypes.byref(_Answer()))
-                known.close()
-            self._known.clear()
-            self._asked.clear()
+            for k, answer in self._running.items():
+                self._native.use(self._server, k, ctypes.byref(_SharedAnswer()))
+                answer.close()
+            self._running.clear()
+            self._requested.clear()
             self._tried.clear()
 
     def close(self) -> None:
@@ -167,9 +182,9 @@ class CompiledServices:
         self.forget()
         self._native.server_free(self._server)
         self._server = c_void_p(None)
-        self._give_back()
+        self._release()
 
-    def _give_back(self) -> None:
+    def _release(self) -> None:
         self._builder.close()
         for handle in self._handles:
             handle.destroy_when_not_in_use()
@@ -183,7 +198,7 @@ class CompiledServices:
     def _serve(self) -> None:
         """Answer requests that C passes on, until the end."""
         while (k := self._native.serve(self._server)) != _ENDED:
-            service, *_ = COMPILED[k]
+            service = COMPILED[k].service
             try:
                 request = self._requests[k].read()
                 response = CMessage.of(self._answer(service, request, service.type.Response()))
@@ -198,20 +213,18 @@ class CompiledServices:
 
     def _compile(self, k: int) -> None:
         """Start compiling the answer to a service, once that is worth it."""
-        arm = self._arm()
-        self._asked[k] += 1
-        if arm is None or self._asked[k] < WORTH or k in self._tried or self._builder.busy:
+        current = self._dynamics()
+        self._requested[k] += 1
+        if current is None or self._requested[k] < WORTH or k in self._tried or self._builder.busy:
             return
         self._tried.add(k)
-        _, entries, _ = COMPILED[k]
         self._builder.start(
-            lambda: code_of(entries, Dynamics(arm.model)),
-            lambda built: self._use(k, arm, built()),
+            lambda: code_of(COMPILED[k].terms, Dynamics(current.model)),
+            lambda code: self._use(k, current, code()),
         )
 
-    def _use(self, k: int, arm: Dynamics, rows: Any) -> None:
-        if rows is None or arm is not self._arm():
+    def _use(self, k: int, dynamics: Dynamics, rows: Any) -> None:
+        if rows is None or dynamics is not self._dynamics():
             return
-        service, _, most = COMPILED[k]
-        self._known[k] = known = _Known(service, most, arm, rows)
-        self._native.use(self._server, k, ctypes.byref(known.answer))
+        self._running[k] = answer = _Answer(COMPILED[k], dynamics, rows)
+        self._native.use(self._server, k, ctypes.byref(answer.shared))

@@ -1,22 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dynamics node, which answers inverse and forward dynamics as services, and its executable.
+"""The executable of the dynamics node, which answers inverse and forward dynamics as services.
 
-The node is imported when it is first used, so that ``main`` begins at once.
+``main`` begins at once: the node is imported later.
 """
 
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-from arm_dynamics.lazy import on_demand
 from arm_dynamics.starting import end_when_interrupted
-
-if TYPE_CHECKING:
-    from arm_dynamics.ros.dynamics_node.node import DynamicsNode, DynamicsParams
-
-__all__ = ["DynamicsNode", "DynamicsParams", "main"]
-__getattr__, __dir__ = on_demand(__name__, __file__)
 
 
 def main(args: list[str] | None = None) -> NoReturn:

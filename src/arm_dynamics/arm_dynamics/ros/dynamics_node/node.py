@@ -17,12 +17,14 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
-from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, warn_unused
-from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
+from arm_dynamics.ros.common.services import answering
+from arm_dynamics.ros.common.topics import guarded, subscribe
+from arm_dynamics.ros.dynamics.answers import ANSWERS
+from arm_dynamics.ros.dynamics.compiled_services import COMPILED, CompiledServices, native
+from arm_dynamics.ros.dynamics.request_counts import RequestCounts
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 
 
@@ -73,18 +75,14 @@ class DynamicsNode(Node):
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
             watch(self, params, self._redescribe, renewed=["robot_description"])
-        answers = {
-            service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
-        }
         with suppress(KernelError):  # without compiled code, Python answers all
             self._compiled = CompiledServices(
-                self, native(), lambda service, *call: answers[service](*call),
-                lambda: self._dynamics, self._lock,
-            )  # fmt: skip
-        in_c = [service for service, *_ in COMPILED] if self._compiled else []
-        for service, callback in answers.items():
+                self, native(), self.answer, lambda: self._dynamics, self._lock
+            )
+        in_c = {compiled.service for compiled in COMPILED} if self._compiled else set()
+        for service in ANSWERS:
             if service not in in_c:
-                self.create_service(service.type, service.name, callback)
+                self.create_service(service.type, service.name, partial(self.answer, service))
         self._diagnosis = Diagnosis(self, self.diagnostics)
 
     def destroy_node(self) -> None:
@@ -153,7 +151,7 @@ class DynamicsNode(Node):
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; errors are reported in the response."""
-        with self._lock, answering(response, self._log):
+        with self._counts.counting(response), self._lock, answering(response, self._log):
             ANSWERS[service](self.dynamics, request, response)
         return response
 

@@ -4,12 +4,13 @@
 Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes.
 """
 
+from arm_dynamics.ros.joint_state.expected import Expected
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, SOURCE
-from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Numbers, Read
+from arm_dynamics.ros.joint_state.reader import FAILED, NONE, Clip, JointStateReader, Numbers, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter, parsed
-from arm_dynamics.ros.joint_state.topics import JointStateSink, Sink
+from arm_dynamics.ros.joint_state.sink import JointStateSink, Sink
 
 __all__ = [
-    "FAILED", "HEADER", "NONE", "SOURCE", "JointStateReader", "JointStateSink",
-    "JointStateWriter", "Numbers", "Read", "Sink", "parsed",
+    "FAILED", "HEADER", "NONE", "SOURCE", "Clip", "Expected", "JointStateReader",
+    "JointStateSink", "JointStateWriter", "Numbers", "Read", "Sink", "parsed",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from arm_dynamics.ros.common.transport import clear_dead
+from arm_dynamics.ros.common.dead_segments import clear_dead
 from arm_sim.cli.interrupts import handled_by
 
 _PATIENCE = 5.0  # [s] for a clean exit
@@ -56,11 +56,6 @@ class Processes:
             )  # fmt: skip
         return self._running[name]
 
-    @property
-    def ids(self) -> dict[str, int]:
-        """Process ids by name."""
-        return {name: process.pid for name, process in self._running.items()}
-
     def check(self) -> None:
         """Check that all processes are running.
 
@@ -72,21 +67,21 @@ class Processes:
                 how = f"with status {status}"
                 if status < 0:
                     how = f"(killed by {signal.Signals(-status).name})"
-                said = self.tail(name) or "its log is empty"
-                raise DemoFailed(f"the {name} process ended unexpectedly {how}:\n{said}")
+                log = self.tail(name) or "its log is empty"
+                raise DemoFailed(f"the {name} process ended unexpectedly {how}:\n{log}")
 
     def stop(self, *names: str) -> None:
         """Ask all processes to end, and kill those that do not."""
-        asked = [self._running[name] for name in names if name in self._running]
-        for process in asked:
+        running = [self._running[name] for name in names if name in self._running]
+        for process in running:
             process.send_signal(signal.SIGINT)  # ignored if it has ended
-        for process in asked:
+        for process in running:
             try:
                 process.wait(_PATIENCE)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-        if any(process.returncode == -signal.SIGKILL for process in asked):
+        if any(process.returncode == -signal.SIGKILL for process in running):
             clear_dead()
         for name in names:
             self._running.pop(name, None)

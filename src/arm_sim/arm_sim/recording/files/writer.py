@@ -52,7 +52,7 @@ class McapWriter(Writer):
         complete(*self._place)
 
 
-def where(path: Path) -> Place:
+def place_of(path: Path) -> Place:
     """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
 
     Raises:
@@ -69,8 +69,8 @@ def where(path: Path) -> Place:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise NotWritten(f"'{path}' cannot be created: {error.strerror}") from None
-    if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
-        raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{strange[0]}'")
+    if foreign := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
+        raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{foreign[0]}'")
     return path / f"{path.name}_0.mcap", path
 
 
@@ -81,7 +81,7 @@ def check_folder(path: Path) -> None:
 
 
 def new_file(path: Path) -> Place:
-    """``where`` of a path that does not exist; the file is created, so that it is one's own.
+    """``place_of`` a path that does not exist; the file is created, so that no other writer is.
 
     Raises:
         InvalidInput: If it exists, even since a moment ago.
@@ -93,7 +93,7 @@ def new_file(path: Path) -> Place:
     )
     if path.exists():
         raise exists
-    file, folder = where(path)
+    file, folder = place_of(path)
     with writing(path):
         try:
             file.touch(exist_ok=False)
@@ -109,11 +109,12 @@ def complete(file: Path, folder: Path | None) -> None:
     with file.open("rb") as raw:
         summary = make_reader(raw).get_summary()
     assert summary is not None and summary.statistics is not None
-    told = summary.statistics
+    statistics = summary.statistics
+    start, end = statistics.message_start_time, statistics.message_end_time
     span = {
-        "duration": {"nanoseconds": told.message_end_time - told.message_start_time},
-        "starting_time": {"nanoseconds_since_epoch": told.message_start_time},
-        "message_count": told.message_count,
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": statistics.message_count,
     }
     topics = [
         {
@@ -124,7 +125,7 @@ def complete(file: Path, folder: Path | None) -> None:
                     yaml.safe_load(channel.metadata["offered_qos_profiles"]) or [],
                 "type_description_hash": "",
             },
-            "message_count": told.channel_message_counts.get(number, 0),
+            "message_count": statistics.channel_message_counts.get(number, 0),
         }
         for number, channel in summary.channels.items()
     ]  # fmt: skip

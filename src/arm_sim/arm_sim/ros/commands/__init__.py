@@ -4,8 +4,3 @@
 Also stopping and holding of the arm without commands. Depends neither on messages and topics nor
 on other parts of the node.
 """
-
-from arm_sim.ros.commands.arbiter import Arbiter
-from arm_sim.ros.commands.latest import LatestCommand
-
-__all__ = ["Arbiter", "LatestCommand"]

@@ -62,15 +62,15 @@ class JointCommands:
         rows[: len(numbers)] = numbers
         if len(numbers) == 1:  # the others are from earlier messages
             rows[:, [i for i in range(n) if i not in self._named]] = np.nan
-        given = np.isfinite(rows).any(axis=0)
-        if not given.any():
+        commanded = np.isfinite(rows).any(axis=0)
+        if not commanded.any():
             return None
         if len(numbers) > 1:
-            self._admit(self._source, frozenset(np.flatnonzero(given).tolist()))
+            self._admit(self._source, frozenset(np.flatnonzero(commanded).tolist()))
         if self._last is not None:
             before[:] = self._last.effort, self._last.position, self._last.velocity
         elif self._efforts is not None:
             before[0] = self._efforts
-        effort, position, velocity = np.where(given, rows, before)
+        effort, position, velocity = np.where(commanded, rows, before)
         self._last = JointCommand.of_rows(position, velocity, effort, stamp)
         return self._last

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.ros.commands.latest import BRAKE
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
@@ -54,19 +54,19 @@ class Stopping:
     def __init__(self, arm: SimulatedArm, servos: Servos) -> None:
         self._arm, self._servos = arm, servos
         self._still = JointCommand(velocity=[0.0] * arm.n)
-        self._place: JointCommand | None = None
+        self._hold_command: JointCommand | None = None
         self._begun: int | None = None
         self.hold()
 
     def release(self) -> None:
         """Release the arm for a command."""
         self.acts = self._holds = self.locked = False
-        self._begun = self._place = None
+        self._begun = self._hold_command = None
 
     def hold(self) -> None:
         """Hold the arm at its position from now on."""
         self.acts = self._holds = True
-        self.locked, self._place = False, None
+        self.locked, self._hold_command = False, None
 
     def command(self, policy: str) -> JointCommand | None:
         """Command of the servos in the next tick, by the policy; None if brakes hold."""
@@ -74,13 +74,13 @@ class Stopping:
         if not self._holds:
             arm = self._arm
             self._begun = arm.step_count if self._begun is None else self._begun
-            taken = (arm.step_count - self._begun) * arm.dt
+            duration = (arm.step_count - self._begun) * arm.dt
             speed = abs(arm.x[arm.n : 2 * arm.n]).max()
-            if speed > SLOW and taken < LONGEST and self._servos.ready:
+            if speed > SLOW and duration < LONGEST and self._servos.ready:
                 return self._still
             self.hold()
         if policy == BRAKE or not self._servos.ready:
             return None
-        if self._place is None:
-            self._place = JointCommand(position=self._arm.x[: self._arm.n])
-        return self._place
+        if self._hold_command is None:
+            self._hold_command = JointCommand(position=self._arm.x[: self._arm.n])
+        return self._hold_command

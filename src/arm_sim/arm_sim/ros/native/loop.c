@@ -126,9 +126,9 @@ void await_tick(due_t* d) {
   begin_tick(d, now);
 }
 
-int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->heard <= patience; }
+int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->last_time <= patience; }
 
 void hear(stream_t* s, double now, int64_t patience) {
   s->count = is_remembered(s, now, patience) ? s->count + 1 : 1;
-  s->heard = now;
+  s->last_time = now;
 }

@@ -98,7 +98,7 @@ EXPORT void await_tick(due_t* d);
 /* The state whose answer is awaited. */
 typedef struct {
   int64_t stamp;        /* its stamp; -1: none */
-  int64_t asked, first; /* when it was published last and first, in time of the monotonic clock */
+  int64_t published, first; /* when it was published last and first, in time of the monotonic clock */
   int64_t ignored;      /* number of commands that did not answer a waiting state */
   int64_t soon;         /* time within which busy-waiting for an answer pays */
   int64_t end;          /* when other callbacks get their turn */
@@ -108,7 +108,7 @@ typedef struct {
 
 /* A source of commands: time of the last command, and number of commands without a silence. */
 typedef struct {
-  double heard;
+  double last_time;
   int64_t count;
 } stream_t;
 

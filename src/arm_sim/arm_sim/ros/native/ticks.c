@@ -7,7 +7,7 @@
 
 #define ROOMY 4096 /* largest command in bytes that is recorded here */
 
-static int64_t ask(ticks_t* t, int64_t what) { return t->broken ? 0 : t->ask(what); }
+static int64_t ask(ticks_t* t, int64_t question) { return t->broken ? 0 : t->ask(question); }
 
 /* --- what acts ------------------------------------------------------------------------------------------------------- */
 
@@ -44,26 +44,21 @@ static int has_space(ticks_t* t, int64_t size) {
 
 /* Whether the command that was read last need not be seen by Python, which has admitted its source. */
 static int is_admitted(ticks_t* t, int64_t outcome) {
-  int64_t kind;
-  if (outcome != KNOWN) return 0;
-  memcpy(&kind, t->reader->found + 16, 8);
-  if (!t->leads[kind]) return 0;
+  if (outcome != KNOWN || !t->leads[t->reader->kind]) return 0;
   return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + 31));
 }
 
 /* Accept the command that was read last; returns whether it answers the newest state. */
 static int64_t accept(ticks_t* t) {
   slot_t* s = t->slot;
-  int64_t arrival;
-  memcpy(&t->stamp, t->reader->found, 8);
-  memcpy(&arrival, t->reader->found + 8, 8);
-  memcpy(s->efforts, t->reader->found + 24, 8 * t->joints);
+  t->stamp = t->reader->stamp;
+  memcpy(s->efforts, t->reader->numbers, 8 * t->joints);
   hear(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
   s->kind = EFFORTS;
   s->fresh = s->any = s->unread = 1;
   s->lasting = 0;
   if (t->copy) put_record(t->chunk, t->commands, t->log, t->log, t->reader->raw, t->reader->length);
-  return answered(t->trip, t->stamp, arrival);
+  return answered(t->trip, t->stamp, t->reader->arrival);
 }
 
 /* Process a message; returns whether no newer one is expected. */
@@ -181,7 +176,7 @@ void by_the_clock(ticks_t* t, due_t* due) {
 /* Process the next message that arrives soon; 0: none does, or others have their turn. */
 static int next_answer(ticks_t* t, const waiting_t* w) {
   int64_t now;
-  while ((now = time_of(CLOCK_MONOTONIC)) - w->asked < w->soon && now < w->end && !t->broken) {
+  while ((now = time_of(CLOCK_MONOTONIC)) - w->published < w->soon && now < w->end && !t->broken) {
     const int64_t outcome = t->take(t->source, t->reader);
     if (outcome != NONE) {
       process(t, outcome);
@@ -202,12 +197,12 @@ void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
     do tick(t);
     while (!t->paused && !t->broken && t->step_count % t->every);
     w->stamp = t->paused ? -1 : simulated_time(t);
-    w->asked = w->first = time_of(CLOCK_MONOTONIC);
+    w->published = w->first = time_of(CLOCK_MONOTONIC);
   } while (w->stamp >= 0 && next_answer(t, w));
 }
 
 int64_t advance(ticks_t* t, int64_t count) {
-  int64_t made = 0;
-  while (made < count && update(t, 0)) ++made;
-  return made;
+  int64_t completed = 0;
+  while (completed < count && update(t, 0)) ++completed;
+  return completed;
 }

@@ -38,11 +38,11 @@ def definition_of(kind: str) -> str:
         InvalidInput: If its definition is not installed.
     """
     kinds, rule = [kind], "=" * 80
-    for one in kinds:
-        fields = getattr(type_of(one), "get_fields_and_field_types", dict)().values()
+    for member in kinds:
+        fields = getattr(type_of(member), "get_fields_and_field_types", dict)().values()
         inside = [match for field in fields for match in re.findall(r"(\w+)/(\w+)", field)]
         kinds += dict.fromkeys(x for p, n in inside if (x := f"{p}/msg/{n}") not in kinds)
-    texts = (f"\n{rule}\nMSG: {one.replace('/msg/', '/')}\n{_text(one)}" for one in kinds[1:])
+    texts = (f"\n{rule}\nMSG: {used.replace('/msg/', '/')}\n{_text(used)}" for used in kinds[1:])
     return "".join([_text(kind), *texts])
 
 

@@ -106,17 +106,14 @@ Played = dict[tuple[str, str], list[tuple[int, bytes]]]
 
 
 def _messages(path: Path, topics: tuple[str, ...]) -> Played:
-    def wanted(topic: str, kind: str) -> bool:
-        return topic in topics if topics else kind not in _OURS
-
-    found = read_bag(path, wanted)
-    if unknown := [topic for topic in topics if topic not in found.topics]:
+    bag = read_bag(path, lambda topic, kind: topic in topics if topics else kind not in _OURS)
+    if unknown := [topic for topic in topics if topic not in bag.topics]:
         raise InvalidInput(
-            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], [*found.topics])}"
+            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], [*bag.topics])}"
         )
     return {
-        (topic, found.topics[topic]): [(log, raw) for _, log, raw in messages]
-        for topic, messages in found.messages.items()
+        (topic, bag.topics[topic]): [(log, raw) for _, log, raw in messages]
+        for topic, messages in bag.messages.items()
         if messages
     }
 

@@ -7,32 +7,21 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from ctypes import Structure, addressof
-from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rclpy.node import Node
-
 from arm_dynamics.codegen.addresses import address
-from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.ros.common.convert import as_bytes
-from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
 from arm_sim.recording.files.ticks import UNCHANGED, log_message
 from arm_sim.ros.commands.latest import in_force
-from arm_sim.ros.inputs import Inputs
-from arm_sim.ros.interfaces import COMMANDS, ENERGY, MULTIPLIERS, WRENCH
 from arm_sim.ros.node_library import RECORD
-from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.record.chunks import ChunkThread
-from arm_sim.ros.record.definitions import definition_of, kind_of
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
 INFO, ERROR = 20, 40
-_TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
 _PARTS = ("state", "command", "error")  # and time_stepped, which follows it
 _MANY = 100  # largest number of messages between two ticks
 
@@ -96,8 +85,7 @@ class TickRecorder:
         self._copy = TickCopy(arm, self.file.ticks, self.file.states)
         self._published = deque[tuple[int, bytes]](maxlen=1)
         self._waiting = deque[tuple[int, int, bytes]]()
-        self._whole = True  # whether the file contains every tick so far
-        self._gap = False  # whether it does not contain the last one
+        self._continuous = True  # whether every tick since the last complete state is in the file
         self._plant, self._p = arm.plant, b""
         self.lost = 0
         self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
@@ -124,19 +112,19 @@ class TickRecorder:
         if arm.plant is not self._plant or (self._p and arm.parameters.tobytes() != self._p):
             self._change("tuned", 0.0 if arm.plant is not self._plant else UNCHANGED)
         self._flush()
-        self._engine.ticks.chunk = self.thread.chunk.address if self._whole else None
+        self._engine.ticks.chunk = self.thread.chunk.address if self._continuous else None
 
     def _make_space(self) -> bool:
         """Make space for a tick; if the disk is too slow, lose it, and begin again after it."""
         # Steps by request go as fast as possible: to wait for the disk delays nothing else.
         needs, patience = self._engine.ticks.needs, 1.0 if self._engine.paused else 0.0
-        if self._whole and self.thread.room(time.time_ns(), needs, 1, patience):
+        if self._continuous and self.thread.room(time.time_ns(), needs, 1, patience):
             return True
-        self._whole, self.lost = False, self.lost + 1
-        if self._gap:
-            self._begin("gap")
+        self.lost += 1
+        if self._continuous:
+            self._continuous = False
         else:
-            self._gap = True
+            self._begin("gap")
         return False
 
     def _write_idle(self) -> None:
@@ -191,8 +179,7 @@ class TickRecorder:
     def _begin(self, why: str) -> None:
         """Write the complete current state."""
         self._flush()
-        self._whole = self._change(why, self._arm.substep)
-        self._gap = not self._whole
+        self._continuous = self._change(why, self._arm.substep)
 
     def _change(self, why: str, substep: float) -> bool:
         arm, stamp = self._arm, self._engine.stamp
@@ -222,39 +209,3 @@ class TickRecorder:
     def _end(self) -> None:
         self._flush()
         self.thread.end()
-
-
-def recorder_of(
-    node: Node, path: str, engine: TickEngine, inputs: Inputs, outputs: Outputs
-) -> TickRecorder:
-    """The recorder of a node's engine, inputs and outputs; ``{time}`` in the path is now.
-
-    Raises:
-        InvalidInput: If it cannot be written.
-    """
-    name = path.replace("{time}", datetime.now().strftime("%Y%m%d-%H%M%S"))
-    names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
-    topics = {
-        names[topic.name]: (kind := kind_of(topic.type), definition_of(kind)) for topic in _TOPICS
-    }
-    try:
-        recorder = TickRecorder(
-            Path(name).expanduser(), engine, node.get_fully_qualified_name(),
-            node.resolve_topic_name(JOINT_STATES.name), topics, node.get_logger().error,
-        )  # fmt: skip
-    except OSError as error:
-        raise InvalidInput(f"parameter 'record' = '{path}': {error.strerror or error}") from error
-
-    def sent(topic: Topic, stamp: int, raw: Any) -> None:
-        if topic is JOINT_STATES:
-            recorder.published(stamp, raw)
-        else:
-            recorder.message(names[topic.name], stamp, raw)
-
-    def came(topic: Topic, message: Any) -> None:
-        recorder.message(names[topic.name], 0, as_bytes(message))
-
-    engine.ticks.commands = recorder.channels[names[JOINT_COMMANDS.name]]  # C records them
-    outputs.tap = sent
-    inputs.tap = came
-    return recorder

@@ -49,7 +49,7 @@ class TopicRecorder(Node):
             OSError: If it cannot be written.
         """
         super().__init__("recorder", **node_kwargs)
-        self._wanted = {self._resolved(topic) for topic in topics}
+        self._requested = {self._resolved(topic) for topic in topics}
         self.path = path
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
@@ -72,7 +72,7 @@ class TopicRecorder(Node):
         """Subscribe to topics that are new."""
         for topic, kinds in self.get_topic_names_and_types():
             hidden = "/_" in topic  # as those of actions, which are recorded by name only
-            passed_over = topic not in self._wanted if self._wanted else hidden
+            passed_over = topic not in self._requested if self._requested else hidden
             if passed_over or topic in self.count or topic in self.passed_over:
                 continue
             if not (publishers := self.get_publishers_info_by_topic(topic)):
@@ -85,8 +85,8 @@ class TopicRecorder(Node):
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Requested topics that have not been found."""
-        return tuple(sorted(self._wanted - set(self.count) - set(self.passed_over)))
+        """Requested topics that do not exist yet."""
+        return tuple(sorted(self._requested - set(self.count) - set(self.passed_over)))
 
     @property
     def gaps(self) -> dict[str, int]:

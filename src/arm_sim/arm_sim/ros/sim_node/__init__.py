@@ -1,22 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node, which simulates an arm, and its executable.
+"""The executable of the sim node, which simulates an arm.
 
-The node is imported when it is first used, so that ``main`` begins at once.
+``main`` begins at once: the node is imported later.
 """
 
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-from arm_dynamics.lazy import on_demand
 from arm_dynamics.starting import end_when_interrupted
-
-if TYPE_CHECKING:
-    from arm_sim.ros.sim_node.node import SimNode
-
-__all__ = ["SimNode", "main"]
-__getattr__, __dir__ = on_demand(__name__, __file__)
 
 
 def main(args: list[str] | None = None) -> NoReturn:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
-from arm_dynamics.ros.common.direct import advertise
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.lateness import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
-from arm_dynamics.ros.common.scheduling import MiddlewareThreads
+from arm_dynamics.ros.common.threads.background import Background
+from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
+from arm_dynamics.ros.common.topics import advertise, subscribe
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
@@ -27,13 +27,14 @@ from arm_sim.ros.node_library import library
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.services import SimServices
-from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_of
-from arm_sim.ros.standard import StandardServices
+from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting
+from arm_sim.ros.standard.services import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
+from arm_sim.simulation.simulator import Simulator
 
 if TYPE_CHECKING:
-    from arm_sim.ros.record import TickRecorder
+    from arm_sim.ros.record.ticks import TickRecorder
 
 
 class SimNode(Node):
@@ -72,52 +73,36 @@ class SimNode(Node):
         """
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
-        self._refused_privileges: list[str] = []
-        self.recorder: TickRecorder | None = None
-        chosen, source = scene_for(self, scene, params.scene, params)
-        self.simulator = simulator_of(chosen, params)
-        in_background = params.tick_source == CLOCK
-        self._background = Background("servos") if in_background else None
+        robot_scene, source = scene_for(self, scene, params.scene, params)
+        self.simulator = Simulator(
+            robot_scene, params.integrator or None, params.dt or None, params.tolerance or None
+        )
+        self._background = Background("servos") if params.tick_source == CLOCK else None
         self.engine = engine = self._engine_of(params)
-        self._apply(params)
         self.inputs = inputs = Inputs(self, engine)
-        trip, heard = inputs.round_trip, lambda: self.diagnosis.has_subscribers
-        self._outputs = Outputs(self, engine, params, account_wanted=heard)
-        self.rivals = inputs.rivals = Rivals(self, self._outputs, trip)
-        self.rivals.changed = self._note_rivals
+        self._outputs = outputs = Outputs(
+            self, engine, params, account_read=lambda: self.diagnosis.has_subscribers
+        )
+        self.rivals = inputs.rivals = Rivals(self, outputs, inputs.round_trip, self._note_rivals)
         if params.tick_source != HAND:
             self.rivals.give_way()
-        self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
-        factor = params.realtime_factor
-        self.loop = RealtimeLoop(
-            lambda due: engine.run(library().by_the_clock, byref(due)),
-            self.simulator.dt / factor if factor else 0.0,
-            overrun=params.overrun,
-            prepare=self._claim_privileges,
+        self.display = Display(self, engine, params, outputs.reported, outputs.stamp)
+        self.loop = self._loop_of(params)
+        outputs.stamps.follow(self.loop.current)
+        self.lockstep = (
+            Lockstep(self, params, engine, inputs, outputs) if params.lockstep else None
         )
-        self._outputs.stamps.follow(self.loop.current)
-        self.lockstep: Lockstep | None = None
-        if params.lockstep:
-            self.lockstep = Lockstep(self, params, engine, inputs, self._outputs)
-        else:
+        if self.lockstep is None:
             inputs.open(self)
-        if params.record:  # else these modules are not imported
-            from arm_sim.ros.record import recorder_of
-
-            self.recorder = recorder_of(self, params.record, engine, inputs, self._outputs)
+        self.recorder = self._recorder_of(params)
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
-        self.standard = StandardServices(self, engine, params, self._outputs.stamp)
-        period = params.publish_every * self.simulator.dt
-        late = Lateness(self, trip.take_oldest, period, "commands were up to {:.2g} s old")
-        self.diagnostics = SimDiagnostics(
-            self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
-            self._refused_privileges, self.recorder, self.rivals, late,
-        )  # fmt: skip
+        self.standard = StandardServices(self, engine, params, outputs.stamp)
+        self.diagnostics = self._diagnostics_of(params)
         self.diagnosis = Diagnosis(self, self.diagnostics)
         if params.publish_description and source != FROM_TOPIC:
-            advertise(self, ROBOT_DESCRIPTION).publish(String(data=chosen.description))
+            advertise(self, ROBOT_DESCRIPTION).publish(String(data=robot_scene.description))
         watch(self, params, self._apply)
         self._complete = True
         self._start()
@@ -132,9 +117,34 @@ class SimNode(Node):
             wait_for_command=params.wait_for_command,
             background=self._background,
         )
+        engine.configure(params.command_timeout, params.stale_policy)
         engine.on_failure.append(self._report_failure)
         engine.on_staleness.append(self._report_staleness)
         return engine
+
+    def _loop_of(self, params: SimParams) -> RealtimeLoop:
+        factor = params.realtime_factor
+        return RealtimeLoop(
+            lambda due: self.engine.run(library().by_the_clock, byref(due)),
+            self.simulator.dt / factor if factor else 0.0,
+            overrun=params.overrun,
+            prepare=self._claim_privileges,
+        )
+
+    def _recorder_of(self, params: SimParams) -> TickRecorder | None:
+        if not params.record:
+            return None
+        from arm_sim.ros.record.node_recorder import recorder_of  # not imported otherwise
+
+        return recorder_of(self, params.record, self.engine, self.inputs, self._outputs)
+
+    def _diagnostics_of(self, params: SimParams) -> SimDiagnostics:
+        period, trip = params.publish_every * self.simulator.dt, self.inputs.round_trip
+        return SimDiagnostics(
+            self, params, self.engine, self.loop, self.inputs, self._outputs, self.display,
+            self.lockstep, self.recorder, self.rivals,
+            Lateness(self, trip.take_oldest, period, "commands were up to {:.2g} s old"),
+        )  # fmt: skip
 
     def _start(self) -> None:
         self.get_logger().info(greeting(self.simulator, self.params))
@@ -162,8 +172,8 @@ class SimNode(Node):
 
     def _claim_privileges(self) -> None:
         """Request the privileges of the ticking thread."""
-        self._refused_privileges += self.params.claim()
-        for refusal in self._refused_privileges:
+        self.diagnostics.refused_privileges = refusals = self.params.claim()
+        for refusal in refusals:
             self.get_logger().warning(f"not granted: {refusal}")
 
     def _reset_counters(self) -> None:
@@ -212,7 +222,7 @@ class SimNode(Node):
         if self.recorder is not None:
             self.recorder.close()
         if self.params.tick_source == CLOCK:
-            loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
+            loop, round_trip = self.loop.report(), self.inputs.round_trip.histogram.percentiles()
             trips = f", round trip {round_trip}" if round_trip.count else ""
             self.get_logger().info(
                 f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "

@@ -3,9 +3,5 @@
 
 Definitions: github.com/ros-simulation/simulation_interfaces, version 1.5.1, which Jazzy
 distributes. Depends on the engine and the simulation's frames; message packages are looked up when
-the node starts. Public is ``StandardServices``.
+the node starts.
 """
-
-from arm_sim.ros.standard.services import StandardServices
-
-__all__ = ["StandardServices"]

@@ -44,16 +44,16 @@ class Entities:
         ]
         robot, joints = model.whole.name or "robot", ", ".join(model.joint_names)
         about = f"an arm of {model.n} joints: {joints}"
-        found = [Entity(robot, ROBOT, about, ("arm",), frames[0][0])]
+        self._all = {robot: Entity(robot, ROBOT, about, ("arm",), frames[0][0])}
         for i, frame in frames:
             joint = frame.parentJoint
             moves = f"moved by {model.pin.names[joint]}" if joint else "fixed to the world"
             tags = ("link", "moving" if joint else "fixed")
-            found.append(Entity(f"{robot}/{frame.name}", OBJECT, f"a link, {moves}", tags, i))
-        self._all = {entity.name: entity for entity in found}
+            link = f"{robot}/{frame.name}"
+            self._all[link] = Entity(link, OBJECT, f"a link, {moves}", tags, i)
 
     def named(self, name: str) -> Entity:
-        """The entity of a given name.
+        """The entity of a name.
 
         Raises:
             Refusal: If there is none.
@@ -64,8 +64,8 @@ class Entities:
             raise Refusal(NOT_FOUND, f"no entity '{plain(name, 80)}'; {allowed}")
         return self._all[name]
 
-    def chosen(self, filters: Any) -> list[Entity]:
-        """The entities selected by ``EntityFilters``.
+    def matching(self, filters: Any) -> list[Entity]:
+        """The entities that match ``EntityFilters``.
 
         Raises:
             Refusal: If bounds are requested.
@@ -73,9 +73,9 @@ class Entities:
         """
         bounds = filters.bounds
         if bounds.type != _EMPTY or bounds.points:
-            given = f"bounds of type {bounds.type} with {len(bounds.points)} points"
+            requested = f"bounds of type {bounds.type} with {len(bounds.points)} points"
             allowed = f"allowed: empty bounds (type {_EMPTY}, without points)"
-            raise Refusal(UNSUPPORTED, f"{given}: bounds are not supported; {allowed}")
+            raise Refusal(UNSUPPORTED, f"{requested}: bounds are not supported; {allowed}")
         mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
         if mode not in (_ANY, _ALL):
             raise InvalidInput(f"filter_mode is {mode}; allowed: 0 (any) or 1 (all)")

@@ -86,10 +86,10 @@ class StandardServices:
 
     def _features(self, request: Any, response: Any) -> Any:
         """List the supported features."""
-        known = response.features
+        offer = response.features
         names = [name for service in self.offered for name in FEATURES.get(service, ())]
-        known.features = sorted(getattr(known, name) for name in names if hasattr(known, name))
-        known.custom_info = (
+        offer.features = sorted(getattr(offer, name) for name in names if hasattr(offer, name))
+        offer.custom_info = (
             "one robot arm; entities are the robot and its links, as robot/link; their "
             "accelerations are left zero"
         )
@@ -158,7 +158,7 @@ class StandardServices:
 
     def _get_entities(self, request: Any, response: Any) -> None:
         """Names of entities."""
-        response.entities = [entity.name for entity in self._entities.chosen(request.filters)]
+        response.entities = [entity.name for entity in self._entities.matching(request.filters)]
 
     def _get_entity_info(self, request: Any, response: Any) -> None:
         """Description of an entity."""
@@ -175,7 +175,7 @@ class StandardServices:
         """Names, poses and velocities of entities."""
         from simulation_interfaces.msg import EntityState
 
-        entities, stamp = self._entities.chosen(request.filters), self._update()
+        entities, stamp = self._entities.matching(request.filters), self._update()
         response.entities = [entity.name for entity in entities]
         response.states = [self._fill(EntityState(), entity, stamp) for entity in entities]
 

@@ -11,9 +11,9 @@ from ctypes import addressof, c_int64
 from dataclasses import dataclass
 from typing import Any
 
-from arm_dynamics.ros.common.scheduling import shorten_slice
+from arm_dynamics.ros.common.threads.scheduling import shorten_slice
 from arm_sim.ros.node_library import LOOP
-from arm_sim.ros.timing.latency import Histogram, Percentiles
+from arm_sim.ros.timing.histogram import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
 OVERRUN = (CATCH_UP, SKIP, SLOW_DOWN)

@@ -45,7 +45,7 @@ void remember(last_t* last, const uint8_t* raw, int64_t length) {
 }
 
 int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far) {
-  if (!b->known) return STEADY;
+  if (!b->valid) return STEADY;
   const double passed = 1e-9 * (double)(stamp - b->stamp);
   if (passed < 0.0) return BACKWARDS;
   if (gap > 0.0 && passed > gap) return PAUSED;
@@ -55,8 +55,8 @@ int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, 
 }
 
 void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v) {
-  if (b->known && stamp - b->stamp > b->longest) b->longest = stamp - b->stamp;
-  b->known = 1;
+  if (b->valid && stamp - b->stamp > b->longest) b->longest = stamp - b->stamp;
+  b->valid = 1;
   b->stamp = stamp;
   memcpy(b->q, q, 8 * n);
   memcpy(b->v, v, 8 * n);
@@ -104,9 +104,9 @@ int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, cons
   const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, torque};
   size_t subscribers = 0;
   if (stamp < r->due) return 0;
-  rcl_ret_t done = rcl_publisher_get_subscription_count(r->publisher, &subscribers);
+  rcl_ret_t code = rcl_publisher_get_subscription_count(r->publisher, &subscribers);
   r->due = stamp + r->period;
-  if (done == RCL_RET_OK && !subscribers) return 0;
+  if (code == RCL_RET_OK && !subscribers) return 0;
   for (int k = 0; k < ARRAYS; ++k)
     if (parts[k]) memcpy(r->raw + r->at[k], parts[k], 8 * n);
   for (int64_t i = 0; i < 2 * n; ++i) {
@@ -115,9 +115,9 @@ int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, cons
   }
   const double left = r->duration - 1e-9 * (double)(stamp - r->start), remaining = left > 0.0 ? left : 0.0;
   memcpy(r->raw + r->at[ARRAYS], &remaining, 8);
-  done = publish_serialized(r->publisher, r->raw, r->size, stamp);
-  if (done != RCL_RET_OK) r->due = stamp;
-  return done;
+  code = publish_serialized(r->publisher, r->raw, r->size, stamp);
+  if (code != RCL_RET_OK) r->due = stamp;
+  return code;
 }
 
 /* Register the answer to a state. */
@@ -127,8 +127,8 @@ static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int
   memcpy(a->tau, a->torque, 8 * n);
   memcpy(a->memory, a->next_memory, 8 * a->remembered);
   remember(a->last, s->raw, s->length);
-  a->seen = now();
-  const int64_t duration = a->seen - began;
+  a->last_time = now();
+  const int64_t duration = a->last_time - began;
   a->busy += duration;
   if (duration > a->longest) a->longest = duration;
   ++a->count;
@@ -137,11 +137,9 @@ static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int
 /* Answer the state that was read last; 0: Python must answer it. */
 static int answer(answers_t* a, int64_t began) {
   const joint_state_t* s = a->reader;
-  const int64_t n = a->joints;
-  int64_t stamp;
+  const int64_t n = a->joints, stamp = s->stamp;
   if (!a->active || __atomic_load_n(&a->interrupt, __ATOMIC_ACQUIRE)) return 0;
-  memcpy(&stamp, s->found, 8);
-  memcpy(a->input, s->found + 24, 16 * n);
+  memcpy(a->input, s->numbers, 16 * n);
   if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
   if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
   const double t = 1e-9 * (double)(stamp - a->start);
@@ -163,9 +161,9 @@ void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Whether a state is of another publisher than the one that is followed, which was heard lately. */
 static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
-  const int same = !memcmp(f->who, sender, GID), strange = !same && now - f->heard < LATELY;
-  if (same) f->heard = now;
-  if (strange) f->ignored = now, memcpy(f->other, sender, GID);
+  const int same = !memcmp(f->sender, sender, GID), strange = !same && now - f->last_time < LATELY;
+  if (same) f->last_time = now;
+  if (strange) f->other_time = now, memcpy(f->other, sender, GID);
   return strange;
 }
 

@@ -9,13 +9,13 @@ enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state t
 
 /* The publisher of states that is followed, another one, and times in [ns] of their last states; 0: none. */
 typedef struct {
-  uint8_t who[GID], other[GID];
-  int64_t heard, ignored;
+  uint8_t sender[GID], other[GID];
+  int64_t last_time, other_time;
 } followed_t;
 
-/* The last state; `known` 0: there is none. `longest`: time between two states since Python looked, in [ns]. */
+/* The last state; `valid` 0: there is none. `longest`: time between two states since Python looked, in [ns]. */
 typedef struct {
-  int64_t known, stamp, longest;
+  int64_t valid, stamp, longest;
   double *q, *v;
 } before_t;
 
@@ -104,7 +104,7 @@ typedef struct {
   double* tau;
   last_t* last;
   /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
-  int64_t count, seen, busy, longest;
+  int64_t count, last_time, busy, longest;
 } answers_t;
 
 /* Passes states from ROS to the thread that answers them. */

@@ -21,8 +21,8 @@
 #include <rcutils/error_handling.h>
 #include <rosidl_runtime_c/primitives_sequence_functions.h>
 
-#define GIVEN 3 /* largest number of vectors of a request */
-#define MADE 7  /* largest number of vectors of a response */
+#define INPUTS 3 /* largest number of vectors of a request */
+#define OUTPUTS 7  /* largest number of vectors of a response */
 #define TERMS 5
 #define LARGE 1e100 /* beyond it, overflow depends on the order of operations; Python decides */
 #define ROOM 65536  /* capacity in numbers that is kept between requests */
@@ -34,9 +34,9 @@ typedef rosidl_runtime_c__String__Sequence strings_t;
 
 /* Offsets of the vectors in a service's request and response, and the power of n of the size of each in a response. */
 typedef struct {
-  int given, made;
-  size_t from[GIVEN], to[MADE];
-  int power[MADE];
+  int inputs, outputs;
+  size_t from[INPUTS], to[OUTPUTS];
+  int power[OUTPUTS];
 } layout_t;
 
 #define OF(kind, part, field) offsetof(arm_msgs__srv__##kind##_##part, field)
@@ -126,17 +126,17 @@ static bool in_order(const strings_t* names, const answer_t* answer) {
 }
 
 /* Number of points of the pending request; 0: Python must answer it. */
-static int64_t points_of(service_t* s, const double* given[GIVEN]) {
+static int64_t points_of(service_t* s, const double* inputs[INPUTS]) {
   const layout_t* layout = LAYOUTS + s->kind;
   const answer_t* answer = &s->answer;
   if (!in_order((const strings_t*)((char*)s->request + NAMES[s->kind]), answer)) return 0;
   size_t size = of(s->request, layout->from[0])->size, n = answer->joints;
   if (size == 0 || size % n || size / n > (size_t)answer->most) return 0;
-  for (int i = 0; i < layout->given; ++i) {
+  for (int i = 0; i < layout->inputs; ++i) {
     const doubles_t* x = of(s->request, layout->from[i]);
     if (x->size != size && (i == 0 || x->size)) return 0;
     if (!all_within(x->data, x->size, LARGE)) return 0;
-    given[i] = x->size ? x->data : answer->zeros;
+    inputs[i] = x->size ? x->data : answer->zeros;
   }
   return size / n;
 }
@@ -151,31 +151,31 @@ static bool rests(const answer_t* answer, const double* v, long long step, int64
 }
 
 /* Write the response to the pending request; false: Python must answer it. */
-static bool answered(service_t* s) {
+static bool compute_response(service_t* s) {
   const layout_t* layout = LAYOUTS + s->kind;
   answer_t* answer = &s->answer;
-  const double* given[GIVEN + 1];
-  long long steps[GIVEN + 1] = {0};
-  double chosen[TERMS], *made[MADE];
+  const double* inputs[INPUTS + 1];
+  long long steps[INPUTS + 1] = {0};
+  double factors[TERMS], *outputs[OUTPUTS];
   if (!answer->rows) return false;
-  int64_t points = points_of(s, given), sizes[MADE];
+  int64_t points = points_of(s, inputs), sizes[OUTPUTS];
   if (!points) return false;
-  for (int i = 0; i < layout->given; ++i) steps[i] = given[i] == answer->zeros ? 0 : answer->joints;
-  if (s->kind == FORWARD && rests(answer, given[1], steps[1], points)) return false;
-  for (int i = 0; i < layout->made; ++i) {
+  for (int i = 0; i < layout->inputs; ++i) steps[i] = inputs[i] == answer->zeros ? 0 : answer->joints;
+  if (s->kind == FORWARD && rests(answer, inputs[1], steps[1], points)) return false;
+  for (int i = 0; i < layout->outputs; ++i) {
     sizes[i] = points;
     for (int power = 0; power < layout->power[i]; ++power) sizes[i] *= answer->joints;
     if (!stretch(of(answer->response, layout->to[i]), sizes[i])) return false;
-    made[i] = of(answer->response, layout->to[i])->data;
+    outputs[i] = of(answer->response, layout->to[i])->data;
   }
   if (s->kind == INVERSE) {
     uint8_t terms = ((arm_msgs__srv__InverseDynamics_Request*)s->request)->terms;
     if (terms >> TERMS) return false;
-    for (int i = 0; i < TERMS; ++i) chosen[i] = terms >> i & 1;
-    given[GIVEN] = chosen;
+    for (int i = 0; i < TERMS; ++i) factors[i] = terms >> i & 1;
+    inputs[INPUTS] = factors;
   }
-  answer->rows(given, steps, points, made);
-  for (int i = 0; i < layout->made; ++i)
+  answer->rows(inputs, steps, points, outputs);
+  for (int i = 0; i < layout->outputs; ++i)
     if (!all_within(of(answer->response, layout->to[i])->data, sizes[i], DBL_MAX)) return false;
   return true;
 }
@@ -194,11 +194,11 @@ static int attend(service_t* s) {
     return NONE;
   }
   int64_t began = now();
-  if (!answered(s)) return FOR_PYTHON;
+  if (!compute_response(s)) return FOR_PYTHON;
   ++s->answered;
   send_response(s, &s->header, s->answer.response);
-  for (int i = 0; i < layout->given; ++i) shrink(of(s->request, layout->from[i]));
-  for (int i = 0; i < layout->made; ++i) shrink(of(s->answer.response, layout->to[i]));
+  for (int i = 0; i < layout->inputs; ++i) shrink(of(s->request, layout->from[i]));
+  for (int i = 0; i < layout->outputs; ++i) shrink(of(s->answer.response, layout->to[i]));
   s->busy += now() - began;
   return ANSWERED;
 }
@@ -215,26 +215,26 @@ static void note(const void* called, size_t count) {
 
 /* Wait for the next called service, in round-robin order after `last`; ENDED at the end. */
 static int64_t next(server_t* s, int64_t last) {
-  int64_t found = ENDED;
+  int64_t called = ENDED;
   pthread_mutex_lock(&s->calls);
-  while (!s->ended && found == ENDED) {
-    for (int64_t i = 1; i <= SERVICES && found == ENDED; ++i)
-      if (s->services[(last + i) % SERVICES].called) found = (last + i) % SERVICES;
-    if (found == ENDED) pthread_cond_wait(&s->call, &s->calls);
+  while (!s->ended && called == ENDED) {
+    for (int64_t i = 1; i <= SERVICES && called == ENDED; ++i)
+      if (s->services[(last + i) % SERVICES].called) called = (last + i) % SERVICES;
+    if (called == ENDED) pthread_cond_wait(&s->call, &s->calls);
   }
-  if (s->ended) found = ENDED;
-  if (found != ENDED) s->services[found].called = false;
+  if (s->ended) called = ENDED;
+  if (called != ENDED) s->services[called].called = false;
   pthread_mutex_unlock(&s->calls);
-  return found;
+  return called;
 }
 
 int64_t serve(server_t* s) {
   for (int64_t k = SERVICES - 1; (k = next(s, k)) != ENDED;) {
     pthread_mutex_lock(&s->lock);
-    int done = attend(s->services + k);
+    int outcome = attend(s->services + k);
     pthread_mutex_unlock(&s->lock);
-    if (done != NONE) note(s->services + k, 1); /* there may be further requests */
-    if (done == FOR_PYTHON) return k;
+    if (outcome != NONE) note(s->services + k, 1); /* there may be further requests */
+    if (outcome == FOR_PYTHON) return k;
   }
   return ENDED;
 }

@@ -12,7 +12,7 @@ enum { INVERSE, FORWARD, ALL_TERMS, SERVICES };
 enum { ENDED = -1 }; /* else the index of a service that Python must answer */
 
 /* A generated function of many points, see rows.c. */
-typedef void (*rows_t)(const double* const* given, const long long* steps, long long rows, double* const* made);
+typedef void (*rows_t)(const double* const* inputs, const long long* steps, long long rows, double* const* outputs);
 
 /* The function that computes a service's response, and its data. */
 typedef struct {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Reception and publication of JointStates, each in a single call, for loops at 1 kHz. The offsets of numbers, and the
- * bytes that are constant in all messages of a kind, are set by topics.py.
+ * bytes that are constant in all messages of a kind, are set by sink.py and reader.py.
  */
 #include "joint_state.h"
 
@@ -20,8 +20,6 @@ struct source {
   rcl_serialized_message_t message;
 };
 
-static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
-
 static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   uint8_t differs = 0;
   if (!kind->size || length < kind->size) return 0;
@@ -31,7 +29,7 @@ static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
 
 /* Whether the numbers of a message's followers agree with their leaders', or are missing. */
 static int agree(const joint_state_t* s, const kind_t* kind, const uint8_t* raw) {
-  for (const follower_t* one = kind->follows; one < kind->follows + kind->followers; ++one)
+  for (const follower_t* one = kind->followers; one < kind->followers + kind->follower_count; ++one)
     for (int64_t f = 0; f < s->fields; ++f) {
       double own, leads;
       if (kind->at[f] < 0) continue;
@@ -47,12 +45,12 @@ int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length) {
   const kind_t* kind = s->kinds;
   while (!is_of(kind, raw, length))
     if (++kind == s->kinds + KINDS) return OTHER;
-  put(s, 2, kind - s->kinds);
+  s->kind = kind - s->kinds;
   int32_t seconds;
   uint32_t nanoseconds;
   memcpy(&seconds, raw + STAMP, 4);
   memcpy(&nanoseconds, raw + STAMP + 4, 4);
-  put(s, 0, GIGA * seconds + nanoseconds);
+  s->stamp = GIGA * seconds + nanoseconds;
   int beyond = 0;
   for (int64_t f = 0; f < s->fields; ++f)
     for (int64_t i = 0; i < s->joints; ++i) {
@@ -60,10 +58,10 @@ int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length) {
       if (kind->place[i] < 0) continue;
       if (kind->at[f] >= 0) memcpy(&number, raw + kind->at[f] + 8 * kind->place[i], 8);
       if (!isfinite(number) && !(s->gaps && isnan(number))) return OTHER;
-      memcpy(s->found + 24 + 8 * (f * s->joints + i), &number, 8);
+      s->numbers[f * s->joints + i] = number;
       beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
     }
-  if (kind->followers && !agree(s, kind, raw)) return OTHER;
+  if (kind->follower_count && !agree(s, kind, raw)) return OTHER;
   return beyond ? BEYOND : KNOWN;
 }
 
@@ -89,15 +87,15 @@ int64_t joint_state_take(source_t* from, joint_state_t* s) {
     m->buffer_capacity = 0;
   }
   m->buffer_length = 0;
-  rcl_ret_t done = rcl_take_serialized_message(from->subscription, m, &about, NULL);
-  if (done != RCL_RET_OK) {
+  rcl_ret_t result = rcl_take_serialized_message(from->subscription, m, &about, NULL);
+  if (result != RCL_RET_OK) {
     rcutils_reset_error();
-    return done == RCL_RET_SUBSCRIPTION_TAKE_FAILED ? NONE : FAILED;
+    return result == RCL_RET_SUBSCRIPTION_TAKE_FAILED ? NONE : FAILED;
   }
   s->raw = m->buffer;
   s->length = m->buffer_length;
   memcpy(s->sender, about.publisher_gid.data, GID);
-  put(s, 1, about.received_timestamp);
+  s->arrival = about.received_timestamp;
   return joint_state_read(s, m->buffer, m->buffer_length);
 }
 
@@ -112,9 +110,9 @@ rcl_ret_t publish_serialized(const rcl_publisher_t* publisher, uint8_t* raw, int
   memcpy(raw + STAMP, &seconds, 4);
   memcpy(raw + STAMP + 4, &nanoseconds, 4);
   rcl_serialized_message_t message = {.buffer = raw, .buffer_length = size, .buffer_capacity = size};
-  rcl_ret_t done = rcl_publish_serialized_message(publisher, &message, NULL);
-  if (done != RCL_RET_OK) rcutils_reset_error();
-  return done;
+  rcl_ret_t result = rcl_publish_serialized_message(publisher, &message, NULL);
+  if (result != RCL_RET_OK) rcutils_reset_error();
+  return result;
 }
 
 int64_t joint_state_send(sink_t* s, int64_t stamp) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * JointStates that are received and published in C. Python reads this header (joint_state_library.py), and sets the offsets of
- * numbers and the bytes that are constant in all messages of a kind.
+ * JointStates that are received and published in C. Python reads this header (joint_state_library.py), and sets the
+ * offsets of numbers and the bytes that are constant in all messages of a kind.
  */
 #pragma once
 #include <rcl/publisher.h>
@@ -34,8 +34,8 @@ typedef struct {
   int64_t size;                    /* bytes up to the last number; 0: unused */
   int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
   const int64_t* place;            /* index of each joint in them; negative: absent */
-  const follower_t* follows;       /* joints beside these that must agree with them */
-  int64_t followers;
+  const follower_t* followers;     /* joints beside these that must agree with them */
+  int64_t follower_count;
 } kind_t;
 
 /* The known kinds, and the newest message. */
@@ -43,11 +43,13 @@ typedef struct {
   kind_t kinds[KINDS];
   int64_t fields, joints; /* number of arrays to be read, and of numbers in each */
   const double* limit;    /* largest magnitudes of the first array; NULL: unlimited */
-  uint8_t* found;         /* receives stamp and arrival in [ns] and the index of the kind, then the numbers */
+  int64_t gaps;           /* whether numbers and arrays may be missing (read as NaN) */
   const uint8_t* raw;     /* the serialized message, and its length */
   int64_t length;
-  int64_t gaps;        /* whether numbers and arrays may be missing (read as NaN) */
-  uint8_t sender[GID]; /* publisher of the message that was taken last */
+  int64_t stamp, arrival; /* in [ns]: of its header, and when the middleware received it */
+  int64_t kind;           /* index of its kind */
+  double* numbers;        /* room for its arrays, one after another */
+  uint8_t sender[GID];    /* its publisher */
 } joint_state_t;
 
 /* Memory for the messages of a subscription. */
@@ -61,8 +63,8 @@ typedef struct {
   const rcl_publisher_t* publisher;
 } sink_t;
 
-/* Read a message. KNOWN: its kind is known, its numbers are finite, and `found` has been written; BEYOND: likewise, and
- * a number exceeds its limit; else OTHER. */
+/* Read a message: stamp, kind and numbers. KNOWN: its kind is known, and its numbers are finite; BEYOND: likewise, and a
+ * number exceeds its limit; else OTHER. */
 EXPORT int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length);
 
 /* Memory for messages of a subscription; NULL: out of memory. `joint_state_source_free` frees it. */

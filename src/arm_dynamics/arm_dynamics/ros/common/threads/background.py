@@ -57,12 +57,12 @@ class Background:
         Returns:
             Whether it replaced a job that was not delivered yet.
         """
-        given_up = self.give_up()
-        once = [job]
-        future = self._pool.submit(lambda: once.pop()())
-        self._waiting = _Waiting(future, then, once)
+        replaces = self.give_up()
+        pending = [job]
+        future = self._pool.submit(lambda: pending.pop()())
+        self._waiting = _Waiting(future, then, pending)
         future.add_done_callback(lambda _: self._done())
-        return given_up
+        return replaces
 
     def give_up(self) -> bool:
         """Discard a job that was not delivered yet; return whether there was one."""
@@ -76,8 +76,8 @@ class Background:
     def deliver(self) -> None:
         """Deliver a finished job, if there is one."""
         if self.ready:
-            done, self._waiting = self._waiting, None
-            done.then(done.future.result)
+            finished, self._waiting = self._waiting, None
+            finished.then(finished.future.result)
 
     def close(self) -> None:
         """Discard waiting jobs and end the thread."""

@@ -44,7 +44,7 @@ class ThreadParams:
             A message for each privilege that was not granted, with the reason.
         """
         refused, cpus = [], read_cpus(self.cpus)
-        for wanted, ask, missing in (
+        for requested, request, refusal in (
             (self.priority, self._raise_priority,
              "no real-time priority (allow it by ulimit -r or CAP_SYS_NICE)"),
             (cpus, lambda: os.sched_setaffinity(0, cpus), "no processors of its own"),
@@ -52,10 +52,10 @@ class ThreadParams:
              "memory is not locked (allow it by ulimit -l or CAP_IPC_LOCK)"),
         ):  # fmt: skip
             try:
-                if wanted:
-                    ask()
+                if requested:
+                    request()
             except (OSError, AttributeError, ValueError) as error:
-                refused.append(f"{missing}: {error}")
+                refused.append(f"{refusal}: {error}")
         return refused
 
     def _raise_priority(self) -> None:

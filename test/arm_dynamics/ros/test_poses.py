@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, InvalidInput, load_scene
-from arm_dynamics.ros.common.convert import in_world, pose_of
+from arm_dynamics.ros.common.poses import in_world, pose_of
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros

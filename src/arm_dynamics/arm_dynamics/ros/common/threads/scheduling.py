@@ -83,5 +83,5 @@ def shorten_slice(thread: int = 0, *, interrupts: bool = True) -> None:
             return
         policy = os.SCHED_OTHER if interrupts else os.SCHED_BATCH
         nice = os.getpriority(os.PRIO_PROCESS, thread)
-        wanted = _SCHED_ATTR.pack(_SCHED_ATTR.size, policy, 0, nice, 0, _SHORT, 0, 0)
-        ctypes.CDLL(None).syscall(number, thread, wanted, 0)
+        attributes = _SCHED_ATTR.pack(_SCHED_ATTR.size, policy, 0, nice, 0, _SHORT, 0, 0)
+        ctypes.CDLL(None).syscall(number, thread, attributes, 0)

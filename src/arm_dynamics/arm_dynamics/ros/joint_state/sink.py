@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address
-from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, library
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
@@ -55,12 +55,12 @@ class JointStateSink:
     @property
     def sender(self) -> bytes:
         """Identifier of this publisher, see ``publishers``."""
-        found = bytearray(ctypes.sizeof(c_void_p) + HEADER.constants["GID"])
-        library().publisher_gid(self._handle.pointer, address(found))
-        return bytes(found[ctypes.sizeof(c_void_p) :])
+        gid = bytearray(ctypes.sizeof(c_void_p) + HEADER.constants["GID"])
+        library().publisher_gid(self._handle.pointer, address(gid))
+        return bytes(gid[ctypes.sizeof(c_void_p) :])  # a pointer comes first
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
         return bool(self._handle.get_subscription_count())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions and publishers that bypass rclpy's executor.
+"""Subscriptions that bypass rclpy's executor.
 
 A 1 kHz loop that needs only the newest message polls for it: that costs less than a microsecond
 without a message and a few with one, far less than a callback.
@@ -31,8 +31,10 @@ class PolledSubscription:
 
     def take(self) -> tuple[bytes, int] | None:
         """Return a new message and the system time of its arrival in [ns], or None."""
-        taken = self._handle.take_message(self._type, True)
-        return None if taken is None else (taken[0], taken[1]["received_timestamp"])
+        if (message := self._handle.take_message(self._type, True)) is None:
+            return None
+        raw, about = message
+        return raw, about["received_timestamp"]
 
     @property
     def pointer(self) -> int:
@@ -44,11 +46,3 @@ class PolledSubscription:
         if self._handle is not None:
             self._handle.destroy_when_not_in_use()
             self._handle = None
-
-
-def advertise(node: Node, topic: Topic) -> Any:
-    """Create a publisher; its ``handle.publish_raw`` publishes serialized messages.
-
-    No other thread may be using it when the node is destroyed.
-    """
-    return node.create_publisher(topic.type, topic.name, topic.publish)

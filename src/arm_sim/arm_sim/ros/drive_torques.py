@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Torques of drives, which joint states report if they differ from the commands."""
+
+from __future__ import annotations
+
+from ctypes import addressof, c_void_p
+
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.simulation.simulated_arm import SimulatedArm
+
+
+class DriveTorques:
+    """Torques of a simulation's drives at the end of the last tick; see ``Simulator.effort``.
+
+    Attributes:
+        values: In [N m] or [N], shape (n,).
+        place: Address of the compiled function that updates them, as a ``kernel.Entry``, or None.
+    """
+
+    @one_at_a_time
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Compile them; for a scene with models with internal states."""
+        torques = arm.plant.torques
+        assert torques is not None
+        self._arm = arm
+        self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
+        self.values, entry = self._call.outputs[0], self._call.entry
+        self.place = None
+        if entry is not None:
+            inputs = (c_void_p * 2).from_address(entry.arguments)
+            inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
+            self.place = addressof(entry)
+
+    def update(self) -> None:
+        """Evaluate them without compiled code."""
+        self._call(self._arm.x, self._arm.acted)
