@@ -106,7 +106,8 @@ class Settings:
         positive("control_period", self.dt)
         fastest, rate = np.pi / self.dt, "rad/s, half a turn in a control period"
         _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly decay")
-        late = float(largest_delay(1.0, 2.0 * np.min(self.damping_ratio), 1.0)) / (1.5 * self.dt)
+        least = float(numbers("damping_ratio", self.damping_ratio).min())
+        late = float(largest_delay(1.0, 2.0 * least, 1.0)) / (1.5 * self.dt)
         between = f"0 to {late:.3g} between nodes, where torques act a period late; otherwise "
         _within("bandwidth", self.bandwidth, fastest, rate, between)
         if len({np.size(self.bandwidth), np.size(self.damping_ratio), 1}) == 3:
