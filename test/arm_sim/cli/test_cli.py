@@ -457,5 +457,6 @@ def test_hardware_is_added_to_a_description(
 
 
 def test_an_argument_typed_as_an_option_is_named() -> None:
-    with pytest.raises(click.UsageError, match="^'--steps' is an argument: type its value"):
-        main(["call", "step", "--steps", "10"], standalone_mode=False)
+    said = run("call", "step", "--steps", "10").output
+    assert "\nerror: '--steps' is an argument: type its value" in said
+    assert "\nerror: No such option '--nonsense'" in run("--nonsense").output

@@ -170,7 +170,7 @@ REFUSED = {
     ("set", "controller", "bandwidth", "3000"): "refused: .* sensible: at most 239 rad/s",
     ("set", "controller", "friction", "perhaps"): "refused: ",
     ("set", "controller", "controller", "os:system"): "refused: .*when the node is started",
-    ("set", "controller", "switch_time", "1"): "refused: ",
+    ("set", "controller", "switch_time", "1"): "restart controller with --ros-args -p switch_ti",
     ("set", "controller", "bandwidth", "{a: 1}"): "not a parameter value",
     ("get", "controller", "q"): "has no parameter 'q'",
     ("get", "controller", "kp"): "'kp'; did you mean 'bandwidth'[?] allowed: ",

@@ -286,20 +286,21 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         assert page._status.content == "waiting"
         for _ in times[:2]:
             page._update(0.1)
-        curves = page._charts._charts._curves
+        curves = page._charts._charts
         for title, values in (("torque [N m]", effort), ("error [rad]", error),
                               ("energy [J]", energy)):  # fmt: skip
-            time, rows = curves[f"left: {title}"]
+            chart = curves[f"left: {title}"]
+            time, rows = chart.time, chart.values
             np.testing.assert_array_equal(time, [0.0, 0.5])  # since the first news
             np.testing.assert_array_equal(rows, np.outer([100.0, 100.5], values))
-            assert not len(curves[f"right: {title}"][0])
+            assert not len(curves[f"right: {title}"].time)
         assert page._status.content == "left: t = 0.50 s\n\nright: t = 0.00 s, no data yet"
         expected = actors[0].marker.at(Instant(q)).position
         for frame, place in zip(actors[0]._joints.values(), expected, strict=True):
             np.testing.assert_array_equal(frame.position, place)
         for _ in times[2:]:
             page._update(0.1)
-        np.testing.assert_array_equal(curves["left: torque [N m]"][0], [0.0])
+        np.testing.assert_array_equal(curves["left: torque [N m]"].time, [0.0])
         monkeypatch.setattr(live, "OLD", -1.0)
         page._report("no luck")
         assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")

@@ -46,7 +46,7 @@ def test_mimic_joints_may_be_set_as_they_follow(ros: Ros) -> None:
     np.testing.assert_array_equal(motion(node), [[0.0, 0.03], [0.0, 0.0]])
 
 
-def test_pause_stops_and_releases(node: SimNode) -> None:
+def test_pause_stops_and_releases(node: SimNode, capfd: pytest.CaptureFixture[str]) -> None:
     ticks(node, 3)
     assert node.requests.answer(PAUSE, SetBool.Request(data=True)).success
     before = motion(node)
@@ -55,6 +55,8 @@ def test_pause_stops_and_releases(node: SimNode) -> None:
     assert node.requests.answer(PAUSE, SetBool.Request(data=False)).success
     ticks(node, 3)
     assert node.simulator.arm.step_count == 6
+    said = capfd.readouterr().err
+    assert "paused at 0.003 s" in said and "running on at 0.003 s" in said
 
 
 def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:

@@ -17,7 +17,8 @@ import models
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.drawn_arm import KEPT, DrawnArm, _cones, _glb, lay_ground
-from arm_sim.view.interactive import Interactive, InteractiveArm
+from arm_sim.view.interactive import Interactive
+from arm_sim.view.interactive_arm import InteractiveArm
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import METAL, PIVOT, RAIL, Visual, visuals_of
 

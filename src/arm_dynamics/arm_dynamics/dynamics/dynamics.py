@@ -23,7 +23,7 @@ from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.dynamics.constrained import Constrained
 from arm_dynamics.dynamics.contact_torque import contact_torque
-from arm_dynamics.exceptions import InvalidInput, degrees_meant
+from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
@@ -123,6 +123,8 @@ class Dynamics:
         "joints: {'*': {friction: {viscous: …}}}",
         "mass masses inertia payload payloads": "build another Dynamics, of a scene with "
         "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …}}",
+        "gravity": "build another Dynamics, of a scene with gravity: [x, y, z]",
+        "latex symbolic sympy": f"{ARM} export SCENE writes its equations, as C",
         "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "
         "under(external)",
     }
@@ -428,12 +430,14 @@ class Dynamics:
         """
         call: PythonCall = self._calls[table.SPRING]
         state = q, self._still if v is None else v
-        result = call(*state)
-        return self._answer(table.SPRING, state, (), call) if result is None else result
+        if (result := call(*state)) is not None:
+            return result
+        return self._answer(table.SPRING, state, (), call, None if self.model.springs else _zero)
 
     def friction(
         self,
         v: ArrayLike,
+        *,  # q before v, as everywhere else, is no direction
         direction: ArrayLike | None = None,
         q: ArrayLike | None = None,
         load: ArrayLike | None = None,
@@ -504,8 +508,11 @@ def _factors(terms: Term | int) -> Array:
             f"terms = {terms!r}; allowed: a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, "
             "FRICTION 8, SPRING 16"
         )
-    bits = int(terms)
-    return np.array([float(bool(bits & int(term))) for term in Term])
+    return np.array([float(bool(terms & term)) for term in Term])
+
+
+def _zero(q: Array, v: Array) -> Array:
+    return np.zeros(np.broadcast(q, v).shape)
 
 
 def model_of(dynamics: Any) -> ArmModel:

@@ -38,10 +38,11 @@ def begin() -> None:
 
     A node handles signals itself as soon as it runs, and ends in the same way until then.
     """
-    is_node = sys.argv[1:2] and sys.argv[1] in NODES
-    if not is_node:
-        _original_handlers.update({number: signal.getsignal(number) for number in SIGNALS})
-    end_when_interrupted(*(() if is_node else (1, "\nAborted!\n")))
+    if sys.argv[1:2] and sys.argv[1] in NODES:
+        end_when_interrupted()
+        return
+    _original_handlers.update({number: signal.getsignal(number) for number in SIGNALS})
+    end_when_interrupted(1, "\nAborted!\n")
 
 
 def handle_in_command() -> None:

@@ -85,10 +85,8 @@ def waiting(task: str | Callable[[], str], *, in_lines: bool = False) -> Iterato
     """
     _tasks.append(task if callable(task) else lambda: task)
     end, in_place = Event(), sys.stderr.isatty()
-    if (in_place or in_lines) and len(_tasks) == 1:
-        reporter = Thread(target=_report, args=(end, sys.stderr, in_place), daemon=True)
-    else:
-        reporter = Thread()
+    report = _report if (in_place or in_lines) and len(_tasks) == 1 else None
+    reporter = Thread(target=report, args=(end, sys.stderr, in_place), daemon=True)
     reporter.start()
     try:
         yield
@@ -100,7 +98,7 @@ def waiting(task: str | Callable[[], str], *, in_lines: bool = False) -> Iterato
 
 def _report(end: Event, stream: TextIO, in_place: bool) -> None:
     """Print the innermost task until the end; lines at growing intervals fill no log."""
-    begin, pause, erase = monotonic(), 0.75 * PATIENCE, ""
+    begin, pause, erase = monotonic(), 0.5 * PATIENCE, ""
     while not end.wait(pause):
         text = f"{_tasks[-1]()} … {monotonic() - begin:.0f} s"
         if in_place:
@@ -224,6 +222,12 @@ def say(*parts: Any) -> None:
             show(out, part)
         else:
             out.print(str(part), markup=False)
+
+
+def shortened(value: Any) -> str:
+    """A text, or a value as JSON, of at most 60 characters."""
+    text = value if isinstance(value, str) else to_json(value)
+    return text if len(text) <= 60 else text[:59] + "…"
 
 
 def number(value: Any, digits: int = 6) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -100,17 +101,16 @@ def record(
     from arm_sim.ros.record.topics import TopicRecorder
 
     path = out or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}.mcap")
-    end = None if duration is None else monotonic() + duration
+    end = monotonic() + (duration or math.inf)
 
     def make(**kwargs: Any) -> Any:
         node = TopicRecorder(path, topics, **kwargs)
         click.echo(f"recording to {path}", err=True)
         return node
 
-    def is_done(node: Any) -> bool:
-        return (end is not None and monotonic() > end) or bool(node.thread.failure)
-
-    status, node = run_node(make, is_done=is_done)
+    status, node = run_node(
+        make, is_done=lambda node: monotonic() > end or bool(node.thread.failure)
+    )
     if node is not None:
         _show_topics(node.count)
         for topic, lost in node.gaps.items():

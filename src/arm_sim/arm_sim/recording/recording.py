@@ -72,7 +72,7 @@ class Recording(RecordedMotion):
 
         contents = files.load(path, topic)
         physics = None if contents.origin is None else Physics(contents.origin)
-        loaded = cls(**contents.fields(), physics=physics)
+        loaded = cls(**vars(contents), physics=physics)
         return loaded if scene is None else loaded.of(scene)
 
     def of(self, scene: Any) -> Self:
@@ -125,8 +125,8 @@ class Recording(RecordedMotion):
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
         """Draw positions, velocities, torques and energies, unless they are zero all the time.
 
-        The potential energy is drawn from its least value; work and heat are those of the energy
-        balance.
+        Potential energies are counted from the least of all recordings; work and heat are those of
+        the energy balance.
 
         Args:
             *others: Recordings to draw over this one, dashed.

@@ -106,10 +106,9 @@ class Witness:
             control: The controller, if it can be evaluated again.
             nudge: Added to the position of every joint at the start in [rad] or [m].
         """
-        if control:
-            how = CLOSED
-        else:
-            how = WHOLE if motion.origin is not None and motion.origin.given else WINDOWS
+        commands_given = motion.origin is not None and motion.origin.given
+        open_loop = WHOLE if commands_given else WINDOWS
+        how = CLOSED if control else open_loop
         step = max(1, round(WINDOW / self._first.dt)) if how == WINDOWS else CHUNK
         n, x, ended, stepper = len(motion.joint_names), motion.x, motion.ended, self.stepper
         there, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))

@@ -121,7 +121,7 @@ class Simulator:
     _instead = {
         "dt timestep integrator method tolerance choice": "build another Simulator(scene, dt=…, "
         "integrator=…, tolerance=…)",
-        "q v z x state position velocity qpos qvel": "set_state(q=…, v=…) or reset(q=…, v=…)",
+        "q v z x q0 v0 state position velocity qpos": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
         "tau effort torque command control": "step(tau), or run(duration, control)",
         "gravity mass payload payloads friction damping viscous coulomb external": "set_parameter("

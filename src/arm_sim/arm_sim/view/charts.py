@@ -7,7 +7,7 @@ import html
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -35,61 +35,51 @@ class Sample(NamedTuple):
     energies: Array  # in [J]
 
 
-class _Handles(NamedTuple):
-    """Of a plot on the page."""
+class Chart:
+    """A plot of curves of these names, and a legend with their values, on a tab of the page."""
 
-    plot: Any
-    legend: Any
+    def __init__(self, gui: viser.GuiApi, title: str, names: Sequence[str]) -> None:
+        hidden = {"label": "", "width": 0, "points": {"show": False}}
+        series = [
+            {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
+             "points": {"show": False}}
+            for i, name in enumerate(names)
+        ]  # fmt: skip
+        self.names = names
+        self.plot = gui.add_uplot(
+            tuple(np.zeros(0) for _ in range(len(names) + 2)), ({"label": "t"}, *series, hidden),
+            scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
+            axes=({"label": "time [s]"}, {"label": title}),
+            legend={"show": False}, aspect=1.25, padding=(12, 16, 0, 0),
+        )  # fmt: skip
+        self.legend = gui.add_html("")
+        self.draw(np.zeros(0), np.zeros((0, len(names))))
 
-
-class Charts:
-    """Tabs with curves, of these names by title of a plot, in a panel of the page."""
-
-    def __init__(self, server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> None:
-        self._panel = panel = server.gui.add_panel()
-        self.names, self._handles = names, dict[str, _Handles]()
-        self._curves = dict[str, tuple[Array, Array]]()
-        for title, curves in names.items():
-            hidden = {"label": "", "width": 0, "points": {"show": False}}
-            series = [
-                {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
-                 "points": {"show": False}}
-                for i, name in enumerate(curves)
-            ]  # fmt: skip
-            with panel.add_tab(title):
-                plot = server.gui.add_uplot(
-                    tuple(np.zeros(0) for _ in range(len(curves) + 2)),
-                    ({"label": "t"}, *series, hidden),
-                    scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
-                    axes=({"label": "time [s]"}, {"label": title}),
-                    legend={"show": False}, aspect=1.25, padding=(12, 16, 0, 0),
-                )  # fmt: skip
-                self._handles[title] = _Handles(plot, server.gui.add_html(""))
-            self.draw(title, np.zeros(0), np.zeros((0, len(curves))))
-        panel.dock_left()
-        panel.set_width(WIDTH)
-        server.on_client_connect(self._welcome)
-
-    def draw(self, title: str, time: Array, values: Array) -> None:
+    def draw(self, time: Array, values: Array) -> None:
         """Draw curves, values of shape (k, curves); the legend has their last values."""
-        self._curves[title] = time, values
-        self._handles[title].plot.data = _columns(time, values)
-        self._read(title, len(time) - 1)
+        self.time, self.values = time, values
+        self.plot.data = _columns(time, values)
+        self.read(np.inf)
 
     def read(self, time: float) -> None:
-        """Show the values at a time in [s] in the legends."""
-        for title, (times, _) in self._curves.items():
-            self._read(title, int(np.searchsorted(times, time + 1e-9)) - 1)
+        """Show the values at a time in [s] in the legend, the first ones before all."""
+        row = max(int(np.searchsorted(self.time, time + 1e-9)) - 1, 0)
+        values = self.values[row] if len(self.time) else np.full(len(self.names), np.nan)
+        text = legend(self.names, values)
+        if self.legend.content != text:
+            self.legend.content = text
 
-    def _read(self, title: str, row: int) -> None:
-        """Write the legend of a plot, with the values of a row, or without, if there is none."""
-        (time, values), names = self._curves[title], self.names[title]
-        row_values = values[max(row, 0)] if len(time) else np.full(len(names), np.nan)
-        text, handle = legend(names, row_values), self._handles[title].legend
-        if handle.content != text:
-            handle.content = text
 
-    async def _welcome(self, client: viser.ClientHandle) -> None:
+def add_charts(server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> dict[str, Chart]:
+    """Add a panel with charts, whose curves have these names by title."""
+    panel, charts = server.gui.add_panel(), dict[str, Chart]()
+    for title, curves in names.items():
+        with panel.add_tab(title):
+            charts[title] = Chart(server.gui, title, curves)
+    panel.dock_left()
+    panel.set_width(WIDTH)
+
+    async def welcome(client: viser.ClientHandle) -> None:
         """Fold the plots away for a visitor whose picture they leave too narrow."""
         folded = False
 
@@ -97,12 +87,15 @@ class Charts:
             nonlocal folded
             if client.camera.aspect < TALL and not folded:
                 folded = True
-                panel = client.gui.main_panel  # commands of a client, for a panel that all have
-                panel._placement_uuid = self._panel._placement_uuid
-                panel.minimize()
+                own = client.gui.main_panel  # commands of a client, for a panel that all have
+                own._placement_uuid = panel._placement_uuid
+                own.minimize()
 
         client.camera.on_update(fold_if_narrow)
         await fold_if_narrow()
+
+    server.on_client_connect(welcome)
+    return charts
 
 
 class RollingCharts:
@@ -120,7 +113,7 @@ class RollingCharts:
         for arm, names in joints.items():
             for field in ROLLING:
                 curves[self._title(arm, field)] = energies if field == "energies" else names
-        self._charts = Charts(server, curves)
+        self._charts = add_charts(server, curves)
 
     def _title(self, arm: str, field: str) -> str:
         return f"{arm}: {ROLLING[field]}" if len(self._samples) > 1 else ROLLING[field]
@@ -142,11 +135,11 @@ class RollingCharts:
         self._last_draw = monotonic()
         for arm, samples in self._samples.items():
             for field in ROLLING:
-                title = self._title(arm, field)
+                chart = self._charts[self._title(arm, field)]
                 rows = [(time, *getattr(sample, field)) for time, sample in samples]
-                table = np.array(rows).reshape(-1, 1 + len(self._charts.names[title]))
+                table = np.array(rows).reshape(-1, 1 + len(chart.names))
                 finite = table[np.isfinite(table[:, 1:]).any(axis=1)]
-                self._charts.draw(title, finite[:, 0], finite[:, 1:])
+                chart.draw(finite[:, 0], finite[:, 1:])
         return True
 
 

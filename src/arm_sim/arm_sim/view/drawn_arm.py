@@ -68,7 +68,7 @@ class _Mark:
         self.empty = not len(points)
         if not self.empty:
             self.handle.points = points
-        self.handle.visible = not (self.hidden or self.empty)
+        self.show(not self.hidden)
 
     def show(self, on: bool) -> None:
         self.hidden = not on
@@ -81,7 +81,8 @@ class DrawnArm:
     Attributes:
         base: Position of its world in [m], shape (3,).
         links: Names and handles of links, and of joints that are drawn in their place.
-        extent: Points around the arm at its start, and of its path, in [m], shape (k, 3).
+        extent: Points around the arm at its start and of its path, or wherever it swings if it
+            has no base, in [m], shape (k, 3).
         lowest: Height in [m] below which it has no point: at its start if it has a base to stand
             on, else wherever it turns.
     """
@@ -116,9 +117,11 @@ class DrawnArm:
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
         self._hangs = any(visual.name in (PIVOT, RAIL) for visual in visuals)
         if self._hangs:
-            moving = (self.marker.extent(q, carried) for q in postures(model, _POSTURES))
-            lowest = min(float(points[:, 2].min()) for points in moving)
-            self.lowest = min(self.lowest, max(lowest, -2 * self.size))  # rails may go on for ever
+            moving = [self.marker.extent(q, carried) for q in postures(model, _POSTURES)]
+            # rails may go on for ever
+            reached = np.clip(np.vstack(moving), -2 * self.size, 2 * self.size)
+            self.extent = np.vstack([self.extent, self.base + reached])
+            self.lowest = min(self.lowest, float(reached[:, 2].min()))
 
     def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
         """Draw an instant; the caller groups changes that appear together."""
@@ -251,7 +254,10 @@ class DrawnArm:
             return self._scene.add_cylinder(name, wide / 2, size[2], **look, **place)
         if kind == "sphere":
             return self._scene.add_icosphere(name, wide / 2, **look, **place)
-        mesh = _capsule(wide / 2, size[2])
+        from trimesh.creation import capsule
+
+        mesh = capsule(max(size[2] - wide, 1e-6), wide / 2)
+        mesh.apply_translation([0.0, 0.0, -mesh.bounds.mean(axis=0)[2]])
         return self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)
 
 
@@ -266,9 +272,8 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
         position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
     )  # fmt: skip
     # A pale blue sky, against which white arms are visible.
-    column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64)
-    sky = np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
-    server.scene.set_background_image(sky, format="png")
+    column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64, dtype=np.uint8)
+    server.scene.set_background_image(np.repeat(column[:, None], 4, axis=1), format="png")
     keep_framed(server, *around(actors))
 
 
@@ -342,11 +347,3 @@ def _glb(visual: Visual) -> tuple[bytes, tuple[float, ...]]:
         for geometry in loaded.geometry.values():
             geometry.visual = trimesh.visual.TextureVisuals(material=material)
     return bytes(loaded.export(file_type="glb")), tuple(scale.tolist())
-
-
-def _capsule(radius: float, length: float) -> Any:
-    from trimesh.creation import capsule
-
-    mesh = capsule(max(length - 2 * radius, 1e-6), radius)
-    mesh.apply_translation([0.0, 0.0, -mesh.bounds.mean(axis=0)[2]])
-    return mesh

@@ -26,8 +26,6 @@ from arm_dynamics.scene.constraint import (
 )
 from arm_sim.stepping.contact_forces import ContactForce
 
-_NONE = np.zeros((0, 2, 3))
-
 
 @frozen
 class Instant:
@@ -132,7 +130,7 @@ class Marker:
         second frame. λ is opposed to the motion, see ``Dynamics.constrained_forward``.
         """
         if self._rows is None or not len(multipliers):
-            return _NONE
+            return np.zeros((0, 2, 3))
         first, marks = 0, []
         for constraint, count in zip(self._rows.constraints, self._rows.counts, strict=True):
             own = multipliers[first : first + count]

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 @sealed
-class View:
+class View(AbstractContextManager["View"]):
     """A page that shows arms until it is closed.
 
     Only its own thread changes what it shows: it draws, and runs the requests of visitors.
@@ -49,6 +49,7 @@ class View:
     """
 
     _begin = _end = np.nan  # [s] of a motion
+    _own_marks: Sequence[Row] = ()  # in the legend, besides those of the arms
 
     def __init__(self, server: viser.ViserServer, actors: Sequence[DrawnArm]) -> None:
         self._server, self.actors = server, tuple(actors)
@@ -74,10 +75,6 @@ class View:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=5.0)
         close_server(self._server)
-
-    def __enter__(self) -> Self:
-        """Show within a ``with`` block."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """End the page."""
@@ -198,15 +195,11 @@ class View:
 
     # --- for pages of simulations, recordings or robots ---------------------------------------
 
-    def _start(self, marks: Sequence[Row] = ()) -> None:
-        """Add what all pages have to the controls of this one, and begin.
-
-        Args:
-            marks: Rows of the legend besides those of the arms.
-        """
+    def _start(self) -> None:
+        """Add what all pages have to the controls of this one, and begin."""
         gui, rows = self._server.gui, [row for actor in self.actors for row in actor.legend()]
         with gui.add_folder("Legend"):
-            gui.add_html(legend(dict.fromkeys([*rows, *marks])))
+            gui.add_html(legend(dict.fromkeys([*rows, *self._own_marks])))
         with gui.add_folder("Show", expand_by_default=False):
             for kind in ("links", "axes", "path", "springs", "contact forces", "friction cones",
                          "constraint forces"):  # fmt: skip

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,8 +33,7 @@ LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads
 THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to the robot's reach
 
 
-@dataclass(frozen=True)
-class Visual:
+class Visual(NamedTuple):
     """A shape that is fixed to a joint's body."""
 
     name: str  # of the link, payload or plane that it shows

@@ -22,7 +22,8 @@ from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.view.drawn_arm import DrawnArm, lay_ground
-from arm_sim.view.interactive import Interactive, InteractiveArm
+from arm_sim.view.interactive import Interactive
+from arm_sim.view.interactive_arm import InteractiveArm
 from arm_sim.view.page import View
 from arm_sim.view.player import Player
 from arm_sim.view.server import HERE, library, open_server

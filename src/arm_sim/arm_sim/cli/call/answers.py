@@ -87,10 +87,8 @@ class Answer:
 
     def _print_rows(self, values: Mapping[Field, Any]) -> None:
         """Print a table for each vector of the answer; the first has the numbers, too."""
-        requested = {field.name for field in self._request}
-        rows = {
-            x: v[:SHOWN] for x, v in values.items() if "k" in x.shape and x.name not in requested
-        }
+        sent = {field.name for field in self._request}
+        rows = {x: v[:SHOWN] for x, v in values.items() if "k" in x.shape and x.name not in sent}
         numbers = [(self._title(x), v) for x, v in rows.items() if len(x.shape) == 1]
         tables: dict[str, list[tuple[str, Any]]] = {}
         for field, vectors in rows.items():

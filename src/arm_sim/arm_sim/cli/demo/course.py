@@ -41,7 +41,6 @@ _OPENING = 3.0  # [s] for a browser to open
 _PAUSE = 1.7  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
 RECORDING = "run.mcap"
-_ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 
 def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
@@ -79,11 +78,11 @@ class _PrintedProgress:
     def update(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
         now = time.monotonic()
         if description:
-            self._began = self._printed = now
+            self._began, self._printed, self._description = now, now, description
             self._out.print(f"{description} …")
         elif now > self._printed + _PAUSE:
             self._printed = now
-            self._out.print(f"  {now - self._began:.0f} s")
+            self._out.print(f"  {self._description}: {now - self._began:.0f} s")
 
 
 def _run(
@@ -105,7 +104,8 @@ def _run(
         on_progress(description=f"starting the nodes (ROS domain {domain}, this machine only)")
         node = str(scene), "--with-parent"
         processes.start("dynamics", "dynamics", *node)
-        processes.start("controller", "controller", *node, *_ROS_CONTROLLER)
+        sparse = "--ros-args", "-p", "state_period:=0.01"
+        processes.start("controller", "controller", *node, *sparse)
         observer.wait_for_partners()
         # Started last, so that no other start-up disturbs its timing.
         record = "--ros-args", "-p", f"record:={scratch / RECORDING}"

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +23,7 @@ SHRINK, TRIES = 0.8, 30
 SAMPLES_A_SECOND = 100
 
 
-@dataclass(frozen=True)
-class DemoMotion:
+class DemoMotion(NamedTuple):
     """Start and waypoints of the arm.
 
     Attributes:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,8 +32,7 @@ _FIELDS = ("reference_position", "feedback_position", "position_error", "effort"
 _ENERGIES = ("kinetic", "potential", "total", "input", "dissipated", "balance")
 
 
-@dataclass(frozen=True)
-class Observations:
+class Observations(NamedTuple):
     """Observations of a motion; time starts with the trajectory, rows are samples.
 
     Attributes:

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import click
@@ -24,17 +25,13 @@ class DemoFailed(click.ClickException):
     """The loop was not closed; the message states the reason."""
 
 
-class Processes:
+class Processes(AbstractContextManager["Processes"]):
     """Child processes by name; leaving the ``with`` statement ends those that still run."""
 
     def __init__(self, folder: Path) -> None:
         """Write logs to ``folder``."""
         self._folder = folder
         self._running: dict[str, subprocess.Popen[bytes]] = {}
-
-    def __enter__(self) -> Processes:
-        """Start without child processes."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """End all child processes, the newest first, ignoring interrupts."""

@@ -43,9 +43,8 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
     """
     model, duration = motion.model, motion.trajectory.duration
     loop, trip, latencies = clock["loop"], clock["round_trip"], observed.latencies
-    p50, p99, longest = np.percentile(
-        latencies if len(latencies) else np.nan, (50, 99, 100)
-    ).tolist()
+    percentiles = np.percentile(latencies if len(latencies) else np.nan, (50, 99, 100))
+    p50, p99, longest = percentiles.tolist()
     error = observed.error[observed.time <= duration]
     return {
         "robot": model.pin.name, "joints": model.n,
@@ -74,20 +73,18 @@ def _largest(values: Array) -> float:
 
 def complaints(n: Numbers) -> list[str]:
     """Reasons why the loop is not considered closed; empty if it is."""
-    reasons = []
-    if not n["rate"] >= LEAST_RATE * n["wanted_rate"]:
-        reasons.append(_slow(n))
-    if not n["commands"] >= LEAST_COMMANDS * n["duration"]:
-        reasons.append(f"only {n['commands']} of {n['ticks']} states were answered by a command")
-    if not n["questions"]:
-        reasons.append("the dynamics node answered no torque query")
-    if not n["error_rms"] <= MOST_ERROR:
-        error = f"{n['error_rms']:.3g} {n['unit']} RMS"
-        reasons.append(f"tracking error {error}; allowed: {MOST_ERROR:g}")
-    if not n["goal_distance"] <= ARRIVED:
-        distance = f"{n['goal_distance']:.3g} {n['unit']}"
-        reasons.append(f"the arm stopped {distance} from its goal; allowed: {ARRIVED:g}")
-    return reasons
+    error = f"{n['error_rms']:.3g} {n['unit']} RMS"
+    distance = f"{n['goal_distance']:.3g} {n['unit']}"
+    required = {
+        _slow(n): n["rate"] >= LEAST_RATE * n["wanted_rate"],
+        f"only {n['commands']} of {n['ticks']} states were answered by a command":
+            n["commands"] >= LEAST_COMMANDS * n["duration"],
+        "the dynamics node answered no torque query": n["questions"],
+        f"tracking error {error}; allowed: {MOST_ERROR:g}": n["error_rms"] <= MOST_ERROR,
+        f"the arm stopped {distance} from its goal; allowed: {ARRIVED:g}":
+            n["goal_distance"] <= ARRIVED,
+    }  # fmt: skip
+    return [complaint for complaint, holds in required.items() if not holds]
 
 
 def remarks(n: Numbers) -> list[str]:

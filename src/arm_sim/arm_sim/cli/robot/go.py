@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import click
 
@@ -148,13 +148,20 @@ def _follow(
     say(f"arrived: largest error {number(error, 2)} at {joint}")
 
 
-def parse(words: Sequence[str]) -> dict[str, tuple[float, bool]]:
-    """Goals of joints by name: in [rad] or [m], and whether from the current reference.
+class Goal(NamedTuple):
+    """Of a joint."""
+
+    value: float  # [rad] or [m]
+    relative: bool  # to the current reference
+
+
+def parse(words: Sequence[str]) -> dict[str, Goal]:
+    """Goals of joints by name.
 
     Raises:
         click.UsageError: If a word is not a goal, or repeats a joint.
     """
-    goals = dict[str, tuple[float, bool]]()
+    goals = dict[str, Goal]()
     for word in words:
         match = _GOAL.fullmatch(word.strip())
         try:
@@ -171,20 +178,18 @@ def parse(words: Sequence[str]) -> dict[str, tuple[float, bool]]:
             raise click.UsageError(f"joint '{name}' is named twice")
         if remark := degrees_meant(value):
             click.echo(f"{name}: {remark} (for a joint that slides, in m)", err=True)
-        goals[name] = -value if operator == "-=" else value, operator != "="
+        goals[name] = Goal(-value if operator == "-=" else value, relative=operator != "=")
     return goals
 
 
-def targets(
-    goals: Mapping[str, tuple[float, bool]], reference: Mapping[str, float]
-) -> dict[str, float]:
+def targets(goals: Mapping[str, Goal], reference: Mapping[str, float]) -> dict[str, float]:
     """Target positions of the joints, from their current reference.
 
     The controller decides about joints that have none: they follow others, or do not exist.
     """
     return {
-        name: value + (reference.get(name, 0.0) if relative else 0.0)
-        for name, (value, relative) in goals.items()
+        name: goal.value + (reference.get(name, 0.0) if goal.relative else 0.0)
+        for name, goal in goals.items()
     }
 
 

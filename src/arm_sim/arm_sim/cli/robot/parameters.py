@@ -11,7 +11,7 @@ import yaml
 
 from arm_sim.cli.arguments import Json, Timeout
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, table, to_json
+from arm_sim.cli.output import console, shortened, table, to_json
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -68,7 +68,7 @@ def get(
         ranges = (*about.floating_point_range, *about.integer_range)
         allowed = [f"{r.from_value:g} to {r.to_value:g}" for r in ranges]
         allowed += [about.additional_constraints, "fixed" if about.read_only else ""]
-        rows.append((name, _short(values[name]), KINDS[about.type],
+        rows.append((name, shortened(values[name]), KINDS[about.type],
                      ", ".join(filter(None, allowed)), about.description))  # fmt: skip
     grid = table(("parameter", "value", "type", "allowed", ""), rows, text=range(5))
     grid.columns[-1].no_wrap = False
@@ -101,10 +101,14 @@ def set_(
     with Parameters(node, timeout) as parameters:
         parameters.require(names)
         about, before = parameters.describe(names), parameters.get(names)
+        for name in names:
+            if about[name].read_only:
+                restart = f"--ros-args -p {name}:={texts[name]}"
+                raise click.ClickException(f"{name} is fixed; restart {node} with {restart}")
         parameters.set({n: _read(n, text, about[n], before[n]) for n, text in texts.items()})
         after = parameters.get(names)
     for name in names:
-        click.echo(f"{name}: {_short(before[name])} → {_short(after[name])}")
+        click.echo(f"{name}: {shortened(before[name])} → {shortened(after[name])}")
 
 
 def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
@@ -126,8 +130,3 @@ def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
     if isinstance(value, list) and {type(x) for x in value} == {int, float}:
         return [float(x) for x in value]
     return value
-
-
-def _short(value: Any) -> str:
-    text = value if isinstance(value, str) else to_json(value)
-    return text if len(text) <= 60 else text[:59] + "…"

@@ -190,8 +190,10 @@ def _picture(arm: WatchedArm) -> Group:
 
 def _steady(value: float) -> str:
     """A number with a fixed number of decimals, or a dash for NaN."""
+    if math.isnan(value):
+        return "-"
     text = f"{value:.5f}"
-    return "-" if math.isnan(value) else text.removeprefix("-") if float(text) == 0.0 else text
+    return text.removeprefix("-") if float(text) == 0.0 else text
 
 
 def _line(arm: WatchedArm) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -37,8 +36,7 @@ class Size(click.ParamType):
         return width, height
 
 
-@dataclass(frozen=True)
-class Pictures:
+class Pictures(NamedTuple):
     """Files to write of a page, by kind, and how: see the options of ``view``."""
 
     paths: dict[str, Path]
@@ -115,21 +113,22 @@ def view(
         rate: Frames per second of films and pages.
     """
     from arm_sim.cli.interrupts import interruptible
-    from arm_sim.view.page import SIZE
-    from arm_sim.view.pictures import browser
-    from arm_sim.view.server import library
 
     if not (live or what):
         raise click.UsageError("a scene, a recording, or --live for a running robot is expected")
     files = {"png": png, "gif": gif, "mp4": mp4, "html": html}
     paths = {kind: path for kind, path in files.items() if path is not None}
-    if paths.keys() - {"html"}:
-        browser()
-    library()  # before anything is computed
     port = 0 if paths else port
     progress = [f"opening {' '.join(what) or 'the page'}"]
     with ExitStack() as stack:
         with waiting(lambda: progress[-1], in_lines=True):
+            from arm_sim.view.page import SIZE
+            from arm_sim.view.pictures import browser
+            from arm_sim.view.server import library
+
+            if paths.keys() - {"html"}:
+                browser()  # or an error, before anything is computed
+            library()
             if live:
                 from arm_sim.cli.robot.listener import Listener
                 from arm_sim.cli.view.live import followed
@@ -162,39 +161,50 @@ def page_of(
     on_progress: Callable[[str], object] = lambda text: None,
 ) -> View:  # fmt: skip
     """A page of scenes, which move if ``motion`` is given, or of recordings."""
-    from arm_dynamics.control import GravityCompensation
-    from arm_sim import Recording
     from arm_sim.view import show
-    from arm_sim.view.view import is_recording, simulator_of
+    from arm_sim.view.view import is_recording
 
     first = scene or sources[0]  # meshes with relative names are in the folder of its file
     folder = Path(first).parent if Path(first).is_file() else Path.cwd()
     recorded = [source for source in sources if is_recording(source) or Path(source).is_dir()]
-    actors: list[Recording | Simulator] = []
     if recorded and len(recorded) < len(sources):
         simulated = next(source for source in sources if source not in recorded)
         raise ViewError(
             f"'{recorded[0]}' is a recording and '{simulated}' is not; allowed: several arguments "
             "of one kind"
         )
-    for source in sources:
-        if recorded:
-            recording = Recording.load(source, topic=topic)
-            if recording.scene is None and scene is None:
-                raise ViewError(
-                    f"'{source}' contains no scene, so its arm is unknown; name it by --scene"
-                )
-            actors.append(recording.of(scene) if recording.scene is None else recording)
-            continue
-        simulator = simulator_of(source)
-        if motion is None:
-            actors.append(simulator)
-            continue
-        on_progress(f"simulating {source}")
-        weight = GravityCompensation(simulator.dynamics)
-        run = simulator.run(motion.duration, weight.torque if motion.control == "weight" else None)
-        console().print(checked(run), markup=False)
-        actors.append(run)
+    actors = [
+        _recording(source, scene, topic) if recorded else _simulated(source, motion, on_progress)
+        for source in sources
+    ]
     on_progress("drawing the page")
     names = [Path(source).stem for source in sources]
     return show(*actors, name=names, host=host, port=port, folder=folder)
+
+
+def _recording(source: str, scene: str | None, topic: str | None) -> Recording:
+    from arm_sim import Recording
+
+    recording = Recording.load(source, topic=topic)
+    if recording.scene is not None:
+        return recording
+    if scene is None:
+        raise ViewError(f"'{source}' contains no scene, so its arm is unknown; name it by --scene")
+    return recording.of(scene)
+
+
+def _simulated(
+    source: str, motion: Motion | None, on_progress: Callable[[str], object]
+) -> Recording | Simulator:
+    """A simulator of a scene, or the recording of its motion."""
+    from arm_dynamics.control import GravityCompensation
+    from arm_sim.view.view import simulator_of
+
+    simulator = simulator_of(source)
+    if motion is None:
+        return simulator
+    on_progress(f"simulating {source}")
+    weight = GravityCompensation(simulator.dynamics)
+    run = simulator.run(motion.duration, weight.torque if motion.control == "weight" else None)
+    console().print(checked(run), markup=False)
+    return run

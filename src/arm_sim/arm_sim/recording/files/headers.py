@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files.messages import PARTS
@@ -26,8 +26,7 @@ _UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """A column of numbers.
 
     Attributes:
@@ -39,8 +38,7 @@ class Column:
     factor: float = 1.0
 
 
-@dataclass(frozen=True)
-class Header:
+class Header(NamedTuple):
     """Columns of a table.
 
     Attributes:
