@@ -64,7 +64,8 @@ def tracked(scene, motion):
 say("recording it")
 run, _ = tracked(nominal, best.motion)
 say("identifying")
-found = identify(nominal, run, band=8.0, told=say)  # [Hz], cut-off frequency; higher takes longer
+# The cut-off frequency in [Hz]; a higher one takes longer.
+found = identify(nominal, run, band=8.0, on_progress=say)
 
 before, after = found.nominal_error, found.torque_error
 for name in names:

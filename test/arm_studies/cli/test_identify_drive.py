@@ -86,7 +86,7 @@ def test_columns_of_other_drives_are_read_by_name(
     table = np.column_stack(list(columns.values()))
     np.savetxt(path, table, "%.17g", ",", header=", ".join(columns), comments="")
     name = next(iter(getattr(drives, unit)))
-    estimate = SimpleNamespace(value=2.0, interval=0.5, found=True)
+    estimate = SimpleNamespace(value=2.0, interval=0.5, determined=True)
     found = SimpleNamespace(
         follows=False, residual={}, missing={}, notes=(), estimates={name: estimate}
     )

@@ -127,7 +127,7 @@ def test_identification_is_asked_for_what_was_typed(
 ) -> None:
     out = "--out", tmp_path / "a.yaml"
     typed("identify", table, "--scene", "two_link", *out)
-    assert asked.pop("told") is not None
+    assert asked.pop("on_progress") is not None
     scene, records = asked.pop("given")
     assert scene == "two_link" and records[0].effort.tolist() == [[1.0], [2.0], [3.0]]
     assert asked == {
@@ -137,7 +137,7 @@ def test_identification_is_asked_for_what_was_typed(
     typed("identify", table, "--scene", "two_link", *out, "--band", 7.5, "--effort", "scale",
           "--map", "elbow=a", "--map", "shoulder=b", "--total-mass", 12.5, "--mass", "tip=2",
           "--accept-worse")  # fmt: skip
-    assert {name: asked[name] for name in asked if name not in ("given", "told")} == {
+    assert {name: asked[name] for name in asked if name not in ("given", "on_progress")} == {
         "band": 7.5, "effort": "scale", "names": {"elbow": "a", "shoulder": "b"},
         "total_mass": 12.5, "masses": {"tip": 2.0}, "accept_worse": True,
     }  # fmt: skip
@@ -172,7 +172,7 @@ def test_an_exciting_motion_is_asked_for_as_it_was_typed(
     out = "--out", tmp_path / "a.yaml"
     typed("excite", "two_link", *out)
     (room,) = asked.pop("given")
-    asked.pop("told")
+    asked.pop("on_progress")
     assert asked == {"period": 10.0, "harmonics": 5, "aim": "all", "attempts": 3, "seed": 0}
     assert (room.share, room.margin, room.acceleration, room.clearance) == (0.8, 0.05, inf, 0.05)
     assert room.box is None and room.given_start is None
@@ -181,7 +181,7 @@ def test_an_exciting_motion_is_asked_for_as_it_was_typed(
           "--clearance", 0.2, "--start", "0.1 0.2", "--frame", "tip", "--frame", "elbow",
           "--box", "-1 -2 -3 1 2 3")  # fmt: skip
     (room,) = asked.pop("given")
-    asked.pop("told")
+    asked.pop("on_progress")
     assert asked == {"period": 4.0, "harmonics": 7, "aim": "masses", "attempts": 2, "seed": 9}
     assert (room.share, room.margin, room.acceleration, room.clearance) == (0.5, 0.1, 30.0, 0.2)
     assert tuple(room.given_start) == (0.1, 0.2) and room.box.frames == ("tip", "elbow")
@@ -193,12 +193,12 @@ def test_a_sweep_is_asked_for_as_it_was_typed(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     typed("sweep", "my.yaml")
-    assert asked.pop("told") is not None
+    assert asked.pop("on_progress") is not None
     assert asked == {
         "given": (Path("my.yaml"), Path("reports/sweeps/my")), "workers": None, "cluster": None
     }  # fmt: skip
     typed("sweep", "my.yaml", "--out", "there", "--workers", 3, "--cluster", "tcp://a:1")
-    asked.pop("told")
+    asked.pop("on_progress")
     assert asked == {
         "given": (Path("my.yaml"), Path("there")), "workers": 3, "cluster": "tcp://a:1"
     }  # fmt: skip

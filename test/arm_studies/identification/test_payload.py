@@ -98,13 +98,14 @@ def test_late_efforts_are_told_and_errors_of_the_arm_are_scatter():
     for rub, scatter in ((0.0, set()), (0.5, {"mass"})):
         effort, told = now.effort + rub * np.sign(now.v), []
         record = JointRecord.of(now.joint_names, now.time, q, effort)
-        assert estimate_payload(arm, record, "tip", told=told.append).scatter & {"mass"} == scatter
+        estimate = estimate_payload(arm, record, "tip", on_note=told.append)
+        assert estimate.scatter & {"mass"} == scatter
         assert scatter or any(note.startswith("efforts are 5 ±") for note in told)
 
 
 def test_from_python_what_is_not_determined_is_told():
     told = []
-    identify_payload(*nearly_planar(0.0, 0), "tip", told=told.append)
+    identify_payload(*nearly_planar(0.0, 0), "tip", on_note=told.append)
     assert told == [
         "the motion does not determine com.y, inertia.xx, inertia.xy, inertia.xz, inertia.yz, "
         "inertia.zz"

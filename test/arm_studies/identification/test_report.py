@@ -11,6 +11,7 @@ from arm_dynamics import Dynamics
 from arm_studies.identification import Identification, JointRecord, identify
 from arm_studies.identification.regression.friction import JointFit
 from arm_studies.identification.report import friction_words, joint_rows, share, text
+from arm_studies.identification.validation import Errors
 
 
 @pytest.fixture(scope="module")
@@ -28,17 +29,15 @@ def found() -> Identification:
 
 
 def test_only_a_joint_at_rest_did_not_move(found: Identification) -> None:
-    without = replace(found, friction=(None, JointFit(())))
-    assert friction_words(without, 0) == "unchanged: the joint did not move"
-    assert friction_words(without, 1) == "none that opposes the motion was found"
-    assert friction_words(found, 1) == "viscous 0.4, coulomb 0.6"
+    assert friction_words(None) == "unchanged: the joint did not move"
+    assert friction_words(JointFit(())) == "none that opposes the motion was found"
+    assert friction_words(found.joints[1].friction) == "viscous 0.4, coulomb 0.6"
 
 
 def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> None:
-    rests = replace(
-        found, error=(np.nan, np.nan), torque_error=found.torque_error | {"elbow": np.nan},
-        torque_residual=found.torque_residual | {"elbow": np.nan},
-    )  # fmt: skip
+    unknown = Errors(np.nan, np.nan)
+    elbow = replace(found.joints[1], errors=unknown, residual=np.nan)
+    rests = replace(found, error=unknown, joints=(found.joints[0], elbow))
     assert joint_rows(rests, 1)[1][2:4] == ["unknown", "unknown"]
     assert share(0.0123, 1) == "1.2%"
     page = text(rests, tmp_path / "arm.yaml", ["run"], [tmp_path / "a.png", tmp_path / "b.png"])
@@ -46,7 +45,7 @@ def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> No
 
 
 def test_printed_it_is_a_summary(found: Identification) -> None:
-    said = f"{replace(found, error=(0.01, np.nan), notes=('first',))!r}"
+    said = f"{replace(found, error=Errors(0.01, np.nan), notes=('first',))!r}"
     assert said.startswith("<Identification of 2 joints: shoulder, elbow\n  torque error on held-")
     assert "data: 1.00%, of the nominal scene unknown" in said
     assert f"{len(found.parameters.keys() - found.missing.keys())} parameters identified" in said
@@ -64,11 +63,11 @@ def rows_of(page: str, heading: str) -> list[list[str]]:
 def test_the_report_has_each_parameter_with_its_interval_and_each_body(
     found: Identification,
 ) -> None:
-    given = replace(
-        found, scales=np.array([1.0, 2.5]), effort_band=7.25, band=12.5, condition=33.0,
-        error=(0.01, 0.25), notes=("first", "second"),
+    result = replace(
+        found, joints=(found.joints[0], replace(found.joints[1], scale=2.5)), effort_band=7.25,
+        band=12.5, condition=33.0, error=Errors(0.01, 0.25), notes=("first", "second"),
     )  # fmt: skip
-    page = text(given, Path("x/arm.yaml"), ["run", "other"], [Path("a.png"), Path("b.png")])
+    page = text(result, Path("x/arm.yaml"), ["run", "other"], [Path("a.png"), Path("b.png")])
     assert page.startswith("# arm: identified from run, other\n")
     assert "held-out data: **1.00%**, of the nominal scene 25.00%." in page
     assert "low-pass filter: 12.5 Hz. Condition number of the motion: 33." in page
@@ -77,18 +76,19 @@ def test_the_report_has_each_parameter_with_its_interval_and_each_body(
     assert "## Notes\n\n- first\n- second\n" in page
     assert "![Torques](a.png)\n\n![Friction](b.png)" in page
     rows = {row[0]: row[1:] for row in rows_of(page, "## Identified parameters")}
-    assert len(rows) == len(given.parameters.keys() - given.missing.keys())
+    assert len(rows) == len(result.parameters.keys() - result.missing.keys())
     value, interval, scene, nominal = rows["elbow: Coulomb"]
     assert (float(value), nominal) == (pytest.approx(0.6, rel=1e-2), "")
     low, high = map(float, interval.split(" to "))
-    assert (low, high) == pytest.approx(given.intervals["elbow.coulomb"], rel=1e-3)
-    assert float(scene) == pytest.approx(given.written["elbow.coulomb"], rel=1e-4)
-    for name, before in given.nominal.items():
-        assert name in given.missing or float(rows[name][3]) == pytest.approx(before, rel=1e-4)
+    assert (low, high) == pytest.approx(result.intervals["elbow.coulomb"], rel=1e-3)
+    assert float(scene) == pytest.approx(result.written["elbow.coulomb"], rel=1e-4)
+    for name, parameter in result.details.items():
+        if parameter.nominal is not None and not parameter.missing:
+            assert float(rows[name][3]) == pytest.approx(parameter.nominal, rel=1e-4)
     reasons = rows_of(page, "## Not identified")
-    assert [row[1] for row in reasons] == list(given.missing.values())
+    assert [row[1] for row in reasons] == list(result.missing.values())
     for row, name, body in zip(
-        rows_of(page, "## Bodies"), given.body_names, given.bodies, strict=True
+        rows_of(page, "## Bodies"), result.body_names, result.bodies, strict=True
     ):
         assert row[0] == name and float(row[1]) == pytest.approx(body[0], rel=1e-3)
         centre = [float(x) for x in row[2].split(",")]

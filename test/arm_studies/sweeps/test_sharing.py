@@ -130,7 +130,7 @@ def test_killed_with_its_workers_and_called_again(alone: dict[str, bytes], tmp_p
         "        tasks = Path('/proc/self/task').glob('*/children')\n"
         "        print(*(task.read_text() for task in tasks), flush=True)\n"
         "        os.kill(os.getpid(), signal.SIGKILL)\n"
-        "sweep(sys.argv[1], sys.argv[2], workers=2, told=told)\n"
+        "sweep(sys.argv[1], sys.argv[2], workers=2, on_progress=told)\n"
     )
     with subprocess.Popen(
         [sys.executable, "-P", "-c", killer, str(file), str(out)],
@@ -147,7 +147,7 @@ def test_killed_with_its_workers_and_called_again(alone: dict[str, bytes], tmp_p
     done = len((out / "runs.jsonl").read_text().splitlines()) - 1
     assert 0 < done < RUNS
     again = sweep(file, out, workers=1)
-    assert again.made == RUNS - done
+    assert again.simulated == RUNS - done
     assert bits(again.table) == alone
 
 

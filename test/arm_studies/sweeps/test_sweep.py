@@ -289,25 +289,21 @@ def test_a_run_alone_is_the_run_among_others() -> None:
     assert few["energy"][0] == many["energy"][0]
 
 
-class Ended(Exception):
-    """Stands for a kill."""
+def interrupted(folder: Path) -> None:
+    def interrupt(progress: Progress) -> None:
+        if progress.done >= 4:
+            raise KeyboardInterrupt
 
-
-def ended_after(runs: int, folder: Path) -> None:
-    def told(progress: Progress) -> None:
-        if progress.done >= runs:
-            raise Ended
-
-    with pytest.raises(Ended):
-        sweep(VARIED, folder, workers=1, told=told)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(VARIED, folder, workers=1, on_progress=interrupt)
 
 
 def test_a_sweep_that_was_ended_goes_on(tmp_path: Path) -> None:
-    ended_after(4, tmp_path)
+    interrupted(tmp_path)
     first = sweep(VARIED, tmp_path, workers=1)
-    assert 0 < first.made < 12
+    assert 0 < first.simulated < 12
     assert bits(first.table) == bits(sweep(VARIED, workers=1).table)
-    assert sweep(VARIED, tmp_path, workers=1).made == 0
+    assert sweep(VARIED, tmp_path, workers=1).simulated == 0
 
 
 @pytest.mark.parametrize("cut", [1, 7, 40])
@@ -316,7 +312,7 @@ def test_a_damaged_last_line_is_dropped(cut: int, tmp_path: Path) -> None:
     journal = tmp_path / "runs.jsonl"
     journal.write_bytes(journal.read_bytes()[:-cut])
     again = sweep(VARIED, tmp_path, workers=1)
-    assert again.made == 1 and again.dropped
+    assert again.simulated == 1 and again.dropped
     assert bits(again.table) == bits(whole)
 
 
@@ -324,7 +320,7 @@ def test_a_journal_that_ends_in_its_first_line_is_started_again(tmp_path: Path) 
     sweep(VARIED, tmp_path, workers=1)
     journal = tmp_path / "runs.jsonl"
     journal.write_bytes(journal.read_bytes()[:20])
-    assert sweep(VARIED, tmp_path, workers=1).made == 12
+    assert sweep(VARIED, tmp_path, workers=1).simulated == 12
 
 
 @pytest.mark.parametrize(
@@ -340,7 +336,7 @@ def test_a_journal_that_ends_in_its_first_line_is_started_again(tmp_path: Path) 
 def test_a_study_that_changed_is_refused_by_name(
     change: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
-    ended_after(4, tmp_path)
+    interrupted(tmp_path)
     with pytest.raises(InvalidInput, match=said):
         sweep(VARIED | change, tmp_path, workers=1)
 
@@ -372,7 +368,7 @@ def test_a_file_that_changed_is_noticed(file: str, key: str, tmp_path: Path) -> 
         "controller: {scene: known.yaml}\nmotion: {file: to.yaml}\n"
     )
     sweep(folder / "study.yaml", tmp_path, workers=1)
-    assert sweep(folder / "study.yaml", tmp_path, workers=1).made == 0
+    assert sweep(folder / "study.yaml", tmp_path, workers=1).simulated == 0
     write(file, 1.7)
     with pytest.raises(InvalidInput, match=f"'content of {key}.* was "):
         sweep(folder / "study.yaml", tmp_path, workers=1)
@@ -397,4 +393,5 @@ def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
             with pytest.raises(InvalidInput, match="is being written by another sweep"):
                 sweep(VARIED, tmp_path, workers=1)
 
-    assert sweep(VARIED, tmp_path, workers=1, told=told).made == 12
+    with pytest.warns(DeprecationWarning, match="now (on_progress=|simulated)"):  # as of old
+        assert sweep(VARIED, tmp_path, workers=1, told=told).made == 12

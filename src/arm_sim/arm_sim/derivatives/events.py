@@ -144,15 +144,15 @@ class EventfulTicks:
         self._memory = Lock()
 
     def tick(
-        self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
+        self, point: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
     ) -> tuple[Array, Array]:
         """State after a tick, shape (nx,), and its derivatives, shape (nx, nx + n + nt).
 
         Args:
-            place: State, command and parameters.
+            point: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
-            begins: Whether the state is varied, see ``native/derivatives/rest_derivatives.h``.
+            begins: Whether the state is varied, see ``native/derivatives/rest_stability.h``.
 
         Raises:
             SimulationDiverged: If the tick cannot be computed.
@@ -160,18 +160,18 @@ class EventfulTicks:
         """
         nx = self._plant.nx
         slope = np.empty((nx, nx + self._plant.model.n + len(self._tuned)))
-        return self._differentiate(place, control, strict, begins, address(slope)), slope
+        return self._differentiate(point, control, strict, begins, address(slope)), slope
 
-    def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
+    def after(self, point: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
-        return self._differentiate(place, control, False, False, None)
+        return self._differentiate(point, control, False, False, None)
 
     def _differentiate(
-        self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool,
+        self, point: TickPoint, control: SubstepControl | None, strict: bool, begins: bool,
         slope: int | None,
     ) -> Array:  # fmt: skip
         after = np.empty(self._plant.nx)
-        x, r, p = (np.ascontiguousarray(array) for array in (place.x, place.r, place.p))
+        x, r, p = (np.ascontiguousarray(array) for array in (point.x, point.r, point.p))
         with self._memory:  # of one tick at a time
             refusal = self._code.engine.differentiate(
                 self._code.scene, ctypes.byref(self._helpers), address(x), address(r), address(p),
@@ -265,8 +265,8 @@ def acting(plant: Plant) -> ca.Function:
     return dense_function("acting", [x, r], u, ca.jacobian(u, x), ca.jacobian(u, r))
 
 
-def _numbers(place: int, *shape: int) -> Array:
+def _numbers(start: int, *shape: int) -> Array:
     """Numbers at an address, row by row."""
     count = int(np.prod(shape))
-    memory: Any = (ctypes.c_double * count).from_address(place)
+    memory: Any = (ctypes.c_double * count).from_address(start)
     return np.frombuffer(memory).reshape(shape)

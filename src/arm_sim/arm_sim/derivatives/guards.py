@@ -200,10 +200,10 @@ def _contact_guards(
         closed, sticks, *along = ca.vertsplit(contacts[MODE * k : MODE * k + 4])
         r, s = force[3 * k : 3 * k + 3], speed[3 * k + 1 : 3 * k + 3]
         gap = place[3 * k], length[k]
-        spare = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), heaviest[k] ** 2
+        reserve = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), heaviest[k] ** 2
         ahead = ca.dot(ca.vertcat(*along), s), fastest
         normal.append(_either(closed > 0, (r[0], heaviest[k]), gap))
-        tangential.append(_either(sticks > 0, spare, ahead))
+        tangential.append(_either(sticks > 0, reserve, ahead))
     return normal + tangential
 
 
@@ -216,8 +216,8 @@ def _joint_guards(plant: Plant, x: ca.MX, load: ca.MX, direction: ca.MX) -> list
     for i in range(n):
         away = ca.if_else(x[i] >= upper[i], -load[i], ca.fabs(load[i]))
         away = ca.if_else(x[i] <= lower[i], load[i], away)
-        spare = float(plant.model.friction.level[i]) - away, 1.0 + ca.fabs(load[i])
-        guards.append(_either(direction[i] == 0, spare, (x[n + i], _fastest(x, n))))
+        reserve = float(plant.model.friction.level[i]) - away, 1.0 + ca.fabs(load[i])
+        guards.append(_either(direction[i] == 0, reserve, (x[n + i], _fastest(x, n))))
     return guards
 
 
@@ -238,13 +238,13 @@ def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Gu
     return guards
 
 
-def _either(condition: ca.MX, one: Guard, other: Guard) -> Guard:
-    value, size = (ca.if_else(condition, a, b) for a, b in zip(one, other, strict=True))
+def _either(condition: ca.MX, if_true: Guard, if_false: Guard) -> Guard:
+    value, size = (ca.if_else(condition, a, b) for a, b in zip(if_true, if_false, strict=True))
     return value, size
 
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
-NO_TURN = 1e-12
+ROUNDING = 1e-12
 
 
 def starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:
@@ -263,10 +263,10 @@ def mobility_across(plant: Plant) -> ca.Function:
     """
     inertia, across = plant.events["contact_inertia"], list[ca.MX]()
     x, u, p = inertia.mx_in()
-    W = inertia(x, u, p)[0]
+    W, sliding = inertia(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
     for k in range(len(plant.points)):
-        own = slice(3 * k, 3 * k + 3)
-        along = p[p.shape[0] - 5 * (len(plant.points) - k) + 2 :][:2]
-        way = ca.vertcat(0, -along[1], along[0])
-        across.append(ca.bilin(W[own, own], way, way) - NO_TURN * ca.trace(W[own, own]))
+        own, along = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
+        lateral = ca.vertcat(0, -along[1], along[0])
+        mobility = ca.bilin(W[own, own], lateral, lateral)
+        across.append(mobility - ROUNDING * ca.trace(W[own, own]))
     return expanded("across", [x, u, p], [ca.vertcat(*across)])

@@ -138,9 +138,9 @@ class Linearizer(TickDerivatives):
         p = self._stepper.p
         _, slopes, unfinished = compiled.slopes(x, r, p, 1, threads, None, begins=False)
         for arm in self._one_by_one(unfinished, x, r[:, None], 1):
-            place = TickPoint(x[arm], r[arm], p)
+            point = TickPoint(x[arm], r[arm], p)
             with naming(arm, len(x)):
-                slopes[arm] = self.on_either_side(place, self.control(), begins=False)
+                slopes[arm] = self.on_either_side(point, self.control(), begins=False)
         return slopes
 
     def smoothed(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:

@@ -102,12 +102,12 @@ class TickDerivatives:
         return Engine.of(self._stepper) if self._eventful and fixed_steps else None
 
     def differentiated(
-        self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
+        self, point: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
     ) -> tuple[Array, Array]:
         """State after one tick, and its derivatives by state, command and quantities.
 
         Args:
-            place: State, command and parameters.
+            point: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
             begins: Whether the state is varied, see ``may_go_on``.
@@ -116,36 +116,36 @@ class TickDerivatives:
             SimulationDiverged: If the tick cannot be computed.
             NotDifferentiable: If it has no derivative.
         """
-        if strict and (reason := self.nonsmooth.reason(place.x, place.r)):
+        if strict and (reason := self.nonsmooth.reason(point.x, point.r)):
             raise NotDifferentiable(f"linearize: {reason}")
         compiled = None if self._eventful else self._smooth_ticks
         if compiled:
-            x, r = place.x[None], place.r[None]
-            after, slopes, lost = compiled.slopes(x, r, place.p, 1, 1, 1, begins)
+            x, r = point.x[None], point.r[None]
+            after, slopes, lost = compiled.slopes(x, r, point.p, 1, 1, 1, begins)
             if not lost:
                 return after[0], slopes[0]
         if self._eventful:
-            state, slope = self._events.tick(place, control, strict, begins)
+            state, slope = self._events.tick(point, control, strict, begins)
         else:
-            state, slope = self._tick_by_steps(place, control)
+            state, slope = self._tick_by_steps(point, control)
         if not np.isfinite(slope).all():
             raise NotDifferentiable(f"linearize: {UNSETTLED}{self._choice.remark}")
         return state, slope
 
     def on_either_side(
-        self, place: TickPoint, control: SubstepControl | None, begins: bool
+        self, point: TickPoint, control: SubstepControl | None, begins: bool
     ) -> Array:
         """Derivatives of one tick; on the boundary between two modes, those of either."""
         try:
-            return self.differentiated(place, copied(control), True, begins)[1]
+            return self.differentiated(point, copied(control), True, begins)[1]
         except NotDifferentiable:
-            return self.differentiated(place, copied(control), False, begins)[1]
+            return self.differentiated(point, copied(control), False, begins)[1]
 
-    def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
+    def after(self, point: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
         if self._eventful:
-            return self._events.after(place, control)
-        return self.differentiated(place, control, strict=False, begins=False)[0]
+            return self._events.after(point, control)
+        return self.differentiated(point, control, strict=False, begins=False)[0]
 
     def control(self) -> SubstepControl | None:
         """State of the error control at the beginning of a motion; None without."""
@@ -153,13 +153,13 @@ class TickDerivatives:
         return None if tolerance is None else SubstepControl(tolerance, order)
 
     def one_sided(
-        self, place: TickPoint, control: SubstepControl | None, begins: bool, side: int
+        self, point: TickPoint, control: SubstepControl | None, begins: bool, side: int
     ) -> Array:
         """One-sided derivatives of a tick, see ``one_sided``."""
         return one_sided(
             lambda at: self.after(at, copied(control)),
             lambda at: self.on_either_side(at, control, begins),
-            place, side, self._tuned, self._entries,
+            point, side, self._tuned, self._entries,
         )  # fmt: skip
 
     @cached_property
@@ -183,10 +183,10 @@ class TickDerivatives:
         return EventfulTicks(self._plant, self._choice, engine, self._scene_tangents, self._tuned)
 
     def _tick_by_steps(
-        self, place: TickPoint, control: SubstepControl | None
+        self, point: TickPoint, control: SubstepControl | None
     ) -> tuple[Array, Array]:
         """State after a tick without events, step by step, and its derivatives."""
-        x, r, p = place.x, place.r, place.p
+        x, r, p = point.x, point.r, point.p
         if self._plant.model.stops.touched(x[: len(r)]).any():
             raise NotDifferentiable(
                 f"linearize: a joint is at its stop, which needs compiled code: {HOW_TO_GET_CODE}"
@@ -258,16 +258,16 @@ class Motion:
             SimulationDiverged: If the tick cannot be computed.
             NotDifferentiable: If it has no derivative.
         """
-        linearizer, place = self._linearizer, TickPoint(self.x, r, self.p)
+        linearizer, point = self._linearizer, TickPoint(self.x, r, self.p)
         begins, control = self.ticks == 0, copied(self._control)
         try:
-            x, slope = linearizer.differentiated(place, control, True, begins)
+            x, slope = linearizer.differentiated(point, control, True, begins)
         except NotDifferentiable:
             if self._side is None:
                 raise
-            slope = linearizer.one_sided(place, self._control, begins, self._side)
+            slope = linearizer.one_sided(point, self._control, begins, self._side)
             control = copied(self._control)
-            x = linearizer.after(place, control)
+            x = linearizer.after(point, control)
         self._control = control
         self.go_on(x, 1)
         return slope
@@ -310,5 +310,5 @@ def naming(arm: int, arms: int, tick: int | None = None) -> Iterator[None]:
     except (SimulationDiverged, NotDifferentiable) as error:
         if tick is None and arms == 1:
             raise
-        place = f"arm {arm}" if tick is None else f"arm {arm}, time step {tick}"
-        raise type(error)(f"{place}: {error}") from None
+        label = f"arm {arm}" if tick is None else f"arm {arm}, time step {tick}"
+        raise type(error)(f"{label}: {error}") from None

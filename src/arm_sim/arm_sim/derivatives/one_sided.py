@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One-sided derivatives of a tick at a place where it has no derivative.
+"""One-sided derivatives of a tick at a point where it has no derivative.
 
 Column j is the limit of (F(x + s h e_j) - F(x)) / (s h) for h → 0+, s = ±1, of the tick F and one
-entry of what it is differentiated by. Beside the place, the tick has a derivative whose column j
+entry of what it is differentiated by. Beside the point, the tick has a derivative whose column j
 converges to that. Where a change of entry j alone stays on the boundary between two modes, the
 derivatives of both modes agree along it, since the tick is continuous there: either will do.
 """
@@ -19,7 +19,7 @@ from arm_sim.exceptions import NotDifferentiable
 
 # Distance of the nearer of two places beside the point, relative to the larger of a number
 # and 1; twice as far is the other, and the column is extrapolated from both.
-NEAR = 1e-6
+DISTANCE = 1e-6
 # Largest difference of the two columns, and of the tick itself from what they predict, relative.
 SAME, ROUNDING = 1e-3, 1e-11
 
@@ -39,7 +39,7 @@ class TickPoint:
     p: Array
 
     def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> TickPoint:
-        """The place moved in one entry of (x, r, p[tuned])."""
+        """The point moved in one entry of (x, r, p[tuned])."""
         nx, held = len(self.x), len(self.x) + len(self.r)
         numbers = np.concatenate([self.x, self.r, self.p])
         at = entry if entry < held else held + tuned[entry - held]
@@ -52,7 +52,7 @@ Tick = Callable[[TickPoint], Array]
 
 
 def one_sided(
-    after: Tick, slope: Tick, place: TickPoint, side: int, tuned: Sequence[int],
+    after: Tick, slope: Tick, point: TickPoint, side: int, tuned: Sequence[int],
     names: Sequence[str],
 ) -> Array:  # fmt: skip
     """One-sided derivatives of a tick.
@@ -60,7 +60,7 @@ def one_sided(
     Args:
         after: The tick.
         slope: Its derivatives; between two modes, those of either.
-        place: Where.
+        point: Where.
         side: 1 or -1.
         tuned: Entries of p to differentiate by.
         names: Of the entries of (x, r, p[tuned]), for messages.
@@ -72,12 +72,12 @@ def one_sided(
         NotDifferentiable: If a one-sided derivative does not exist.
         SimulationDiverged: If the tick cannot be computed.
     """
-    begin, columns = after(place), list[Array]()
+    begin, columns = after(point), list[Array]()
     for entry, name in enumerate(names):
-        near, far = (place.moved(entry, side * k * NEAR, tuned) for k in (1, 2))
-        first, second = (slope(point)[:, entry] for point in (near, far))
+        near, far = (point.moved(entry, side * k * DISTANCE, tuned) for k in (1, 2))
+        first, second = (slope(beside)[:, entry] for beside in (near, far))
         column, scale = 2.0 * first - second, 1.0 + abs(first).max()
-        step = (near.x - place.x).sum() + (near.r - place.r).sum() + (near.p - place.p).sum()
+        step = (near.x - point.x).sum() + (near.r - point.r).sum() + (near.p - point.p).sum()
         jump = abs(after(near) - begin - 0.5 * step * (column + first)).max()
         rounding = ROUNDING * (1.0 + abs(begin).max())
         if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether joints and contacts at rest would come to rest again after the smallest push.
 
-See ``native/derivatives/rest_derivatives.h``.
+See ``native/derivatives/rest_stability.h``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def may_go_on(plant: Plant, p: ca.SX, begins: bool) -> ca.SX:
 
 
 def resting_functions(plant: Plant) -> tuple[ca.Function, ...]:
-    """What ``native/derivatives/rest_derivatives.h`` requires besides the functions of the engine.
+    """What ``native/derivatives/rest_stability.h`` requires besides the functions of the engine.
 
     Args:
         plant: Equations of a scene with events.

@@ -56,9 +56,10 @@ class Recording(RecordedMotion):
         """Read a recording: one of ours, a bag of a robot, or a table.
 
         Args:
-            path: A file of ``save``; a bag of ROS 2 (``.mcap``, ``.db3`` or a folder of them) with
-                joint states; or a ``.csv`` with columns ``time`` and ``position.NAME``,
-                ``velocity.NAME``, ``effort.NAME``, or from ``ros2 topic echo --csv``.
+            path: A file of ``save``, or of before (``.npz``); a bag of ROS 2 (``.mcap``, ``.db3``
+                or a folder of them) with joint states; or a ``.csv`` with columns ``time`` and
+                ``position.NAME``, ``velocity.NAME``, ``effort.NAME``, or from ``ros2 topic echo
+                --csv``.
             scene: For a recording without one: anything ``load_scene`` accepts.
             topic: Topic of the joint states, if a bag has several.
 

@@ -71,10 +71,10 @@ class JaxSimulator:
         """
         import jax.numpy as jnp
 
-        given, kind = self._motion.parameters(parameters), jnp.result_type(float)
-        arms = self._motion.arms(x0, tau, given)
+        tuned, kind = self._motion.parameters(parameters), jnp.result_type(float)
+        arms = self._motion.arms(x0, tau, tuned)
         x0, tau = jnp.asarray(x0, kind), jnp.asarray(tau, kind)
-        named = [jnp.asarray(part, kind) for part in given]
+        named = [jnp.asarray(part, kind) for part in tuned]
         parts = [jnp.broadcast_to(part, (*arms, part.shape[-1])) for part in named]
         return self._states(
             self._motion,
@@ -100,14 +100,14 @@ def _simulated() -> Any:
         shape = (*x0.shape[:-1], tau.shape[-2] + 1, x0.shape[-1])
         return call(motion.states, jax.ShapeDtypeStruct(shape, x0.dtype), x0, tau, p)
 
-    def forward(motion: Motion, *given: jax.Array) -> tuple[jax.Array, tuple[jax.Array, ...]]:
-        return states(motion, *given), given
+    type Arrays = tuple[jax.Array, ...]
 
-    def backward(
-        motion: Motion, given: tuple[jax.Array, ...], g: jax.Array
-    ) -> tuple[jax.Array, ...]:
-        results = tuple(jax.ShapeDtypeStruct(of.shape, of.dtype) for of in given)
-        return tuple(call(motion.pullback, results, *given, g))
+    def forward(motion: Motion, *arguments: jax.Array) -> tuple[jax.Array, Arrays]:
+        return states(motion, *arguments), arguments
+
+    def backward(motion: Motion, arguments: Arrays, g: jax.Array) -> Arrays:
+        results = tuple(jax.ShapeDtypeStruct(each.shape, each.dtype) for each in arguments)
+        return tuple(call(motion.pullback, results, *arguments, g))
 
     states.defvjp(forward, backward)
     return states

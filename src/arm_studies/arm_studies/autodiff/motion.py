@@ -39,32 +39,32 @@ class Motion:
             raise InvalidInput(
                 f"simulator = {simulator!r}; a Simulator is expected, such as Simulator('panda')"
             )
-        self._compiled, self._known = simulator.arm.compiled, simulator.arm.plant.parameters
+        self._compiled, self._tunable = simulator.arm.compiled, simulator.arm.plant.parameters
         self.nx, self.n = simulator.arm.plant.nx, simulator.n
-        self._p = simulator.arm.parameters[: len(self._known.nominal)]
+        self._p = simulator.arm.parameters[: len(self._tunable.nominal)]
 
-    def parameters(self, given: dict[str, Any] | None) -> list[Any]:
-        """Numbers of all tunable quantities in order: as given, of shape (…, size), or current.
+    def parameters(self, values: dict[str, Any] | None) -> list[Any]:
+        """Values of all tunable quantities in order: these, of shape (…, size), or current ones.
 
         Raises:
             InvalidInput: If a name is not tunable or a size is not allowed.
         """
-        given, values = given or {}, []
-        for name in given:
-            if name not in self._known.names:
+        by_name, parameters = values or {}, []
+        for name in by_name:
+            if name not in self._tunable.names:
                 raise InvalidInput(
                     f"'{name}' is not tunable; the scene's 'tunable' names "
-                    f"{self._known.names or 'nothing'}"
+                    f"{self._tunable.names or 'nothing'}"
                 )
-        for item in self._known.items:
-            current = self._known.of(item.name, self._p)
-            value = given.get(item.name, current)
+        for item in self._tunable.items:
+            current = self._tunable.of(item.name, self._p)
+            value = by_name.get(item.name, current)
             if np.shape(value)[-1:] != current.shape:
                 raise InvalidInput(
                     f"{item.name} has shape {tuple(np.shape(value))}; expected (…, {current.size})"
                 )
-            values.append(value)
-        return values
+            parameters.append(value)
+        return parameters
 
     def arms(self, x0: Any, tau: Any, parameters: list[Any]) -> tuple[int, ...]:
         """Leading axes to which all arguments are broadcast.
@@ -145,9 +145,9 @@ class Motion:
         ticks, plant = np.shape(tau)[-2], self._compiled.plant
         x, u = _numbers("x0", x0).reshape(-1, self.nx), _numbers("tau", tau)
         rows = _numbers("parameters", p).reshape(len(x), -1)
-        ends = np.cumsum([item.nominal.size for item in self._known.items])[:-1]
-        parts = np.split(rows, ends, axis=1) if self._known.items else []
-        self._known.merged(dict(zip(self._known.names, parts, strict=True)), self._p)
+        ends = np.cumsum([item.nominal.size for item in self._tunable.items])[:-1]
+        parts = np.split(rows, ends, axis=1) if self._tunable.items else []
+        self._tunable.merged(dict(zip(self._tunable.names, parts, strict=True)), self._p)
         if plant.model.stops:
             x = x.copy()
             for arm, row in enumerate(x):

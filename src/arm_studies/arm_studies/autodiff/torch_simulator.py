@@ -70,13 +70,13 @@ class TorchSimulator:
         """
         import torch
 
-        given = self._motion.parameters(parameters)
-        arms = self._motion.arms(x0, tau, given)
+        tuned = self._motion.parameters(parameters)
+        arms = self._motion.arms(x0, tau, tuned)
         x0 = torch.as_tensor(x0)
         x0 = x0 if x0.is_floating_point() else x0.to(torch.get_default_dtype())
         like = {"dtype": x0.dtype, "device": x0.device}
         tau = torch.as_tensor(tau, **like)
-        named = [torch.as_tensor(part, **like) for part in given]
+        named = [torch.as_tensor(part, **like) for part in tuned]
         parts = [part.expand(*arms, part.shape[-1]) for part in named]
         states: torch.Tensor = self._states.apply(
             self._motion,
@@ -100,17 +100,17 @@ def _simulated() -> Any:
 
     class States(torch.autograd.Function):  # type: ignore[misc]
         @staticmethod
-        def forward(ctx: Any, motion: Motion, *given: torch.Tensor) -> torch.Tensor:
+        def forward(ctx: Any, motion: Motion, *arguments: torch.Tensor) -> torch.Tensor:
             ctx.motion = motion
-            ctx.save_for_backward(*given)
-            return _tensor(motion.states(*map(_array, given)), given[0])
+            ctx.save_for_backward(*arguments)
+            return _tensor(motion.states(*map(_array, arguments)), arguments[0])
 
         @staticmethod
         @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
         def backward(ctx: Any, g: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
-            given = ctx.saved_tensors
-            gradients = ctx.motion.pullback(*map(_array, given), _array(g))
-            return None, *(_tensor(by, given[0]) for by in gradients)
+            arguments = ctx.saved_tensors
+            gradients = ctx.motion.pullback(*map(_array, arguments), _array(g))
+            return None, *(_tensor(gradient, arguments[0]) for gradient in gradients)
 
     return States
 

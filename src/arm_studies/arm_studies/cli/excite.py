@@ -11,16 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import click
 
 from arm_dynamics.writing import warn_if_replaced
-from arm_sim.cli.arguments import (
-    Figure,
-    Json,
-    NotNegative,
-    Positive,
-    Scene,
-    Seconds,
-    Share,
-    YamlFile,
-)
+from arm_sim.cli import arguments
 from arm_sim.cli.command import command
 from arm_sim.cli.output import console, facts, limit, number, progress, say, table, to_json
 from arm_sim.cli.vectors import Vector, VectorType
@@ -40,24 +31,24 @@ POSITION = VectorType('"Q …"')
     "./arm go --trajectory exciting.yaml",
 )
 def excite(
-    scene: Scene,
+    scene: arguments.Scene,
     *,
-    out: YamlFile | None = None,
-    figure: Figure | None = None,
-    period: Seconds = 10.0,
+    out: arguments.YamlFile | None = None,
+    figure: arguments.Figure | None = None,
+    period: arguments.Seconds = 10.0,
     turns: Annotated[int, click.IntRange(1, 100)] = 1,
     harmonics: Annotated[int, click.IntRange(2, 30)] = 5,
     aim: Literal["all", "masses"] = "all",
-    acceleration: Positive | None = None,
-    share: Share = 0.8,
+    acceleration: arguments.Positive | None = None,
+    share: arguments.Share = 0.8,
     margin: Annotated[float, click.FloatRange(0.0, 0.49)] = 0.05,
     box: Annotated[Vector | None, BOX] = None,
     frames: Annotated[tuple[str, ...], "--frame"] = (),
-    clearance: NotNegative = 0.05,
+    clearance: arguments.NotNegative = 0.05,
     start: Annotated[Vector | None, POSITION] = None,
     attempts: Annotated[int, click.IntRange(1, 1000)] = 3,
     seed: int = 0,
-    as_json: Json = False,
+    as_json: arguments.Json = False,
 ) -> None:
     """Compute a motion of SCENE from which its masses and friction can be identified.
 
@@ -103,10 +94,10 @@ def excite(
 
     if not sys.stderr.isatty():
         click.echo(f"searching: {attempts} attempts, a few seconds each", err=True)
-    with progress(sys.stderr, in_lines, description="searching", total=attempts) as tell:
+    with progress(sys.stderr, in_lines, description="searching", total=attempts) as bar:
         best = find(
             room, period=period, harmonics=harmonics, aim=aim, attempts=attempts, seed=seed,
-            told=lambda done: tell(completed=done),
+            on_progress=lambda done: bar(completed=done),
         )  # fmt: skip
     out = out or Path("exciting.yaml")
     JointTrajectory.of(best.motion, best.joint_names, turns).save(out)

@@ -75,15 +75,16 @@ def identify(
         result = find(
             scene, records, band=band, effort=dict(units) or effort, names=dict(names),
             total_mass=total_mass, masses=dict(masses), accept_worse=accept_worse,
-            told=lambda text: click.echo(f"{text} …", err=True),
+            on_progress=lambda step: click.echo(f"{step} …", err=True),
         )  # fmt: skip
         click.echo("writing the scene, the report and the figures …", err=True)
         files = write(result, out, [path.name for path in recordings])
         same = ("parameters", "intervals", "scatter", "written", "missing", "notes")
         facts = {
-            "band": result.band, "error": result.error[0], "nominal_error": result.error[1],
-            "torque_error": result.torque_error, **{name: getattr(result, name) for name in same},
-            "scales": dict(zip(result.joint_names, result.scales, strict=True)),
+            "band": result.band, "error": result.error.identified,
+            "nominal_error": result.error.nominal, "torque_error": result.torque_error,
+            **{name: getattr(result, name) for name in same},
+            "scales": {joint.name: joint.scale for joint in result.joints},
         }  # fmt: skip
         lines = _lines(result)
     if as_json:
@@ -105,7 +106,7 @@ def _payload(
     arm = load_scene(scene)
     estimate = estimate_payload(
         arm, records, frame, band=band, names=names,
-        told=lambda text: click.echo(f"note: {text}", err=True),
+        on_note=lambda text: click.echo(f"note: {text}", err=True),
     )  # fmt: skip
     remarks = dict.fromkeys(estimate.scatter, "scatter, not 95 %")
     remarks |= dict.fromkeys(estimate.missing, "the motion does not determine it")
@@ -134,8 +135,8 @@ def _lines(result: Identification) -> list[Any]:
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
     identified = result.parameters.keys() - result.missing.keys()
     lines = [
-        f"torque error on held-out data: {share(result.error[0], 2)}, nominal "
-        f"{share(result.error[1], 2)}; "
+        f"torque error on held-out data: {share(result.error.identified, 2)}, nominal "
+        f"{share(result.error.nominal, 2)}; "
         f"low-pass filter {result.band:.3g} Hz; condition number {result.condition:.3g}; "
         f"{len(identified)} parameters identified, {len(result.missing)} not"
     ]

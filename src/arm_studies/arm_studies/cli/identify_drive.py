@@ -51,8 +51,8 @@ def identify_drive(
 
     click.echo("fitting …", err=True)
     if flexible is not None:
-        read = _read(flexible, ("torque", "motor", "link"), needed=("torque", "motor"))
-        drive, units = drives.identify_joint(drives.JointTest.of(**read)), drives.JOINT_UNITS
+        test = _read(flexible, ("torque", "motor", "link"), needed=("torque", "motor"))
+        drive, units = drives.identify_joint(drives.JointTest.of(**test)), drives.JOINT_UNITS
     elif bristles:
         both = "torque", "position"
         tests = [drives.SmallMotion.of(**_read(path, both, needed=both)) for path in bristles]
@@ -65,7 +65,7 @@ def identify_drive(
             for path in paths
         ]
         drive, units = drives.identify_motor(records), drives.MOTOR_UNITS
-    estimates = {name: e for name, e in drive.estimates.items() if e.found}
+    estimates = {name: e for name, e in drive.estimates.items() if e.determined}
     if as_json:
         parameters = {
             name: {"value": e.value, "interval": e.interval, "unit": units[name]}

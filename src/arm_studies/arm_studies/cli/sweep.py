@@ -51,20 +51,20 @@ def sweep(
     """
     from rich.progress import BarColumn, MofNCompleteColumn
 
-    from arm_studies.sweeps import sweep as make
+    from arm_studies.sweeps import sweep as run
     from arm_studies.sweeps.figures import draw
 
     folder = out or Path("reports/sweeps") / study.stem
     columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), "{task.fields[left]}")
     first = {"description": "reading the study", "left": ""}
     try:
-        with progress(sys.stderr, _in_lines(), *columns, **first) as tell:
+        with progress(sys.stderr, _in_lines(), *columns, **first) as bar:
 
-            def told(at: Progress) -> None:
-                left = _left(at.remaining)
-                tell(description=at.what, completed=at.done, total=at.total, left=left)
+            def show(now: Progress) -> None:
+                left = _left(now.remaining)
+                bar(description=now.activity, completed=now.done, total=now.total, left=left)
 
-            done = make(study, folder, workers=workers, cluster=cluster, told=told)
+            done = run(study, folder, workers=workers, cluster=cluster, on_progress=show)
     except KeyboardInterrupt:
         click.echo(
             f"\ninterrupted; finished runs are saved in {folder}; the same command continues",
@@ -75,15 +75,15 @@ def sweep(
     if not no_figures:
         written += draw(done.study, done.table, folder)
     plan = done.plan
-    how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
+    means = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
     lines = [*_losses(done)]
     if done.dropped:
         lines.append("the last line of the journal was damaged; its run was repeated")
-    if done.made:
-        rate = done.made * done.study.duration / max(done.seconds, 1e-9)
+    if done.simulated:
+        rate = done.simulated * done.study.duration / max(done.seconds, 1e-9)
         lines.append(
-            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
-            f"{plan.runs - done.made} resumed; {how}; sets of equations: {plan.worlds}"
+            f"{done.simulated} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
+            f"{plan.runs - done.simulated} resumed; {means}; sets of equations: {plan.worlds}"
         )
     else:
         lines.append(f"all {plan.runs} runs were done before")
@@ -115,9 +115,9 @@ def _groups(done: Sweep) -> Table:
     from arm_studies.sweeps.figures import groups
 
     rows = []
-    for name, these in groups(done.table).items():
+    for name, runs in groups(done.table).items():
         for metric in done.table.metrics:
-            values = done.table[metric][these & done.table.done]
+            values = done.table[metric][runs & done.table.done]
             cells = ["-"] * 4
             if len(values):
                 cells = [number(x, 4) for x in np.percentile(values, (5, 50, 95, 100))]
@@ -129,19 +129,19 @@ def _groups(done: Sweep) -> Table:
 
 
 def _in_lines() -> Callable[[str, int, int, str], None]:
-    """What prints a line of progress periodically, without a terminal."""
-    before, activity = 0.0, ""
+    """A function that prints a line of progress periodically, without a terminal."""
+    printed, activity = 0.0, ""
 
-    def tell(description: str, completed: int, total: int, left: str) -> None:
-        nonlocal before, activity
+    def show(description: str, completed: int, total: int, left: str) -> None:
+        nonlocal printed, activity
         now = time.monotonic()
-        if now - before < _EVERY and description == activity:
+        if now - printed < _EVERY and description == activity:
             return
-        before, activity = now, description
+        printed, activity = now, description
         end = f", {left}" if left else ""
         click.echo(f"{description}: {completed} of {total} runs{end}", err=True)
 
-    return tell
+    return show
 
 
 def _left(seconds: float | None) -> str:

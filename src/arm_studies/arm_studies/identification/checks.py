@@ -23,14 +23,14 @@ from arm_studies.identification.regression.rows import Rows
 BEYOND = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
 MOVED = 1e-3  # Range in [rad] or [m] below which a joint has not moved.
 # Largest residual of a fit relative to the torques; above it the model is of another robot.
-UNEXPLAINED = 0.6
+LARGEST_RESIDUAL = 0.6
 OUT_OF_SCALE = 5.0  # Largest factor between identified and nominal masses, in the median.
 # Factor between efforts and the torques of nominal bodies that only another unit explains.
 OTHER_UNIT = 20.0
-SLOWEST = 0.2  # Largest sampling interval in [s] from which a motion can be identified.
+LONGEST_STEP = 0.2  # Largest sampling interval in [s] from which a motion can be identified.
 # Standard errors by which a scene must predict worse than the nominal one to be refused; chance
 # alone makes more once in 160 recordings.
-WORSE = 2.5
+STANDARD_ERRORS = 2.5
 ROUNDING = 1e-6  # Relative residual below which a prediction is exact.
 LEAST_ROWS = 50  # Smallest number of independent measurements of each joint.
 
@@ -85,10 +85,10 @@ def check_model(model: ArmModel) -> None:
 def check_record(record: JointRecord, model: ArmModel) -> None:
     """Refuse recordings without efforts, or in other units."""
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else 0.0
-    if step > SLOWEST:
+    if step > LONGEST_STEP:
         raise InvalidInput(
-            f"{record.name}: samples are {step:.3g} s apart; allowed: at most {SLOWEST} s (are "
-            "the times in milliseconds or nanoseconds?)"
+            f"{record.name}: samples are {step:.3g} s apart; allowed: at most {LONGEST_STEP} s "
+            "(are the times in milliseconds or nanoseconds?)"
         )
     limits = zip(model.position_lower, model.position_upper, strict=True)
     for j, (name, (lower, upper)) in enumerate(zip(record.joint_names, limits, strict=True)):
@@ -172,9 +172,9 @@ def check_columns(problem: Problem) -> list[str]:
     gross, notes = [], []
     for x in delayed(problem):
         more = " or more" if abs(x.late) > 0.99 * LATEST else ""
-        way = "late by" if x.late > 0.0 else "ahead of the motion by"
+        delay = "late by" if x.late > 0.0 else "ahead of the motion by"
         text = (
-            f"'{names[x.joint]}': its efforts are {way} {1e3 * abs(x.late):.3g} ms{more}, which "
+            f"'{names[x.joint]}': its efforts are {delay} {1e3 * abs(x.late):.3g} ms{more}, which "
             "causes most of what bodies and friction do not explain (residual "
             f"{x.before:.1%}, without the delay {x.after:.1%}); shift the column of its efforts "
             "by that time"
@@ -238,10 +238,10 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
     Raises:
         InvalidInput: With possible causes.
     """
-    if not error < UNEXPLAINED:  # nor NaN
+    if not error < LARGEST_RESIDUAL:  # nor NaN
         raise InvalidInput(
             f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal "
-            f"scene {nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong "
+            f"scene {nominal:.0%}); allowed: at most {LARGEST_RESIDUAL:.0%} (another robot, wrong "
             f"joint names, efforts that are not torques, or contact?){_odd(names, scales)}"
         )
 
@@ -264,12 +264,12 @@ def check_better(error: float, nominal: float, excess: float) -> None:
     Raises:
         InvalidInput: With both.
     """
-    if error > max(nominal, ROUNDING) and excess > WORSE:
+    if error > max(nominal, ROUNDING) and excess > STANDARD_ERRORS:
         raise InvalidInput(
             f"the identified scene leaves {error:.3%} of the torques held out, more than the "
             f"nominal scene, {nominal:.3%}, and more than noise explains ({excess:.1f} standard "
-            f"errors; allowed: up to {WORSE:g}): use the nominal scene, record a longer motion of "
-            "all joints, or accept the identified scene nevertheless (accept worse)"
+            f"errors; allowed: up to {STANDARD_ERRORS:g}): use the nominal scene, record a longer "
+            "motion of all joints, or accept the identified scene nevertheless (accept worse)"
         )
 
 
@@ -285,8 +285,8 @@ def check_masses(masses: Array, nominal: Array, names: Sequence[str], scales: Ar
     Raises:
         InvalidInput: With possible causes.
     """
-    there = nominal > 0.0
-    ratio = float(np.median(masses[there] / nominal[there])) if there.any() else 1.0
+    present = nominal > 0.0
+    ratio = float(np.median(masses[present] / nominal[present])) if present.any() else 1.0
     if 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
         return
     raise InvalidInput(

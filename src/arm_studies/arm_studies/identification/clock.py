@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_studies.identification.data import JointRecord, runs
-from arm_studies.identification.filtering import ABOVE, WIDEST, ZeroPhase, chosen_band
+from arm_studies.identification.data import JointRecord, interpolated, runs
+from arm_studies.identification.filtering import NOISE_RATIO, WIDEST, ZeroPhase, chosen_band
 
 ROUNDS = 4
 # Fraction of the positions' noise power that late stamps must explain to be corrected.
-EXPLAINED = 0.75
-LEAST = 1e-2  # Errors below this fraction of the sampling interval are not corrected.
-REPEATS = 3  # Largest number of repetitions of a row; in longer ones the robot rests.
-MOTION = 30.0  # Ratio to the noise above which the power of a position is motion.
+EXPLAINED_FRACTION = 0.75
+LEAST_ERROR = 1e-2  # Errors below this fraction of the sampling interval are not corrected.
+LONGEST_REPETITION = 3  # Largest number of repetitions of a row; in longer ones the robot rests.
+MOTION_RATIO = 30.0  # Ratio to the noise above which the power of a position is motion.
 
 
 def without_repeats(record: JointRecord) -> JointRecord:
@@ -37,7 +37,7 @@ def without_repeats(record: JointRecord) -> JointRecord:
     same = (both[1:] == both[:-1]) | np.isnan(both[1:]) & np.isnan(both[:-1])
     repeated = np.concatenate([[False], same.all(axis=1)])
     for start, end in runs(repeated):
-        repeated[start:end] = end - start <= REPEATS
+        repeated[start:end] = end - start <= LONGEST_REPETITION
     if not repeated.any():
         return record
     note = f"{np.count_nonzero(repeated)} rows repeat the one before and are not used"
@@ -49,10 +49,10 @@ def repaired(record: JointRecord) -> JointRecord:
 
     A stamp that is late by δ shifts the position of *every* joint by q̇ δ. So n positions at one
     time determine δ and leave n - 1 numbers to check it: δ is the weighted mean of the joints'
-    deviations over their velocities, and is applied only if it removes ``EXPLAINED`` of their
-    power. Efforts are assumed to be sampled at the same instants. Likewise, times are made even if
-    the positions have that much less noise at even times: then samples were, and stamps are those
-    of the transport.
+    deviations over their velocities, and is applied only if it removes ``EXPLAINED_FRACTION`` of
+    their power. Efforts are assumed to be sampled at the same instants. Likewise, even times
+    replace the stamps if the positions have that much less noise at them: then samples were even,
+    and stamps are those of the transport.
 
     Args:
         record: Joint states without gaps.
@@ -64,7 +64,7 @@ def repaired(record: JointRecord) -> JointRecord:
         return record
     dt = float(np.median(np.diff(record.time)))
     late = np.zeros(len(record.time))
-    band = min(chosen_band(record.q, dt, MOTION / ABOVE), 0.5 * WIDEST / dt)
+    band = min(chosen_band(record.q, dt, MOTION_RATIO / NOISE_RATIO), 0.5 * WIDEST / dt)
     record = _evened(record, band, dt)
     before, _ = _deviations(record, late, band, dt)
     for _ in range(ROUNDS):
@@ -76,14 +76,14 @@ def repaired(record: JointRecord) -> JointRecord:
         late = late - (velocity * deviation / noise).sum(axis=1) / info
         late = np.clip(late - late.mean(), -0.3 * dt, 0.3 * dt)
     after, _ = _deviations(record, late, band, dt)
-    left = _share(record, after, before)
+    ratio = _share(record, after, before)
     time = record.time - late
-    believed = left < 1.0 - EXPLAINED and late.std() > LEAST * dt
+    believed = ratio < 1.0 - EXPLAINED_FRACTION and late.std() > LEAST_ERROR * dt
     if not believed or not np.all(np.diff(time) > 0.0):
         return record
     note = (
         f"time stamps were off by {1e3 * late.std():.2g} ms (standard deviation), which explains "
-        f"{1.0 - left:.0%} of the positions' noise; they are corrected"
+        f"{1.0 - ratio:.0%} of the positions' noise; they are corrected"
     )
     return replace(record, time=read_only(time), notes=(*record.notes, note))
 
@@ -93,18 +93,18 @@ def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
     late = np.zeros(len(record.time))
     even = np.linspace(record.time[0], record.time[-1], len(late))
     off = float((record.time - even).std())
-    if off < LEAST * dt:
+    if off < LEAST_ERROR * dt:
         return record
     corrected = replace(record, time=read_only(even))
     step = float(even[1] - even[0])
     before, _ = _deviations(record, late, band, dt)
     after, _ = _deviations(corrected, late, band, step)
-    left = _share(record, after, before)
-    if left >= 1.0 - EXPLAINED:
+    ratio = _share(record, after, before)
+    if ratio >= 1.0 - EXPLAINED_FRACTION:
         return record
     note = (
         f"samples are evenly spaced, but time stamps were off by {1e3 * off:.2g} ms (standard "
-        f"deviation), which explains {1.0 - left:.0%} of the positions' noise; they are corrected"
+        f"deviation), which explains {1.0 - ratio:.0%} of the positions' noise; they are corrected"
     )
     return replace(corrected, notes=(*record.notes, note))
 
@@ -121,9 +121,6 @@ def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tup
     """Deviations of positions from the smoothed motion, and its velocities, shapes (k, n)."""
     low_pass, time = ZeroPhase(band, dt), record.time - late
     grid = time[0] + dt * np.arange(round(float(time[-1] - time[0]) / dt) + 1)
-    even = np.column_stack([np.interp(grid, time, column) for column in record.q.T])
-    smooth, slope = low_pass(even), low_pass(even, 1)
-    at = [
-        np.column_stack([np.interp(time, grid, column) for column in x.T]) for x in (smooth, slope)
-    ]
-    return record.q - at[0], at[1]
+    even = interpolated(grid, time, record.q)
+    smooth, slope = (interpolated(time, grid, low_pass(even, order)) for order in (0, 1))
+    return record.q - smooth, slope

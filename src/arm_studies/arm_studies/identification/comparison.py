@@ -199,13 +199,13 @@ def _free_run(model: ArmModel, motion: MeasuredMotion, window: float) -> FreeRun
     part = (share % 1.0)[:, None]
     at = starts[:, None] + np.floor(share).astype(int)
     tau = effort[at] * (1.0 - part) + effort[at + 1] * part
-    begin, there = motion.q[starts], motion.q[starts + rows]
+    begin, measured = motion.q[starts], motion.q[starts + rows]
     ends = sim.rollout(begin, motion.v[starts], tau, ticks, last_only=True)[:, :n]
     kept = np.isfinite(ends).all(axis=1)
     error = moved = unknown
     if kept.any():
         error, moved = (
-            np.sqrt(np.mean(x[kept] ** 2, axis=0)) for x in (ends - there, there - begin)
+            np.sqrt(np.mean(x[kept] ** 2, axis=0)) for x in (ends - measured, measured - begin)
         )
     lost = int(np.count_nonzero(~kept))
     return FreeRun(rows * motion.dt, len(starts), lost, read_only(error), read_only(moved))

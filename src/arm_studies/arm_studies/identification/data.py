@@ -20,6 +20,17 @@ from arm_sim.recording.recording import Recording
 _MEASURED = ("q", "effort", "v", "a")
 
 
+def _summary(motion: JointRecord | MeasuredMotion) -> str:
+    """As ``__repr__``: its rows, joints and notes."""
+    names = known_names(motion.joint_names, 8)
+    lines = [
+        f"<{type(motion).__name__} {motion.name}: {len(motion.time)} rows from "
+        f"{motion.time[0]:g} to {motion.time[-1]:g} s, {len(motion.joint_names)} joints: {names}",
+        *(f"note: {note}" for note in motion.notes),
+    ]
+    return "\n  ".join(lines) + ">"
+
+
 @frozen
 class JointRecord:
     """Joint states as a robot reported them, in order of time; arrays are read-only.
@@ -48,9 +59,7 @@ class JointRecord:
     notes: tuple[str, ...] = ()
     effort_age: float | None = None
 
-    def __repr__(self) -> str:
-        """A summary: its rows, joints and notes."""
-        return _summary(self)
+    __repr__ = _summary
 
     @classmethod
     def of(
@@ -176,9 +185,7 @@ class MeasuredMotion:
     aged: bool = True
     noise: Array = field(default_factory=lambda: np.zeros((2, 1)))
 
-    def __repr__(self) -> str:
-        """A summary: its rows, joints and notes."""
-        return _summary(self)
+    __repr__ = _summary
 
     @property
     def n(self) -> int:
@@ -219,16 +226,6 @@ class MeasuredMotion:
         return replace(self, **arrays, valid=self.valid[rows], stretches=kept)
 
 
-def _summary(what: JointRecord | MeasuredMotion) -> str:
-    names = known_names(what.joint_names, 8)
-    lines = [
-        f"<{type(what).__name__} {what.name}: {len(what.time)} rows from {what.time[0]:g} to "
-        f"{what.time[-1]:g} s, {len(what.joint_names)} joints: {names}",
-        *(f"note: {note}" for note in what.notes),
-    ]
-    return "\n  ".join(lines) + ">"
-
-
 def read_joint_record(path: str | os.PathLike[str], topic: str | None = None) -> JointRecord:
     """Read a file of any kind that ``Recording.load`` opens; see there.
 
@@ -250,18 +247,23 @@ def records_of(recordings: Any) -> list[JointRecord]:
     Raises:
         InvalidInput: If there is none, or it is something else.
     """
-    given = recordings if isinstance(recordings, list | tuple) else [recordings]
-    if not given:
+    several = recordings if isinstance(recordings, list | tuple) else [recordings]
+    if not several:
         raise InvalidInput("no recording is given; at least one is expected")
-    for each in given:
+    for each in several:
         if not isinstance(each, JointRecord) and not hasattr(each, "joint_names"):
             raise InvalidInput(
                 f"recording = {each!r}; allowed: a Recording, such as Recording.load(path), or a "
                 "JointRecord"
             )
-    return [r if isinstance(r, JointRecord) else JointRecord.from_recording(r) for r in given]
+    return [r if isinstance(r, JointRecord) else JointRecord.from_recording(r) for r in several]
 
 
-def runs(where: NDArray[np.bool_]) -> NDArray[np.int_]:
+def interpolated(at: Array, time: Array, values: Array) -> Array:
+    """Values of shape (k, n) at other times, linear between rows."""
+    return np.column_stack([np.interp(at, time, column) for column in values.T])
+
+
+def runs(mask: NDArray[np.bool_]) -> NDArray[np.int_]:
     """First row and end of each stretch in which a condition holds, shape (m, 2)."""
-    return np.flatnonzero(np.diff(where.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    return np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)

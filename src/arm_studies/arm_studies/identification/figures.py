@@ -26,16 +26,16 @@ _INSTANTS = np.linspace(0.0, 1.0, 6)[:-1]  # of every segment of a motion
 
 @contextmanager
 def torque_panels(
-    path: Path, scene: Scene, time: Array, measured: Array, others: Mapping[str, Array]
+    path: Path, scene: Scene, time: Array, measured: Array, predictions: Mapping[str, Array]
 ) -> Iterator[Any]:
-    """A row for each joint: its torques, measured and others, and measured minus the others.
+    """A row for each joint: its torques, measured and predicted, and the residuals.
 
     Args:
         path: The figure.
         scene: The arm.
         time: In [s], shape (k,).
         measured: In [N m] or [N], shape (k, n).
-        others: Other torques by label.
+        predictions: Other torques by label.
 
     Yields:
         The axes, shape (n, 2).
@@ -46,7 +46,7 @@ def torque_panels(
     with figure(path, n, 2, size, squeeze=False, sharex=True, width_ratios=(1.5, 1)) as axes:
         for j, (left, right) in enumerate(axes):
             left.plot(time, measured[:, j], color="0.7", lw=3.0, label="measured")
-            for (label, torque), color in zip(others.items(), COLORS, strict=False):
+            for (label, torque), color in zip(predictions.items(), COLORS, strict=False):
                 left.plot(time, torque[:, j], color=color, lw=1.0, label=label)
                 right.plot(time, measured[:, j] - torque[:, j], color=color, lw=0.8)
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
@@ -73,8 +73,8 @@ def draw_torques(identification: Identification, path: Path) -> None:
     with torque_panels(
         path, identification.scene, order[rows], shown.measured[rows], torques
     ) as panels:
-        for name, (left, right) in zip(identification.joint_names, panels, strict=True):
-            error = identification.torque_error[name]
+        for joint, (left, right) in zip(identification.joints, panels, strict=True):
+            error = joint.errors.identified
             percent = "unknown" if np.isnan(error) else f"{100 * error:.1f} %"
             right.set_title(f"{percent} on held-out data (shaded)", **_NOTE)
             for axis in (left, right):
@@ -98,43 +98,38 @@ def draw_comparison(comparisons: Sequence[Comparison], scenes: Sequence[str], pa
 def draw_friction(identification: Identification, path: Path) -> None:
     """Draw torques minus those of links and drives over speed, and the identified friction law.
 
+    The law is drawn under the joint's typical load.
+
     Args:
         identification: The identification.
         path: The figure.
     """
-    shown, n, types = (
-        identification.torques,
-        len(identification.joint_names),
-        ArmModel(identification.scene).joint_types,
-    )
+    shown, n = identification.torques, len(identification.joints)
+    types = ArmModel(identification.scene).joint_types
     columns = min(4, n)
     lines = -(-n // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
-        for j, (at, name) in enumerate(
-            zip(axes.flat, joint_words(identification.joint_names), strict=False)
-        ):
-            at.plot(
-                shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", ms=2, label="measured"
-            )
-            fit = identification.friction[j]
-            if fit is not None and fit.kinds:
-                at.plot(*_law(identification, j), color=COLORS[1], label="identified law")
+        names = joint_words(identification.joint_names)
+        for j, (at, name) in enumerate(zip(axes.flat, names, strict=False)):
+            v, friction = shown.v[rows, j], shown.friction[rows, j]
+            at.plot(v, friction, ".", color="0.7", ms=2, label="measured")
+            law = identification.joints[j].friction
+            if law is not None and law.kinds:
+                v = _velocities(shown.v[:, j])
+                load = np.full_like(v, float(np.sqrt(np.nanmean(shown.measured[:, j] ** 2))))
+                at.plot(v, law.torque(v, load), color=COLORS[1], label="identified law")
             at.set_title(name)
         whole = axes[0, 0].figure
         whole.supylabel(f"friction [{units(types, 'N m', 'N')}]", fontsize=9.0)
         whole.supxlabel(f"velocity [{units(types, 'rad/s', 'm/s')}]", fontsize=9.0)
 
 
-def _law(identification: Identification, j: int) -> tuple[Array, Array]:
-    """Friction over velocity under the joint's typical load, with a gap at rest."""
-    fit, shown = identification.friction[j], identification.torques
-    assert fit is not None
-    most = float(np.nanmax(abs(shown.v[:, j])))
-    half = np.geomspace(1e-4 * most, most, 200)
-    v = np.concatenate([-half[::-1], [np.nan], half])
-    load = np.full_like(v, float(np.sqrt(np.nanmean(shown.measured[:, j] ** 2))))
-    return v, fit.torque(v, load)
+def _velocities(measured: Array) -> Array:
+    """Velocities of both signs up to the largest measured one, with a gap at rest."""
+    largest = float(np.nanmax(abs(measured)))
+    half = np.geomspace(1e-4 * largest, largest, 200)
+    return np.concatenate([-half[::-1], [np.nan], half])
 
 
 def draw_excitation(motion: Trajectory, room: Room, path: Path) -> None:

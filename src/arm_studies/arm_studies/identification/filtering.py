@@ -19,22 +19,24 @@ from arm_dynamics.arrays import Array
 ORDER = 4
 # Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
 # slowest pole decays by exp(-2π sin(π/4p)) in each.
-SETTLED = 4.0
+SETTLING_PERIODS = 4.0
 # Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx; and for accelerations of motions
 # that are filtered twice, over its fifth power: ∫ x⁴/(1 + x⁸)⁴ dx.
 FLAT_NOISE, BENT_NOISE = 0.898, 0.087
 MOST_LEFT_OUT = 0.06  # Largest fraction of a stretch that is discarded at each end.
-FADED = 12.0  # Periods of the cut-off frequency after which the transient has decayed to rounding.
-FEWEST = 25  # Samples that are always discarded, so that at wide bands it has decayed to rounding.
-ABOVE = 3.0  # Ratio to the noise above which the smoothed power is motion.
+# Periods of the cut-off frequency after which the transient has decayed to rounding.
+TRANSIENT_PERIODS = 12.0
+# Samples that are always discarded, so that at wide bands it has decayed to rounding.
+LEAST_MARGIN = 25
+NOISE_RATIO = 3.0  # Ratio to the noise above which the smoothed power is motion.
 # Cut-off frequency over the highest frequency at which the motion exceeds the noise, for positions
 # as for efforts: there the gain is within 4e-3 of one.
-FLAT = 2.0
-SLOWEST = 45.0  # Smallest number of periods of the cut-off frequency in a recording.
-RATIO = 1.15  # Growth of the bins of the spectrum.
-# The cut-off is at most ``ENOUGH`` times the frequency below which ``HELD`` of accelerations'
-# power lies.
-HELD, ENOUGH = 0.999, 10.0
+PASSBAND_RATIO = 2.0
+LEAST_PERIODS = 45.0  # Smallest number of periods of the cut-off frequency in a recording.
+BIN_GROWTH = 1.15  # Growth of the bins of the spectrum.
+# The cut-off is at most ``POWER_RATIO`` times the frequency below which ``POWER_HELD`` of the
+# power of accelerations lies.
+POWER_HELD, POWER_RATIO = 0.999, 10.0
 WIDEST = 0.4  # Largest cut-off frequency as a fraction of the sampling frequency.
 # Rows on either side that ``spread`` averages over, and its window's parameter: up to a tenth of
 # the rows' rate, its gain is within 2e-6 of one, and what folds there is below 2e-6.
@@ -74,7 +76,7 @@ class ZeroPhase:
             return np.array(x, dtype=float)
         band = min(self.band, 0.5 / self.dt)
         k, shape = len(x), (-1, *[1] * (x.ndim - 1))
-        pad = min(k - 1, max(64, math.ceil(FADED / (band * self.dt))))
+        pad = min(k - 1, max(64, math.ceil(TRANSIENT_PERIODS / (band * self.dt))))
         size = _fast_length(k + 2 * pad)
         head, tail = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
         rest = np.broadcast_to(tail[-1:], (size - k - 2 * pad, *x.shape[1:]))
@@ -92,8 +94,8 @@ class ZeroPhase:
         """Number of samples to discard at each end of a stretch of ``count``."""
         if not np.isfinite(self.band):
             return 1
-        settled = math.ceil(SETTLED / (self.band * self.dt))
-        return max(FEWEST, min(settled, int(MOST_LEFT_OUT * count)))
+        settled = math.ceil(SETTLING_PERIODS / (self.band * self.dt))
+        return max(LEAST_MARGIN, min(settled, int(MOST_LEFT_OUT * count)))
 
 
 @lru_cache(maxsize=16)  # columns are filtered thousands of times, all of one length
@@ -203,10 +205,10 @@ def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
     """
     frequency, power = spectrum(q, dt)
     floor = np.median(power[frequency > 0.35 / dt], axis=0) / np.log(2.0)
-    level, edges, at = factor * ABOVE * floor, [0], 2  # of bins that widen with frequency
+    level, edges, at = factor * NOISE_RATIO * floor, [0], 2  # of bins that widen with frequency
     while at < len(frequency):
         edges.append(at)
-        at = max(at + 3, int(at * RATIO))
+        at = max(at + 3, int(at * BIN_GROWTH))
     widths, bands = np.diff([*edges, len(frequency)]), []
     for column, noise in zip(power.T, level, strict=True):
         means = np.add.reduceat(column, edges) / widths
@@ -215,15 +217,15 @@ def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
         three = [i for i in range(first, len(quiet) - 2) if quiet[i : i + 3].all()]
         bands.append(float(frequency[edges[three[0] if three else -1]]))
     signal = np.maximum(power - level, 0.0) * (frequency <= max(bands))[:, None]
-    best = min(FLAT * max(bands), ENOUGH * _holding(frequency, signal))
-    return float(min(WIDEST / dt, max(best, SLOWEST / (len(q) * dt))))
+    best = min(PASSBAND_RATIO * max(bands), POWER_RATIO * _holding(frequency, signal))
+    return float(min(WIDEST / dt, max(best, LEAST_PERIODS / (len(q) * dt))))
 
 
 def _holding(frequency: Array, power: Array) -> float:
-    """The frequency below which ``HELD`` of accelerations' power lies, for the fastest joint."""
+    """The largest frequency below which a joint's accelerations have that much of their power."""
     sums = np.cumsum(power * frequency[:, None] ** 4, axis=0)
     moving = sums[-1] > 0.0
     if not moving.any():
         return np.inf
-    places = [int(np.searchsorted(column, HELD * column[-1])) for column in sums.T[moving]]
+    places = [int(np.searchsorted(column, POWER_HELD * column[-1])) for column in sums.T[moving]]
     return float(frequency[max(places)])

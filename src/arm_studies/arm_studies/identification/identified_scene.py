@@ -20,24 +20,15 @@ from arm_dynamics.model.friction_table import steepest
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import set_inertial, xml_root
-from arm_studies.identification.regression.friction import (
-    COULOMB,
-    COULOMB_SKEW,
-    EXCESS,
-    VISCOUS,
-    VISCOUS_SKEW,
-    JointFit,
-    Shape,
-)
-from arm_studies.identification.regression.friction import STEEPEST as IDENTIFIED
+from arm_studies.identification.regression import friction as terms
 from arm_studies.identification.regression.regressor import EACH, TINY
 
 # Keys of a joint's friction whose values are identified; the others stay as they are.
 REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
 # Smallest static friction relative to Coulomb friction: a joint has to be able to rest.
-HELD = 1e-3
+LEAST_STATIC = 1e-3
 # Growth of friction with load over the allowed one where it is limited, for rounding.
-LESS = 0.999
+BELOW_LIMIT = 0.999
 
 
 def urdf_with(model: ArmModel, theta: Array) -> str:
@@ -82,7 +73,7 @@ def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
 
 
 def scene_with(
-    model: ArmModel, theta: Array, armature: Array, friction: Sequence[JointFit | None],
+    model: ArmModel, theta: Array, armature: Array, friction: Sequence[terms.JointFit | None],
     notes: list[str],
 ) -> Scene:  # fmt: skip
     """The nominal scene with the identified parameters.
@@ -123,7 +114,7 @@ def scene_with(
 
 
 def _joint(
-    model: ArmModel, j: int, armature: float, fit: JointFit | None, notes: list[str]
+    model: ArmModel, j: int, armature: float, fit: terms.JointFit | None, notes: list[str]
 ) -> dict[str, Any]:
     """A joint's entry of the scene with what was identified of it."""
     name = model.joint_names[j]
@@ -145,12 +136,11 @@ def _joint(
 
 
 def _friction(
-    name: str, model: ArmModel, j: int, fit: JointFit, notes: list[str]
+    name: str, model: ArmModel, j: int, fit: terms.JointFit, notes: list[str]
 ) -> dict[str, Any]:
     """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
     viscous, coulomb, offset, viscous_skew, excess = (
-        fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0
-        for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
+        fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0 for kind in terms.LINEAR
     )
     drive = model.drives[j]
     viscous = max(viscous - (drive.viscous if drive else 0.0), 0.0)
@@ -171,9 +161,9 @@ def _friction(
             f"'{name}': dry friction rises with speed, from {coulomb + excess:.3g} to "
             f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
         )
-    elif EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None:
-        level = max(coulomb + excess, HELD * coulomb)
-        most = level if excess > 0.0 else (1.0 - HELD) * level
+    elif terms.EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None:
+        level = max(coulomb + excess, LEAST_STATIC * coulomb)
+        most = level if excess > 0.0 else (1.0 - LEAST_STATIC) * level
         skew = float(np.clip(offset, -most, most))
         highest = max(highest, level + abs(skew))
         friction["static"] = _sides(level, skew)
@@ -183,12 +173,14 @@ def _friction(
     elif fit.refused and fit.shape.load is None:
         notes.append(
             f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
-            f"it; at most {IDENTIFIED} is identified, so its growth is left out"
+            f"it; at most {terms.LARGEST_GROWTH} is identified, so its growth is left out"
         )
     return friction
 
 
-def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:
+def _growth(
+    name: str, shape: terms.Shape, highest: float, notes: list[str]
+) -> dict[str, list[float]]:
     """The table of friction over load, where the highest friction grows no faster than allowed."""
     steep = highest * steepest(Curve.through(*shape.table))
     if steep > STEEPEST:
@@ -196,7 +188,7 @@ def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[s
             f"'{name}': friction grows by up to {steep:.3g} of the load that causes it; the "
             f"scene limits that to {STEEPEST}"
         )
-        shape = replace(shape, load=(shape.load or 0.0) * LESS * STEEPEST / steep)
+        shape = replace(shape, load=(shape.load or 0.0) * BELOW_LIMIT * STEEPEST / steep)
     at, factor = shape.table
     return {"at": at.tolist(), "factor": factor.tolist()}
 

@@ -37,13 +37,13 @@ def mapped(
     Raises:
         InvalidInput: If a joint is missing or ambiguous.
     """
-    given = dict(names or {})
-    if unknown := [name for name in given if name not in joints]:
+    names = names or {}
+    if unknown := [name for name in names if name not in joints]:
         raise InvalidInput(
-            f"names: '{unknown[0]}' = '{given[unknown[0]]}', but the scene has no joint "
+            f"names: '{unknown[0]}' = '{names[unknown[0]]}', but the scene has no joint "
             f"'{unknown[0]}'{did_you_mean(unknown[0], joints)}; its joints: {known_names(joints)}"
         )
-    matches = {joint: given.get(joint) or _match(record, joint) for joint in joints}
+    matches = {joint: names.get(joint) or _match(record, joint) for joint in joints}
     if missing := [joint for joint in joints if matches[joint] is None]:
         unused = [name for name in record.joint_names if name not in matches.values()]
         pairs = [f" --map {pair}" for pair in map("=".join, zip(missing, unused, strict=False))]
@@ -78,17 +78,17 @@ def _without_prefix(name: str) -> str:
     return re.sub(r"^[^_/]*[_/]", "", name) if re.search(r"[_/]", name) else ""
 
 
-def unwrapped(record: JointRecord, turning: Sequence[bool]) -> JointRecord:
+def unwrapped(record: JointRecord, joint_types: Sequence[str]) -> JointRecord:
     """The recording without jumps by whole turns, as some encoders report them.
 
     Args:
         record: The recording.
-        turning: For each joint, whether it is revolute.
+        joint_types: As of ``ArmModel``.
     """
     q = np.array(record.q)
-    for column, turns in zip(q.T, turning, strict=True):
+    for column, kind in zip(q.T, joint_types, strict=True):
         measured = np.isfinite(column)
-        if turns and measured.any():
+        if kind != "prismatic" and measured.any():
             column[measured] = np.unwrap(column[measured])
     if np.array_equal(q, record.q, equal_nan=True):
         return record
@@ -104,8 +104,7 @@ def joint_records(
     Raises:
         InvalidInput: If there is none, or it is something else, or a joint is missing.
     """
-    turning = [kind != "prismatic" for kind in model.joint_types]
     return [
-        unwrapped(mapped(record, model.joint_names, names), turning)
+        unwrapped(mapped(record, model.joint_names, names), model.joint_types)
         for record in records_of(recordings)
     ]

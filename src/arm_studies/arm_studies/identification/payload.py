@@ -19,28 +19,20 @@ from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
 from arm_studies.identification.identified_scene import central_inertia
-from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression import bodies, estimation, uncertainty
 from arm_studies.identification.regression.bandwidth import noise_above
 from arm_studies.identification.regression.efforts import with_age
-from arm_studies.identification.regression.estimation import (
-    Mask,
-    Prior,
-    Problem,
-    consistent_solution,
-    deviations,
-    solved,
-)
-from arm_studies.identification.regression.rows import Rows, Sampled, steady_friction
-from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, Estimate, unbiased
+from arm_studies.identification.regression.rows import Rows, Sampled, nominal_efforts
+from arm_studies.renaming import renamed_argument
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
 NAMES += tuple(f"inertia.{k}" for k in "xx xy xz yy yz zz".split())
-GUESS = 0.1  # Radius in [m] of the ball of 1 kg that is the weak prior of a payload.
-LOOSE = 10.0
+PRIOR_RADIUS = 0.1  # Radius in [m] of the ball of 1 kg that is the weak prior of a payload.
+PRIOR_WIDTH = 10.0
 # Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
 # matched with joints.
-DOUBT = 0.5, 0.5
+ARM_DEVIATIONS = 0.5, 0.5
 
 
 @frozen
@@ -78,20 +70,22 @@ class PayloadEstimate:
         return [*zip(NAMES, values, ["kg", *["m"] * 3, *["kg m²"] * 6], strict=True)]
 
 
+@renamed_argument("told", "on_note")
 def identify_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
-    names: Mapping[str, str] | None = None, told: Callable[[str], None] = lambda text: None,
+    names: Mapping[str, str] | None = None, on_note: Callable[[str], None] = lambda note: None,
 ) -> Payload:  # fmt: skip
-    """The payload of ``estimate_payload``, which ``told`` says what is not determined of."""
-    estimate = estimate_payload(scene, recordings, frame, band=band, names=names, told=told)
+    """The payload of ``estimate_payload``; ``on_note`` also gets what is not determined."""
+    estimate = estimate_payload(scene, recordings, frame, band=band, names=names, on_note=on_note)
     if estimate.missing:
-        told(f"the motion does not determine {known_names(estimate.missing)}")
+        on_note(f"the motion does not determine {known_names(estimate.missing)}")
     return estimate.payload
 
 
+@renamed_argument("told", "on_note")
 def estimate_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
-    names: Mapping[str, str] | None = None, told: Callable[[str], None] = lambda text: None,
+    names: Mapping[str, str] | None = None, on_note: Callable[[str], None] = lambda note: None,
 ) -> PayloadEstimate:  # fmt: skip
     """Identify the payload of an arm whose own inertias and friction are known.
 
@@ -101,7 +95,7 @@ def estimate_payload(
         frame: The frame that carries the payload and in which the result is expressed.
         band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
         names: Joint names of the recordings by those of the scene, where they cannot be matched.
-        told: Called with each irregularity of the recordings, such as rows that are left out.
+        on_note: Called with each irregularity of the recordings, such as rows that are left out.
 
     Raises:
         SceneError: If the scene cannot be used.
@@ -113,8 +107,8 @@ def estimate_payload(
     notes, G = data.notes, place.homogeneous
     moved = np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
     rows, places = data.rows(), data.regressor.places(carrier)
-    near = Prior.near(data.regressor.nominal, *DOUBT)
-    notes += (late := checks.check_rows(Problem(rows, rows.use, near), notes)[1])
+    near = estimation.Prior.near(data.regressor.nominal, *ARM_DEVIATIONS)
+    notes += (late := checks.check_rows(estimation.Problem(rows, rows.use, near), notes)[1])
     first = _fitted(rows, places, moved)
     limit = noise_above(rows, rows.use, first.residual) if band is None else None
     if limit is not None:
@@ -125,8 +119,8 @@ def estimate_payload(
         """The correction of an age of the efforts, and its standard deviation."""
         now = rows if age == 0.0 else replace(data, age=age).rows()
         fit = _without_sticking(_fitted(now, places, moved))
-        values, doubt, _ = fit.unbiased(fit.columns, fit.torque)
-        return fit, float(values[-1]), float(doubt[-1])
+        solution = fit.unbiased(fit.columns, fit.torque)
+        return fit, float(solution.values[-1]), float(solution.deviations[-1])
 
     if not all(motion.aged for motion in rows.motions) and len(late) in (0, model.n):
         fit, more = with_age(fit_at, rows.band)
@@ -134,20 +128,20 @@ def estimate_payload(
     else:
         fit = _without_sticking(_fitted(rows, places, moved))
     for note in dict.fromkeys(notes):
-        told(note)
+        on_note(note)
     mass, com, inertia = central_inertia(fit.x)
     values = np.array([mass, *com, *six_of(inertia)])
     estimates = dict(zip(NAMES, _estimated(fit, values), strict=True))
-    most = [mass, *[np.inf] * 3, *[0.5 * np.trace(inertia)] * 6]  # of any body, up to its sign
-    known = {name: e for name, e in estimates.items() if np.isfinite(e.high)}
+    largest = [mass, *[np.inf] * 3, *[0.5 * np.trace(inertia)] * 6]  # of any body, without sign
+    bounded = {name: e for name, e in estimates.items() if np.isfinite(e.high)}
     missing = [
-        name for name, bound in zip(NAMES, most, strict=True)
+        name for name, bound in zip(NAMES, largest, strict=True)
         if not estimates[name].high - estimates[name].value < bound
     ]  # fmt: skip
     _, *com, xx, xy, xz, yy, yz, zz = values.tolist()
     payload = Payload(frame=frame, mass=mass, com=tuple(com), inertia=(xx, xy, xz, yy, yz, zz))
-    intervals = {name: (e.low, e.high) for name, e in known.items()}
-    scatter = frozenset(name for name, e in known.items() if e.scatter)
+    intervals = {name: (e.low, e.high) for name, e in bounded.items()}
+    scatter = frozenset(name for name, e in bounded.items() if e.scatter)
     return PayloadEstimate(payload, intervals, scatter, tuple(missing))
 
 
@@ -178,35 +172,36 @@ class _Fit:
         """Torques that are left, shape (k, n)."""
         return self.torque - (self.columns @ self.x).T
 
-    def unbiased(self, columns: Array, left: Array) -> tuple[Array, Array, Mask]:
-        """Values, deviations and scatter of the unknowns of some columns, without the prior."""
+    def unbiased(self, columns: Array, torque: Array) -> uncertainty.Unbiased:
+        """The unknowns of some columns, without the prior."""
         rows, regressor = self.rows, self.rows.regressor
         theta, body = regressor.nominal + regressor.payload, self.moved @ self.x
         theta[self.places] += body
         plain = rows.plain
-        predicted = _alone(plain) + plain.rigid[:, :, self.places] @ body
+        predicted = nominal_efforts(plain) + plain.rigid[:, :, self.places] @ body
         noise = self.weights.max(axis=0) * rows.noise(theta, regressor.model.armature)
         own, ageing = columns * self.weights.T[:, :, None], self.weights * rows.ageing(predicted)
         size = float(np.linalg.norm(self.weights * self.torque))
-        return unbiased(rows, own, self.weights * left, ageing, noise, size)[:3]
+        return uncertainty.unbiased(rows, own, self.weights * torque, ageing, noise, size)
 
 
 def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
     """Weight the joints, and fit the payload."""
-    torque = rows.effort - rows.clear(_alone(rows.plain))
+    torque = rows.effort - rows.clear(nominal_efforts(rows.plain))
     columns = np.swapaxes(rows.rigid[:, :, places] @ moved, 0, 1)
-    left = [
+    residual = [
         y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
         for c, y, used in zip(columns, torque.T, rows.use.T, strict=True)
     ]
-    weights = rows.use / deviations(rows.effort, rows.effort - np.array(left).T, rows.use)
+    predicted = rows.effort - np.array(residual).T
+    weights = rows.use / estimation.deviations(rows.effort, predicted, rows.use)
     flat = (columns * weights.T[:, :, None]).reshape(-1, 10)
     y, count = (weights * torque).T.ravel(), np.sqrt(rows.independent)
-    ball = bodies.numbers_of(np.diag([GUESS**2 / 5.0] * 3 + [1.0]))
-    T, z = Prior.near(ball, LOOSE, LOOSE).combined(count * flat, count * y)
-    x = solved(T, z)
+    ball = bodies.numbers_of(np.diag([PRIOR_RADIUS**2 / 5.0] * 3 + [1.0]))
+    T, z = estimation.Prior.near(ball, PRIOR_WIDTH, PRIOR_WIDTH).combined(count * flat, count * y)
+    x = estimation.solved(T, z)
     if not bodies.consistent(x, 1e-9):
-        x = consistent_solution(T, z, ball, ball, ())
+        x = estimation.consistent_solution(T, z, ball, ball, ())
     return _Fit(rows, places, moved, columns, torque, weights, x)
 
 
@@ -216,24 +211,19 @@ def _without_sticking(fit: _Fit) -> _Fit:
     rest, friction = np.full_like(rows.v, 1e-9), SteadyFriction.of(rows.regressor.model)
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
-    return _fitted(rows.cleared(UNKNOWN_FRICTION * levels, sizes), fit.places, fit.moved)
+    rows = rows.cleared(uncertainty.UNKNOWN_FRICTION * levels, sizes)
+    return _fitted(rows, fit.places, fit.moved)
 
 
-def _alone(rows: Rows) -> Array:
-    """Efforts without the payload in rows where joints stick, too, shape (k, n)."""
-    regressor = rows.regressor
-    load = rows.rigid @ regressor.nominal + rows.known + rows.inertia * regressor.model.armature
-    return np.asarray(load + steady_friction(rows, load))
-
-
-def _estimated(fit: _Fit, values: Array) -> list[Estimate]:
+def _estimated(fit: _Fit, values: Array) -> list[uncertainty.Estimate]:
     """Estimates of mass, centre of mass and inertia near some values, without the prior."""
     step = 1e-20  # of the complex-step derivative
     slopes = [_numbers(values + 1j * step * unit).imag / step for unit in np.eye(len(NAMES))]
-    left = fit.torque - (fit.columns @ _numbers(values)).T
-    more, doubt, scatter = fit.unbiased(fit.columns @ np.column_stack(slopes), left)
-    totals = values + more[: len(NAMES)]
-    return [*map(Estimate.of, totals.tolist(), doubt.tolist(), scatter.tolist())]
+    residual = fit.torque - (fit.columns @ _numbers(values)).T
+    change = fit.unbiased(fit.columns @ np.column_stack(slopes), residual)
+    totals = values + change.values[: len(NAMES)]
+    columns = totals.tolist(), change.deviations.tolist(), change.scatter.tolist()
+    return [*map(uncertainty.Estimate.of, *columns)]
 
 
 def _numbers(values: Any) -> Any:

@@ -13,29 +13,23 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification import filtering
 from arm_studies.identification.clock import repaired, without_repeats
-from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
-from arm_studies.identification.filtering import (
-    WIDEST,
-    ZeroPhase,
-    chosen_band,
-    decimated,
-    white_noise,
-)
+from arm_studies.identification.data import JointRecord, MeasuredMotion, interpolated, runs
 
 # Steps without a sample that split a recording; over shorter holes the filter gets interpolated
 # values, and only the samples that are missing are left out.
 GAP = 4.5
-NEAR = 0.5  # Steps from a sample up to which an effort is known.
+EFFORT_REACH = 0.5  # Steps from a sample up to which an effort is known.
 SHORTEST = 100  # Smallest number of samples of a stretch.
 PER_BAND = 10.0  # Rows per period of the band that ``thinned`` keeps.
 MOST_ROWS = 6_000  # Rows beyond which the band is narrowed, so that long recordings take seconds.
 # Fraction of a step by which samples may be off an even grid without being interpolated.
-UNEVEN = 1e-3
+GRID_TOLERANCE = 1e-3
 SATURATED = 8  # Number of consecutive samples at the same extreme effort that indicate saturation.
 # Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
 # change is frozen: in uniform motion it may be constant.
-BENT = 1e-3
+DEPARTURE = 1e-3
 # Change after which an effort was frozen, over its typical change, if that is less than ``COARSE``
 # times its small ones: those of a coarse sensor are all alike, and its long runs end with one of
 # them.
@@ -43,8 +37,8 @@ JUMP, COARSE = 3.0, 3.0
 # Ratios of power from which high frequencies of positions and efforts are motion and no noise, see
 # ``white_noise``. Without noise they are above 18 and 130; a controller that differentiates steps
 # of encoders makes the second up to 14.
-SLOPED = 5.0, 40.0
-SPANS = 3  # Stretches that a note lists.
+MOTION_RATIOS = 5.0, 40.0
+LISTED_SPANS = 3  # Stretches that a note lists.
 WORDS = {"q": "position", "v": "velocity", "a": "acceleration", "effort": "effort"}
 
 
@@ -72,7 +66,7 @@ class EvenRecord:
         """Cut-off frequency in [Hz] that suits the noise; see ``filtering.chosen_band``."""
         if self.exact:
             return np.inf
-        return max(chosen_band(stretch.q, self.dt) for stretch in self.stretches)
+        return max(filtering.chosen_band(stretch.q, self.dt) for stretch in self.stretches)
 
     def filtered(self, band: float | None = None, age: float = 0.0) -> MeasuredMotion:
         """Low-pass filter with zero phase and differentiate; see ``prepare``.
@@ -85,7 +79,7 @@ class EvenRecord:
             InvalidInput: If the band is not positive, or too wide for the sampling rate.
         """
         band = self.band if band is None else band
-        name, widest = self.stretches[0].name, WIDEST / self.dt
+        name, widest = self.stretches[0].name, filtering.WIDEST / self.dt
         if not band > 0.0:
             raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
         if np.isfinite(band) and band > widest:
@@ -93,7 +87,7 @@ class EvenRecord:
                 f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second; "
                 f"allowed: up to {widest:.4g} Hz"
             )
-        low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
+        low_pass = filtering.ZeroPhase(np.inf if self.exact else band, self.dt)
         return joined([_motion(stretch, low_pass, age) for stretch in self.stretches], self.notes)
 
 
@@ -173,17 +167,17 @@ def common_band(recordings: Sequence[EvenRecord]) -> float:
     return float(min(common, MOST_ROWS / (PER_BAND * spans)))
 
 
-def _places(where: NDArray[np.bool_], time: Array) -> str:
+def _places(mask: NDArray[np.bool_], time: Array) -> str:
     """How often and when a condition holds, in words."""
-    count = np.count_nonzero(where)
+    count = np.count_nonzero(mask)
     rows = "1 row" if count == 1 else f"{count} rows"
-    return f"{rows} ({_listed(time[runs(where) - [0, 1]])})"
+    return f"{rows} ({_listed(time[runs(mask) - [0, 1]])})"
 
 
 def _listed(spans: Array) -> str:
     """Spans of time in [s] from the start, shape (m, 2), in words."""
-    texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:SPANS]]
-    more = f" and {len(spans) - SPANS} times more," if len(spans) > SPANS else ""
+    texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:LISTED_SPANS]]
+    more = f" and {len(spans) - LISTED_SPANS} times more," if len(spans) > LISTED_SPANS else ""
     return f"{', '.join(texts)}{more} after the start"
 
 
@@ -207,14 +201,14 @@ def _frozen(q: Array, effort: Array) -> NDArray[np.bool_]:
     changed = np.flatnonzero(change > 0.0)
     if changed.size < 2:
         return frozen  # a constant effort is refused in ``checks``
-    usual = float(np.median(np.diff(changed)))  # more than one if it is measured more slowly
+    interval = float(np.median(np.diff(changed)))  # more than one if it is measured more slowly
     small, typical = np.quantile(change[changed], [0.05, 0.5])
     least = JUMP * typical if typical < COARSE * small else 0.0
     for start, last in runs(change == 0.0):
         length = last - start + 1
-        bent = abs(q[start : last + 1] - np.linspace(q[start], q[last], length)).max() > BENT
+        bent = abs(q[start : last + 1] - np.linspace(q[start], q[last], length)).max() > DEPARTURE
         # At the end of the recording, or before a hole, no change is known.
-        if length >= SATURATED * usual and bent and not change[last] <= least:
+        if length >= SATURATED * interval and bent and not change[last] <= least:
             frozen[start + 1 : last + 1] = True
     return frozen
 
@@ -229,14 +223,14 @@ def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
     if stride == 1:
         return motion, 1
     dt = stride * motion.dt
-    low_pass = ZeroPhase(motion.band, dt)
+    low_pass = filtering.ZeroPhase(motion.band, dt)
     parts = []
     for part in motion.parts():
         rows = slice(0, None, stride)
         values: dict[str, Any] = {
             key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "valid")
         }
-        values["effort"] = decimated(part.effort, stride)
+        values["effort"] = filtering.decimated(part.effort, stride)
         stretches = (slice(0, len(values["time"])),)
         values |= {"dt": dt, "low_pass": low_pass, "stretches": stretches}
         parts.append(replace(part, **values))
@@ -287,21 +281,18 @@ def _even(piece: JointRecord, step: float) -> JointRecord:
     """A stretch at even times."""
     count = round(float(piece.time[-1] - piece.time[0]) / step)
     time = piece.time[0] + step * np.arange(count + 1)
-    if len(time) == len(piece.time) and abs(time - piece.time).max() < UNEVEN * step:
+    if len(time) == len(piece.time) and abs(time - piece.time).max() < GRID_TOLERANCE * step:
         return replace(piece, time=read_only(time))
     time = time[time <= piece.time[-1]]
     after = np.clip(np.searchsorted(piece.time, time), 1, len(piece.time) - 1)
-    far = np.minimum(time - piece.time[after - 1], piece.time[after] - time) > NEAR * step
+    far = np.minimum(time - piece.time[after - 1], piece.time[after] - time) > EFFORT_REACH * step
     slopes = np.gradient(piece.q, piece.time, axis=0)
-
-    def linear(values: Array) -> Array:
-        return np.column_stack([np.interp(time, piece.time, column) for column in values.T])
-
-    effort, q = linear(piece.effort), cubic(time, piece.time, piece.q, slopes)
+    effort, v, a = (interpolated(time, piece.time, x) for x in (piece.effort, piece.v, piece.a))
     effort[far] = np.nan
+    q = cubic(time, piece.time, piece.q, slopes)
     return replace(
-        piece, time=read_only(time), q=read_only(q), effort=read_only(effort),
-        v=read_only(linear(piece.v)), a=read_only(linear(piece.a)),
+        piece, time=read_only(time), q=read_only(q), effort=read_only(effort), v=read_only(v),
+        a=read_only(a),
     )  # fmt: skip
 
 
@@ -318,21 +309,21 @@ def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
     )
 
 
-def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotion:
+def _motion(grid: JointRecord, low_pass: filtering.ZeroPhase, age: float) -> MeasuredMotion:
     """Filter one even stretch, whose efforts are of this age if it does not state another."""
     measured = np.isfinite(grid.effort)
-    known = measured & ~saturated(grid.effort)
+    usable = measured & ~saturated(grid.effort)
     margin, rows, effort = low_pass.margin(len(grid.time)), np.arange(len(grid.time)), []
-    near = known.copy()  # known, or in a hole so short that it is interpolated
-    for j, there in enumerate(measured.T):
-        values = grid.effort[there, j]
-        effort.append(np.interp(rows, rows[there], values) if there.any() else 0.0 * rows)
-        for start, end in runs(~known[:, j]):
+    near = usable.copy()  # usable, or in a hole so short that it is interpolated
+    for j, present in enumerate(measured.T):
+        values = grid.effort[present, j]
+        effort.append(np.interp(rows, rows[present], values) if present.any() else 0.0 * rows)
+        for start, end in runs(~usable[:, j]):
             near[start:end, j] = end - start < GAP - 1.0
     # Valid together with all rows within the margin.
     bad = np.cumsum(np.vstack([np.zeros_like(near[:1]), ~near]), axis=0, dtype=np.int64)
     upper, lower = np.minimum(rows + margin + 1, len(rows)), np.maximum(rows - margin, 0)
-    valid = known & np.asarray(bad[upper] == bad[lower])
+    valid = usable & np.asarray(bad[upper] == bad[lower])
     valid[:margin] = valid[-margin:] = False
     filters = bool(np.isfinite(low_pass.band))
     if filters:
@@ -341,12 +332,14 @@ def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotio
     else:
         q, v, a = grid.q, grid.v, grid.a
     efforts = read_only(np.column_stack(effort))
-    pairs = zip((grid.q, efforts), SLOPED, strict=True)
-    noise = [white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
+    pairs = zip((grid.q, efforts), MOTION_RATIOS, strict=True)
+    noise = [filtering.white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
     return MeasuredMotion(
-        grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), efforts,
-        valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,
-        grid.notes, not filters or grid.effort_age is not None, read_only(noise),
+        joint_names=grid.joint_names, time=grid.time, q=read_only(q), v=read_only(v),
+        a=read_only(a), effort=efforts, valid=valid, dt=low_pass.dt,
+        stretches=(slice(0, len(grid.time)),), band=low_pass.band, low_pass=low_pass,
+        name=grid.name, notes=grid.notes, aged=not filters or grid.effort_age is not None,
+        noise=read_only(noise),
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from arm_dynamics import Scene, load_scene
 from arm_dynamics.scene.text import scene_text
 from arm_dynamics.writing import replacing
 from arm_studies.identification.figures import draw_friction, draw_torques
+from arm_studies.identification.regression.friction import JointFit
 from arm_studies.identification.result import Identification
 
 _KINDS = {
@@ -28,6 +29,7 @@ _IDENTIFIED = [
     "scene, bodies are physically consistent, and near the nominal ones where the torques "
     "determine little.", "",
 ]  # fmt: skip
+_NEAR_NOMINAL = "Near the nominal values where the motion does not determine them."
 _SCATTER = [
     "Where an interval is called scatter, errors of the model cause most of its width: it says "
     "how much the value scatters along the recording, and need not contain the truth.", "",
@@ -76,9 +78,9 @@ def text(
 ) -> str:
     """The report, as Markdown."""
     lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
+    error, nominal_error = (share(each, 2) for each in result.error)
     lines += [
-        f"Torque error on held-out data: **{share(result.error[0], 2)}**, of the nominal scene "
-        f"{share(result.error[1], 2)}. "
+        f"Torque error on held-out data: **{error}**, of the nominal scene {nominal_error}. "
         f"Zero-phase low-pass filter: {result.band:.3g} Hz. Condition number of the motion: "
         f"{result.condition:.3g}.", "",
     ]  # fmt: skip
@@ -86,28 +88,29 @@ def text(
         lines += [f"Predictions are low-pass filtered at {result.effort_band:.3g} Hz.", ""]
     columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
     lines += _table(columns, joint_rows(result, 2))
-    if not np.allclose(result.scales, 1.0):
-        pairs = zip(result.joint_names, result.scales, strict=True)
-        lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
+    if not np.allclose([joint.scale for joint in result.joints], 1.0):
+        scales = ", ".join(f"{joint.name} {joint.scale:.4g}" for joint in result.joints)
+        lines += [f"Torque per unit of effort: {scales}", ""]
     lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
     lines += [*_IDENTIFIED, *(_SCATTER if result.scatter else [])]
     rows = []
-    for name, value in result.parameters.items():
-        if name not in result.missing:
-            low, high = result.intervals[name]
-            interval = f"{low:.4g} to {high:.4g}{' (scatter)' if name in result.scatter else ''}"
-            nominal = f"{result.nominal[name]:.5g}" if name in result.nominal else ""
-            written = f"{result.written[name]:.5g}"
-            rows.append([_spoken(name), f"{value:.5g}", interval, written, nominal])
+    for name, parameter in result.details.items():
+        estimate = parameter.estimate
+        if estimate is not None and not parameter.missing:
+            interval = f"{estimate.low:.4g} to {estimate.high:.4g}"
+            interval += " (scatter)" if estimate.scatter else ""
+            written, nominal = (
+                "" if x is None else f"{x:.5g}" for x in (parameter.written, parameter.nominal)
+            )
+            rows.append([_in_words(name), f"{estimate.value:.5g}", interval, written, nominal])
     lines += _table(["parameter", "value", "interval", "scene", "nominal"], rows)
-    rows = [[_spoken(name), why] for name, why in result.missing.items()]
+    rows = [[_in_words(name), reason] for name, reason in result.missing.items()]
     lines += ["## Not identified", "", *_table(["parameter", "reason"], rows)]
-    where = "Near the nominal values where the motion does not determine them."
     rows = [
         [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
         for name, body in zip(result.body_names, result.bodies, strict=True)
     ]
-    lines += ["## Bodies", "", where, ""]
+    lines += ["## Bodies", "", _NEAR_NOMINAL, ""]
     lines += _table(["moved by", "mass [kg]", "centre of mass [m]"], rows)
     if result.notes:
         lines += ["## Notes", "", *[f"- {note}" for note in result.notes], ""]
@@ -119,7 +122,7 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return [*("| " + " | ".join(line) + " |" for line in lines), ""]
 
 
-def _spoken(name: str) -> str:
+def _in_words(name: str) -> str:
     joint, _, kind = name.rpartition(".")
     return f"{joint}: {_KINDS[kind]}" if kind in _KINDS else name
 
@@ -132,15 +135,15 @@ def share(error: float, digits: int) -> str:
 def joint_rows(result: Identification, digits: int) -> list[list[str]]:
     """Of each joint: name, nominal error and error, residual in [N m] or [N], friction."""
     return [
-        [name, share(result.nominal_error[name], digits), share(result.torque_error[name], digits),
-         "unknown" if math.isnan(left) else f"{left:.3g}", friction_words(result, j)]
-        for j, (name, left) in enumerate(result.torque_residual.items())
+        [joint.name, share(joint.errors.nominal, digits), share(joint.errors.identified, digits),
+         "unknown" if math.isnan(joint.residual) else f"{joint.residual:.3g}",
+         friction_words(joint.friction)]
+        for joint in result.joints
     ]  # fmt: skip
 
 
-def friction_words(result: Identification, j: int) -> str:
+def friction_words(fit: JointFit | None) -> str:
     """The friction of a joint in a few words."""
-    fit = result.friction[j]
     if fit is None:
         return "unchanged: the joint did not move"
     if not fit.kinds:

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,13 +13,20 @@ from arm_dynamics.exceptions import known_names
 from arm_studies.identification import checks
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
-from arm_studies.identification.regression.rows import Rows, steady_friction
+from arm_studies.identification.regression.rows import Rows, nominal_efforts
 
 # Fraction of the part held out in which a joint has to move for its prediction to be judged.
-MOVING = 0.2
+MOVING_FRACTION = 0.2
 # Largest and smallest number of blocks of the part held out, and length of a block in periods of
 # the band, where the part is long enough: filtered noise is correlated over half a period.
 BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
+
+
+class Errors(NamedTuple):
+    """Relative errors of the torques that two scenes predict; NaN if unknown."""
+
+    identified: float
+    nominal: float
 
 
 @dataclass(frozen=True)
@@ -28,14 +34,18 @@ class Validation:
     """Errors on the part held out.
 
     Attributes:
-        errors: What an ``Identification`` says of them, by its attributes.
+        error: Of all joints together.
+        joints: Of each joint.
+        residuals: Root mean square of what is left of each joint's torque in [N m] or [N].
         nominal: Torques of the nominal scene, shape (k, n).
         ratios: Efforts over these, by joint, 1 where unknown, shape (n,).
         excess: By how many standard errors the nominal scene is better.
         notes: What cannot be judged, and whether the nominal scene is better.
     """
 
-    errors: Mapping[str, Any]
+    error: Errors
+    joints: list[Errors]
+    residuals: list[float]
     nominal: Array
     ratios: Array
     excess: float
@@ -55,15 +65,11 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     """
     rows = trial.rows.plain
     train = rows.use & rows.train[:, None]
-    model, predicted = rows.regressor.model, trial.predicted(rows)
-    load = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
-    nominal = np.asarray(load + steady_friction(rows, load))
+    predicted = trial.predicted(rows)
+    nominal = nominal_efforts(rows)
     test, notes = _test_rows(rows, ranges, held_out)
-    sums = [
-        (rows.effort[u, j] @ nominal[u, j], nominal[u, j] @ nominal[u, j])
-        for j, u in enumerate(train.T)
-    ]
-    ratios = np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+    pairs = [(rows.effort[use, j], nominal[use, j]) for j, use in enumerate(train.T)]
+    ratios = np.array([y @ x / (x @ x) if x @ x > 0.0 else 1.0 for y, x in pairs])
     shown = test if test.any() else train
     checks.check_explained(
         _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
@@ -72,17 +78,17 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     worse = excess(trial, test, trial.rows.clear(nominal))
     error, each = _relative(rows.effort, predicted, test)
     before, each_before = _relative(rows.effort, nominal, test)
-    left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan).tolist()
-    by_joint = {"torque_error": each, "nominal_error": each_before, "torque_residual": left}
-    errors: dict[str, Any] = {"error": (error, before)}
-    errors |= {key: dict(zip(rows.names, x, strict=True)) for key, x in by_joint.items()}
+    residuals = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
     if error > max(before, checks.ROUNDING):
         notes.append(
             f"the nominal scene leaves less of the part held out, {before:.3%} against "
             f"{error:.3%}; beyond what noise in the estimates explains, that is {worse:.1f} "
             "standard errors"
         )
-    return Validation(errors, nominal, ratios, worse, notes)
+    return Validation(
+        Errors(error, before), [*map(Errors, each, each_before)], residuals.tolist(), nominal,
+        ratios, worse, notes,
+    )  # fmt: skip
 
 
 def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]:
@@ -95,27 +101,26 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
     """
     train = rows.train[:, None]
     test = train if train.all() else ~train
-    known = np.count_nonzero(rows.valid & test, axis=0)
+    count = np.count_nonzero(rows.valid & test, axis=0)
     moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
-    resting = (moving < MOVING * known) & (known > 0)
+    resting = (moving < MOVING_FRACTION * count) & (count > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
-    for which, why in (
+    for affected, why in (
         (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
                   "what follows it"),
-        (known == 0, f"without an effort in {part}"),
+        (count == 0, f"without an effort in {part}"),
     ):  # fmt: skip
-        names = [f"'{name}'" for name, there in zip(rows.names, which, strict=True) if there]
-        if names:
+        if names := [f"'{rows.names[j]}'" for j in np.flatnonzero(affected)]:
             notes.append(f"no error is known of {known_names(names)}: {why}")
     return np.asarray(rows.valid & test & ~resting), notes
 
 
 def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
     """Relative residual of all joints together, and of each; NaN without a row."""
-    left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
+    error = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
     size = np.where(use, measured**2, 0.0).sum(axis=0)
-    each = np.where(use.any(axis=0), np.sqrt(left / np.maximum(size, 1e-300)), np.nan)
-    whole = np.sqrt(left.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
+    each = np.where(use.any(axis=0), np.sqrt(error / np.maximum(size, 1e-300)), np.nan)
+    whole = np.sqrt(error.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
     return float(whole), each.tolist()
 
 

@@ -8,7 +8,7 @@ into a scene.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,17 +19,11 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.schema import Scene
-from arm_studies.identification import checks
+from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.identified_scene import scene_with
-from arm_studies.identification.parameters import parameters, without_doubtful
-from arm_studies.identification.regression import irregularities
-from arm_studies.identification.regression.bandwidth import (
-    mean_residual,
-    noise_above,
-    with_bandwidth,
-)
-from arm_studies.identification.regression.efforts import DOUBT, scales_of, with_age
+from arm_studies.identification.regression import bandwidth, irregularities
+from arm_studies.identification.regression.efforts import NOMINAL_ERRORS, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
@@ -39,17 +33,19 @@ from arm_studies.identification.regression.rows import HELD_OUT, Rows, Sampled
 from arm_studies.identification.regression.selection import selected
 from arm_studies.identification.regression.tables import tabled
 from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, added_coefficients
-from arm_studies.identification.result import Identification, Torques
+from arm_studies.identification.result import Identification, IdentifiedJoint, Torques
 from arm_studies.identification.validation import validate
+from arm_studies.renaming import renamed_argument
 
 # Prior deviations of bodies from nominal: of density, of all else; selected by the evidence.
-MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
+DENSITIES, SHAPES = ((0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0))
 FIRST = 0.3, 0.2  # Those of the first fit.
 # Largest number of selections of friction laws until the bandwidth of the efforts is stable.
 ROUNDS = 3
-WORSE = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
+LEAN_RATIO = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
 
 
+@renamed_argument("told", "on_progress")
 def identify(
     scene: Any,
     recordings: Any,
@@ -61,7 +57,7 @@ def identify(
     masses: Mapping[str, float] | None = None,
     held_out: float = HELD_OUT,
     accept_worse: bool = False,
-    told: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Identify inertias, armatures and friction of an arm from its motion and its torques.
 
@@ -80,7 +76,7 @@ def identify(
         held_out: Fraction of each recording, at its end, that is held out to measure errors.
         accept_worse: Whether to return a scene that predicts the part held out worse than the
             nominal scene does.
-        told: Called with the name of each step as it begins.
+        on_progress: Called with the name of each step as it begins.
 
     Returns:
         The scene, its parameters and their intervals.
@@ -90,20 +86,20 @@ def identify(
         InvalidInput: If the recordings do not determine the parameters, or the nominal scene
             predicts the part held out better; says what is missing.
     """
-    say = told or (lambda text: None)
+    report = on_progress or (lambda step: None)
     model, records = checks.fitting(scene, recordings, names)
-    say("filtering")
+    report("filtering")
     data = Sampled.of(model, [_in_torques(each, effort) for each in records], band, held_out)
     rows, notes, nominal = data.rows(), data.notes, data.regressor.nominal
-    near, train = Prior.near(nominal, *DOUBT), rows.train[:, None]
+    near, train = Prior.near(nominal, *NOMINAL_ERRORS), rows.train[:, None]
     moving = Problem(rows, rows.valid & ~rows.rests & train, near)
     ranges, late = checks.check_rows(moving, notes)
     notes += late
     if effort != "scale":
         notes += checks.check_scales(Problem(rows, rows.use & train, near))
-    known = _known_masses(data.regressor, total_mass, masses or {})
-    prior = partial(Prior.near, nominal, known=known)
-    say("fitting bodies with simple friction")
+    known_masses = _known_masses(data.regressor, total_mass, masses or {})
+    prior = partial(Prior.near, nominal, known_masses=known_masses)
+    report("fitting bodies with simple friction")
     scales = np.ones(model.n)
     if effort == "scale":
         scales, more = scales_of(rows, [SIMPLE] * model.n, prior)
@@ -111,31 +107,34 @@ def identify(
     some_late = 0 < len(late) < model.n
     first, more = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=not some_late)
     notes += more
-    say("selecting friction laws by cross-validation")
+    report("selecting friction laws by cross-validation")
     trial, more = _with_selected_laws(first.before(prior=most_evident(first, prior)))
     notes += more
     trial = tabled(trial)
-    say("fitting all parameters")
+    report("fitting all parameters")
     trial, final, strict = _consistent(trial.before(prior=most_evident(trial, prior)))
 
     ranges = ranges * final.rows.use.any(axis=0)
     validation = validate(trial, ranges, held_out)
     notes += validation.notes
-    values = parameters(strict, ranges, final)
+    estimates = parameters.estimates_of(strict)
+    details = parameters.details_of(estimates, strict, ranges, final)
     notes += irregularities.all_of(trial, final)
-    if effort != "scale" and not known:  # else the unit of efforts is not the cause
+    if effort != "scale" and not known_masses:  # else the unit of efforts is not the cause
         checks.check_masses(
             final.theta[::EACH], nominal[::EACH], model.joint_names, validation.ratios
         )
-    result, laws = _scene(final, ranges, values["missing"], notes)
+    missing = {name for name, parameter in details.items() if parameter.missing}
+    identified, laws = _scene(final, ranges, missing, notes)
     if not accept_worse:
-        error, before = validation.errors["error"]
-        checks.check_better(error, before, validation.excess)
+        checks.check_better(*validation.error, validation.excess)
+    columns = laws, scales.tolist(), validation.joints, validation.residuals
+    joints = tuple(map(IdentifiedJoint, model.joint_names, *columns))
     return Identification(
-        scene=result, joint_names=model.joint_names, friction=laws,
-        bodies=final.theta.reshape(-1, EACH), body_names=data.regressor.bodies, scales=scales,
-        band=final.rows.band, effort_band=final.rows.effort_band, notes=tuple(notes),
-        torques=_torques(trial, final, validation.nominal), **validation.errors, **values,
+        scene=identified, joints=joints, details=details, bodies=final.theta.reshape(-1, EACH),
+        body_names=data.regressor.bodies, error=validation.error, band=final.rows.band,
+        effort_band=final.rows.effort_band, condition=estimates.condition, notes=tuple(notes),
+        torques=_torques(trial, final, validation.nominal),
     )  # fmt: skip
 
 
@@ -189,18 +188,18 @@ def _first(
     def without_sticking(fit: Fit) -> Fit:
         """Clear rows of what joints that stick can cause, and fit them again."""
         sizes = np.array([
-            1.4826 * np.median(abs(left[mine])) if mine.any() else np.inf
-            for left, mine in zip(fit.residual.T, fit.problem.use.T, strict=True)
+            1.4826 * np.median(abs(residual[use])) if use.any() else np.inf
+            for residual, use in zip(fit.residual.T, fit.problem.use.T, strict=True)
         ])  # fmt: skip
         levels = np.array([own.coefficients.get(COULOMB, 0.0) for own in fit.friction])
         exact = NOISELESS * np.sqrt((fit.rows.effort**2).mean(axis=0))
         return simple(fit.rows.cleared(levels, np.maximum(sizes, exact)))
 
-    fit = with_bandwidth(simple(rows))
-    limit = noise_above(fit.rows, fit.problem.use, fit.residual) if chosen_band else None
+    fit = bandwidth.with_bandwidth(simple(rows))
+    limit = bandwidth.noise_above(fit.rows, fit.problem.use, fit.residual) if chosen_band else None
     if limit is not None:
         data = replace(data, band=limit)
-        fit = with_bandwidth(simple(data.rows(fit.rows.effort_band)))
+        fit = bandwidth.with_bandwidth(simple(data.rows(fit.rows.effort_band)))
     fit = without_sticking(fit)
     if not aged or all(motion.aged for motion in fit.rows.motions):
         return fit, []
@@ -224,8 +223,8 @@ def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
     "Bayesian interpolation", Neural Computation 4(3), 1992).
     """
     R, z = fit.problem.data(fit.columns, fit.weights)
-    best, chosen = np.inf, fit.problem.prior
-    for deviations in ((m, s) for m in MASSES for s in SHAPES):
+    least, chosen = np.inf, fit.problem.prior
+    for deviations in ((m, s) for m in DENSITIES for s in SHAPES):
         belief = prior(*deviations)
         numbers = len(belief.x0)
         T, t = belief.combined(R, z)
@@ -238,8 +237,8 @@ def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
             for i in range(0, numbers, EACH)
         )
         evidence = float(misfit + 2.0 * np.log(scale).sum() - bodies)
-        if evidence < best:
-            best, chosen = evidence, belief
+        if evidence < least:
+            least, chosen = evidence, belief
     return chosen
 
 
@@ -251,7 +250,7 @@ def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
         fit = fitted(fit.problem, selected(fit))
         if not again:
             kept, notes = irregularities.without_outliers(fit, use)
-        before, fit = fit.rows, with_bandwidth(fit)
+        before, fit = fit.rows, bandwidth.with_bandwidth(fit)
         if np.array_equal(kept, use) and fit.rows is before:
             break
         fit = fit.before(use=kept)
@@ -271,25 +270,26 @@ def _consistent(fit: Fit) -> tuple[Fit, Fit, Fit]:
     whole = fit.problem.use | (rows.use & ~rows.train[:, None])
     final = trial.again(use=irregularities.without_outliers(trial, whole)[0], consistent=True)
     strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
-    laws = without_doubtful(strict)
+    laws = parameters.without_doubtful(strict)
     if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
         use = final.problem.use
         lean = fitted(final.problem, laws, consistent=True)
-        if mean_residual(lean.residual, use) < WORSE * mean_residual(final.residual, use):
+        before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean))
+        if after < LEAN_RATIO * before:
             trial, final = fitted(trial.problem, laws, consistent=True), lean
             strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
     return trial, final, strict
 
 
 def _scene(
-    fit: Fit, ranges: Array, missing: Mapping[str, str], notes: list[str]
+    fit: Fit, ranges: Array, missing: Container[str], notes: list[str]
 ) -> tuple[Scene, tuple[JointFit | None, ...]]:
     """The identified scene, and its friction, None of a joint that did not move.
 
     Args:
         fit: Of all parameters.
         ranges: How far each joint moved without sticking in [rad] or [m], shape (n,).
-        missing: What was not identified.
+        missing: Names of parameters that were not identified.
         notes: Receives a line for each result that a scene cannot express.
     """
     rests = ranges <= checks.MOVED

@@ -58,12 +58,12 @@ def backward(
     nodes, nx, both = slopes.shape
     n = both - nx
     k, K, promised = np.empty((nodes, n)), np.empty((nodes, n, nx)), np.empty(1)
-    given = [
+    inputs = [
         np.ascontiguousarray(array, float)
         for array in (slopes, cost.x, cost.xx, cost.u, cost.uu, low, high)
     ]
     reached = library_of(nx, n).backward(
-        ctypes.c_longlong(nodes), *map(pointer, given), ctypes.c_double(damping),
+        ctypes.c_longlong(nodes), *map(pointer, inputs), ctypes.c_double(damping),
         pointer(k), pointer(K), pointer(promised),
     )  # fmt: skip
     return Policy(k, K, float(promised[0])) if reached == nodes else None

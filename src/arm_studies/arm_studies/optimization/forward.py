@@ -13,17 +13,9 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address, strides
 from arm_sim.plant.plant import Plant
 from arm_sim.simulation.simulator import Simulator
-from arm_sim.stepping import Stepper
+from arm_sim.stepping import Stepper, lanes
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lanes import (
-    ADDRESS,
-    NUMBER,
-    built_of_lanes,
-    has_unmonitored_switches,
-    ticks_of_lanes,
-    widths,
-)
 from arm_studies.optimization.backward import OWN, Policy
 
 
@@ -84,11 +76,11 @@ class Forward:
         """Simulate all arms; those that are returned meet stops and must be simulated alone."""
         policy, marks = course.policy, Marks(len(size))
         arrays = course.x, course.u, policy.k, policy.K, course.low, course.high, size
-        given, shared = [*map(np.ascontiguousarray, arrays)], self._simulator.arm.parameters
+        inputs, shared = [*map(np.ascontiguousarray, arrays)], self._simulator.arm.parameters
         p = np.broadcast_to(shared, (len(size), len(shared)))
         arms = ArmTable.of(x, u, p, self._choice.dt, marks, self._engine)
         code.engine.follow(
-            code.scene, ctypes.byref(arms), len(size), *map(address, given),
+            code.scene, ctypes.byref(arms), len(size), *map(address, inputs),
             address(x), *strides(x, 1), address(u), *strides(u, 1),
         )  # fmt: skip
         return marks.of(0, len(size))
@@ -101,10 +93,9 @@ class Forward:
         trace, effort, notes = np.empty((1, len(now))), np.empty((1, u.shape[1])), np.empty((1, 2))
         x[1:], u[:] = np.nan, np.nan
         for node in range(len(u)):
-            wanted = (
-                course.u[node] + size * policy.k[node] + policy.K[node] @ (now - course.x[node])
-            )
-            u[node] = np.clip(wanted, course.low[node], course.high[node])
+            feedback = policy.K[node] @ (now - course.x[node])
+            command = course.u[node] + size * policy.k[node] + feedback
+            u[node] = np.clip(command, course.low[node], course.high[node])
             if stepper.roll(now, u[node], trace, effort, notes) < 1:
                 break
             x[node + 1] = now
@@ -126,11 +117,12 @@ class Forward:
     @cached_property
     def _library(self) -> Compiled | None:
         """Compiled code, for many lanes without events; None where Python steps arms alone."""
-        alone = self._choice.tolerance is not None or has_unmonitored_switches(self._plant)
+        alone = self._choice.tolerance is not None or lanes.has_unmonitored_switches(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
-        types = [ADDRESS, NUMBER, *[ADDRESS] * 8, NUMBER, ADDRESS, NUMBER]
-        wide = (1,) if self.eventful else widths(None)
-        write, unit = partial(ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
-        built = (built_of_lanes(write, width, "follow", types, unit, OWN) for width in wide)
+        array, number = lanes.ADDRESS, lanes.NUMBER
+        types = [array, number, *[array] * 8, number, array, number]
+        wide = (1,) if self.eventful else lanes.widths(None)
+        write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
+        built = (lanes.built_of_lanes(write, width, "follow", types, unit, OWN) for width in wide)
         return next((code for code in built if code is not None), None)

@@ -26,6 +26,7 @@ from arm_sim.simulation.simulator import Simulator
 from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost
 from arm_studies.optimization.forward import Course, Forward
+from arm_studies.renaming import renamed_argument
 
 SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
 """Step sizes that are tried."""
@@ -147,17 +148,15 @@ class ILQR:
             InvalidInput: If a shape or value is not allowed.
             SimulationDiverged: If the motion diverges.
         """
-        given, commands = real_array("x0", x0), real_array("u", u)
-        for name, array, shape in (
-            ("x0", given, (self._nx,)),
-            ("u", commands, (self._nodes, self._n)),
-        ):
+        initial, commands = real_array("x0", x0), real_array("u", u)
+        expected = ("x0", initial, (self._nx,)), ("u", commands, (self._nodes, self._n))
+        for name, array, shape in expected:
             if array.shape != shape or not np.isfinite(array).all():
                 raise InvalidInput(
                     f"{name} has shape {array.shape}; finite numbers of {shape} are expected"
                 )
-        states, feedback = np.tile(given, (self._nodes + 1, 1)), (*commands.shape, self._nx)
-        return self.moved(Trajectory(states, commands, np.inf, np.zeros(feedback)), given)
+        states, feedback = np.tile(initial, (self._nodes + 1, 1)), (*commands.shape, self._nx)
+        return self.moved(Trajectory(states, commands, np.inf, np.zeros(feedback)), initial)
 
     def moved(self, old: Trajectory, x0: Array, du: Array | float = 0.0) -> Trajectory:
         """The motion from another initial state, which tracks the old one by its feedback.
@@ -194,19 +193,20 @@ class ILQR:
             if better is not None:
                 less = damping / FACTOR if damping > LEAST else 0.0
                 small = old.cost - better.cost <= self._tolerance * abs(old.cost)
-                done = "converged" if small and damping <= FIRST else ""
-                return replace(better, damping=less, verdict=done)
+                verdict = "converged" if small and damping <= FIRST else ""
+                return replace(better, damping=less, verdict=verdict)
             if policy and -policy.promised <= self._tolerance * abs(old.cost) and damping <= FIRST:
                 return replace(old, feedback=policy.K, verdict="converged")
             damping = max(FACTOR * damping, FIRST)
         return replace(old, verdict="stuck")
 
+    @renamed_argument("told", "on_progress")
     def solve(
         self,
         x0: ArrayLike,
         u: ArrayLike,
         iterations: int = 100,
-        told: Callable[[Trajectory], object] | None = None,
+        on_progress: Callable[[Trajectory], object] | None = None,
     ) -> Trajectory:
         """Optimize from an initial guess until convergence.
 
@@ -214,7 +214,7 @@ class ILQR:
             x0: As for ``start``.
             u: As for ``start``.
             iterations: Largest number of iterations.
-            told: Called with the trajectory after each iteration.
+            on_progress: Called with the trajectory after each iteration.
 
         Raises:
             InvalidInput: If an argument is not allowed.
@@ -226,8 +226,8 @@ class ILQR:
         best = self.start(x0, u)
         for _ in range(iterations):
             best = self.improve(best)
-            if told is not None:
-                told(best)
+            if on_progress is not None:
+                on_progress(best)
             if best.verdict:
                 break
         return best
@@ -280,13 +280,13 @@ class ILQR:
         return Trajectory(x[best], u[best], cost, policy.K, (*old.costs, cost))
 
     def _rows(self, name: str, limit: ArrayLike) -> Array:
-        given = real_array(name, limit)
-        if given.shape not in ((), (self._n,), (self._nodes, self._n)):
+        rows = real_array(name, limit)
+        if rows.shape not in ((), (self._n,), (self._nodes, self._n)):
             raise InvalidInput(
-                f"{name} has shape {given.shape}; allowed: a number, ({self._n},) or "
+                f"{name} has shape {rows.shape}; allowed: a number, ({self._n},) or "
                 f"({self._nodes}, {self._n})"
             )
-        return np.broadcast_to(given, (self._nodes, self._n))
+        return np.broadcast_to(rows, (self._nodes, self._n))
 
 
 def prepare(simulator: Simulator) -> None:
@@ -303,7 +303,7 @@ def prepare(simulator: Simulator) -> None:
 
 def _check(phases: tuple[Phase, ...]) -> None:
     if not phases:
-        raise InvalidInput("no phase is given; at least one is expected")
+        raise InvalidInput("there is no phase; at least one is expected")
     for phase in phases:
         whole("nodes", phase.nodes, 1)
     sizes = [phase.simulator.arm.plant.nx for phase in phases]

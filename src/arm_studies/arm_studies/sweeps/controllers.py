@@ -17,7 +17,7 @@ from arm_dynamics.control.custom import is_own
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.control.law import Law
 from arm_dynamics.exceptions import choices
-from arm_studies.sweeps.keys import below, with_values
+from arm_studies.sweeps.keys import below, values_below, with_values
 from arm_studies.sweeps.runs import Job, Recipe
 from arm_studies.sweeps.study import ControllerChoice, validated
 
@@ -28,20 +28,21 @@ GAINS = ("dt", "bandwidth", "damping_ratio")
 IMPERFECT = ("sensors", "commands")
 
 
-def chosen(recipe: Recipe, job: Job) -> ControllerChoice:
+def controller_of(recipe: Recipe, job: Job) -> ControllerChoice:
     """The controller of a run.
 
     Raises:
         InvalidInput: If it or a setting is unknown or not allowed.
     """
-    own = {key: value for key, value in job.values.items() if below(key, ("controller",))}
-    return _chosen(recipe.controller, json.dumps(own))
+    varied = values_below(job.values, "controller")
+    return _with_values(recipe.controller, json.dumps(varied))
 
 
 @lru_cache(maxsize=64)
-def _chosen(controller: str, values: str) -> ControllerChoice:
-    given = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
-    choice = validated(ControllerChoice, given, "controller")
+def _with_values(controller: str, values: str) -> ControllerChoice:
+    """The study's choice with varied values, both as JSON."""
+    data = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
+    choice = validated(ControllerChoice, data, "controller")
     if choice.name not in NAMES and not is_own(choice.name):
         allowed = choices(choice.name, NAMES)
         raise InvalidInput(f"controller = {choice.name!r}; allowed: {allowed}")
@@ -57,13 +58,13 @@ def _chosen(controller: str, values: str) -> ControllerChoice:
 
 def runs_compiled(recipe: Recipe, job: Job) -> bool:
     """Whether a run is simulated entirely in compiled code, with an ideal measured state."""
-    choice, usual = chosen(recipe, job), Settings()
+    choice, defaults = controller_of(recipe, job), Settings()
     return (
         choice.name in LAWS
         and not recipe.imperfect
         and not any(below(key, IMPERFECT) for key in job.values)
         and all(
-            key in GAINS or np.array_equal(value, getattr(usual, key))
+            key in GAINS or np.array_equal(value, getattr(defaults, key))
             for key, value in choice.settings.items()
         )
     )

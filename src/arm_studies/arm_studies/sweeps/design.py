@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from statistics import NormalDist
@@ -52,10 +51,10 @@ def points(study: Study) -> list[Point]:
     order = list(study.vary)
     points: list[Point] = []
     for row in product(*lists.values()):
-        chosen = dict(zip(lists, row, strict=True))
+        of_grid = dict(zip(lists, row, strict=True))
         for k, sample in enumerate(samples):
-            both = chosen | sample
-            points.append(Point(len(points), k, {key: both[key] for key in order}))
+            values = of_grid | sample
+            points.append(Point(len(points), k, {key: values[key] for key in order}))
     return points
 
 
@@ -72,14 +71,16 @@ def _shares(study: Study, dimensions: int) -> Array:
     # One point in each of as many slices of every dimension: McKay, Beckman and Conover, "A
     # comparison of three methods for selecting values of input variables", Technometrics 21(2),
     # 1979.
-    chance, count = _generator(study, _HYPERCUBE, 0), study.samples
-    slices = chance.permuted(np.tile(np.arange(count), (dimensions, 1)), axis=1).T
-    return np.asarray((slices + chance.random((count, dimensions))) / count)
+    rng, count = _generator(study, _HYPERCUBE, 0), study.samples
+    slices = rng.permuted(np.tile(np.arange(count), (dimensions, 1)), axis=1).T
+    return np.asarray((slices + rng.random((count, dimensions))) / count)
 
 
-def _generator(study: Study, what: int, number: int) -> np.random.Generator:
+def _generator(study: Study, purpose: int, number: int) -> np.random.Generator:
     """Random numbers of one sample, by a counter-based generator, see ``imperfections.chance``."""
-    return np.random.Generator(np.random.Philox(key=[study.seed, what], counter=[0, 0, number, 0]))
+    return np.random.Generator(
+        np.random.Philox(key=[study.seed, purpose], counter=[0, 0, number, 0])
+    )
 
 
 def _value(varied: Varied, share: float) -> float:
@@ -93,11 +94,3 @@ def _value(varied: Varied, share: float) -> float:
     assert varied.normal is not None
     mean, deviation = varied.normal
     return mean + deviation * NormalDist().inv_cdf(min(max(share, _EDGE), 1.0 - 2.0 * _EDGE))
-
-
-def distinct(runs: Sequence[Point], key: str) -> list[Any]:
-    """Distinct values of a key, in order."""
-    distinct: dict[str, Any] = {}
-    for run in runs:
-        distinct.setdefault(repr(run.values[key]), run.values[key])
-    return list(distinct.values())

@@ -69,8 +69,8 @@ def _scatter(
     with figure(path, len(metrics), len(numbers), size, **shared) as axes:
         for row, (metric, words) in zip(axes, metrics.items(), strict=True):
             for at, name in zip(row, numbers, strict=True):
-                for label, these in _some(table).items():
-                    x, y = table[name][these], table[metric][these]
+                for label, runs in _some(table).items():
+                    x, y = table[name][runs], table[metric][runs]
                     at.scatter(x, y, label=label or None, **dots)
                 _scale(at.set_yscale, table[metric])
                 if name in spread:
@@ -85,8 +85,8 @@ def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
     size = min(WIDTH, 3.4 * len(metrics)), 2.5
     with figure(path, 1, len(metrics), size, squeeze=False, sharey=True) as axes:
         for at, (metric, words) in zip(axes[0], metrics.items(), strict=True):
-            for label, these in _some(table).items():
-                values = np.sort(_finite(table[metric][these]))
+            for label, runs in _some(table).items():
+                values = np.sort(_finite(table[metric][runs]))
                 share = np.arange(1, len(values) + 1) / max(1, len(values))
                 at.step(values, share, where="post", label=label or None)
             _scale(at.set_xscale, table[metric])
@@ -96,13 +96,15 @@ def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
 
 
 def _some(table: Table) -> dict[str, NDArray[np.bool_]]:
-    return {_words(label): these for label, these in [*groups(table).items()][:_MOST]}
+    """The first groups, as many as a figure has colours for, by their labels."""
+    first = list(groups(table).items())[:_MOST]
+    return {_words(label): runs for label, runs in first}
 
 
 def _words(label: str) -> str:
     """Names of scenes and controllers, as "PD + gravity" for "pd_gravity"."""
     label = label.replace("pd_gravity", "pd + gravity").replace("_", " ")
-    return re.sub(r"\bpi?d\b", lambda found: found[0].upper(), label)
+    return re.sub(r"\bpi?d\b", lambda match: match[0].upper(), label)
 
 
 def _headings(study: Study, metrics: list[str]) -> list[str]:
@@ -116,7 +118,7 @@ def _headings(study: Study, metrics: list[str]) -> list[str]:
 
 
 def _quantity(key: str) -> str:
-    """A key of a scene in words, with the first unit that its description names."""
+    """A key of a scene in words, with its unit: the first that its description names."""
     part: Any = Scene
     unit = ""
     for name in key.split("."):
@@ -124,10 +126,12 @@ def _quantity(key: str) -> str:
             text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
             match = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
             unit, kinds = match[1] if match else "", getattr(field.annotation, "__args__", ())
-            part = next((one for one in kinds if hasattr(one, "model_fields")), field.annotation)
+            models = (kind for kind in kinds if hasattr(kind, "model_fields"))
+            part = next(models, field.annotation)
     words = re.sub(r"^joints\.(\*\.)?|s\.\d+(?=\.)", "", key)  # payloads.0.mass is that of one
     words = re.sub(r"friction\.(\w+)$", r"\1 friction", words)
-    return re.sub(r"[._]", " ", words) + f"\n[{unit}]" * bool(unit)
+    label = re.sub(r"[._]", " ", words)
+    return f"{label}\n[{unit}]" if unit else label
 
 
 def _finite(values: Array) -> Array:

@@ -11,7 +11,7 @@ import fcntl
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from arm_dynamics.exceptions import InvalidInput, plain
 from arm_studies.sweeps.runs import Row
@@ -29,20 +29,20 @@ class Journal:
 
     Args:
         folder: Folder of the file.
-        about: Inputs of the rows, by key; a file of another study is rejected.
+        inputs: Inputs of the rows, by key; a file of another study is rejected.
 
     Raises:
         InvalidInput: If the file is not of this study, or another process writes it.
         OSError: If it cannot be read or written.
     """
 
-    def __init__(self, folder: Path, about: Mapping[str, Any]) -> None:
+    def __init__(self, folder: Path, inputs: Mapping[str, Any]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.path, self.rows, self.dropped = folder / NAME, dict[int, Row](), False
         self._file = open(self.path, "a+b")
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._read({"format": _FORMAT, **about})
+            self._read({"format": _FORMAT, **inputs})
         except BlockingIOError:
             self._file.close()
             raise InvalidInput(
@@ -52,11 +52,7 @@ class Journal:
             self._file.close()
             raise
 
-    def __enter__(self) -> Self:
-        """The journal."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Close the file."""
         self._file.close()
 
@@ -69,12 +65,12 @@ class Journal:
         self._file.write("".join(f"{line}\n" for line in lines).encode())
         self._file.flush()
 
-    def _read(self, about: dict[str, Any]) -> None:
+    def _read(self, expected: dict[str, Any]) -> None:
         self._file.seek(0)
         content = self._file.read()
         whole = content.rfind(b"\n") + 1
         lines = content[:whole].splitlines()
-        self._check_head(lines, about)
+        self._check_head(lines, expected)
         good = len(lines[0]) + 1 if lines else 0
         for number, line in enumerate(lines[1:], 2):
             row = _row(line)
@@ -89,10 +85,10 @@ class Journal:
         self.dropped = good < len(content)
         self._file.truncate(good)
         if not lines:
-            self._file.write(json.dumps(about).encode() + b"\n")
+            self._file.write(json.dumps(expected).encode() + b"\n")
             self._file.flush()
 
-    def _check_head(self, lines: list[bytes], about: dict[str, Any]) -> None:
+    def _check_head(self, lines: list[bytes], expected: dict[str, Any]) -> None:
         if not lines:
             return  # new, or interrupted while its first line was written
         try:
@@ -102,9 +98,9 @@ class Journal:
             raise InvalidInput(
                 f"'{self.path}' is not the journal of a sweep; another folder is expected"
             ) from None
-        about = json.loads(json.dumps(about))
-        if (changed := _difference(head, about)) is not None:
-            key, was, now = changed
+        expected = json.loads(json.dumps(expected))
+        if (difference := _difference(head, expected)) is not None:
+            key, was, now = difference
             raise InvalidInput(
                 f"'{self.path}' holds runs of another study: '{key}' was {_short(was)} and is "
                 f"{_short(now)}; undo the change, or name another folder"

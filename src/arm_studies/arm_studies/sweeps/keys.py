@@ -48,9 +48,19 @@ def tunable(key: str) -> str | None:
     return next((name for name, form in _TUNABLE.items() if form.fullmatch(key)), None)
 
 
+def is_number(value: object) -> bool:
+    """Whether a value is a number, and not true or false."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def below(key: str, above: Sequence[str]) -> bool:
     """Whether a key is one of ``above`` or lies in it."""
     return any(key == other or key.startswith(f"{other}.") for other in above)
+
+
+def values_below(values: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+    """The values of some keys and of those that lie in them."""
+    return {key: value for key, value in values.items() if below(key, keys)}
 
 
 def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,28 +102,28 @@ def overlaid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, An
 
 
 def _put(data: dict[str, Any], key: str, value: Any) -> None:
-    *way, last = key.split(".")
-    here: Any = data
-    for step, name in enumerate(way):
-        place = _entry(here, name, ".".join(way[: step + 1]), key)
-        if isinstance(here, dict):
-            here.setdefault(place, {})
-        here = here[place]
-    here[_entry(here, last, key, key)] = value
+    *path, last = key.split(".")
+    node: Any = data
+    for depth, name in enumerate(path, 1):
+        entry = _entry(node, name, ".".join(path[:depth]), key)
+        if isinstance(node, dict):
+            node.setdefault(entry, {})
+        node = node[entry]
+    node[_entry(node, last, key, key)] = value
 
 
-def _entry(here: Any, name: str, place: str, key: str) -> Any:
+def _entry(node: Any, name: str, place: str, key: str) -> Any:
     """The index in a list that a name denotes, or the name itself."""
-    if isinstance(here, list):
-        if name.isdecimal() and int(name) < len(here):
+    if isinstance(node, list):
+        if name.isdecimal() and int(name) < len(node):
             return int(name)
-        allowed = known_names(map(str, range(len(here))))
+        allowed = known_names(map(str, range(len(node))))
         raise SceneError(f"study: 'vary.{key}': there is no '{place}'; entries: {allowed}")
-    if isinstance(here, dict):
+    if isinstance(node, dict):
         if not name.isdecimal():
             return name
         raise SceneError(
             f"study: 'vary.{key}': there is no '{place}': the list has no entries; 'changes' may "
             "add some"
         )
-    raise SceneError(f"study: 'vary.{key}': nothing lies below {here!r}")
+    raise SceneError(f"study: 'vary.{key}': nothing lies below {node!r}")

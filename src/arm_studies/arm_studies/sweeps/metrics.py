@@ -66,11 +66,11 @@ def _error(run: MeasuredRun) -> Array:
 
 def _overshoot(run: MeasuredRun) -> float:
     """Largest overshoot relative to the distance, over joints with a goal away from the start."""
-    way = run.reference[-1] - run.reference[0]
-    moved = way != 0.0
+    distance = run.reference[-1] - run.reference[0]
+    moved = distance != 0.0
     if not moved.any():
         return 0.0
-    beyond = (run.q[:, moved] - run.reference[-1, moved]) / way[moved]
+    beyond = (run.q[:, moved] - run.reference[-1, moved]) / distance[moved]
     return float(np.maximum(beyond.max(), 0.0))
 
 

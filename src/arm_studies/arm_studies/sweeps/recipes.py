@@ -3,21 +3,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import arm_sim
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene import Scene
 from arm_sim.plant.parameters import Parameters
 from arm_studies.sweeps import keys
-from arm_studies.sweeps.design import Point, distinct, noise_seed
+from arm_studies.sweeps.controllers import runs_compiled
+from arm_studies.sweeps.design import Point, noise_seed
 from arm_studies.sweeps.runs import Job, Recipe
 from arm_studies.sweeps.study import Study
 
@@ -35,13 +39,13 @@ class Group:
         scene: Its scene, as named in the study.
         values: Values that define the world, by key.
         slots: Indices of varied numbers in their tunable quantities, by key.
-        points: Its runs.
+        jobs: Its runs.
     """
 
     scene: str | dict[str, Any]
     values: dict[str, Any]
     slots: Slots
-    points: list[Point]
+    jobs: list[Job]
 
 
 class Planner:
@@ -68,50 +72,68 @@ class Planner:
             name = repr(scene)
             if name not in slots:
                 slots[name] = self._slots(self.content(scene), points)
-            free = slots[name]
-            values = {
-                key: value
-                for key, value in point.values.items()
-                if key != "scene" and key not in free and not self._of_run(scene, key)
-            }
-            group = by_key.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
-            group.points.append(point)
+            own, common = dict[str, Any](), dict[str, Any]()
+            for key, value in point.values.items():
+                if key in slots[name] or self._of_run(scene, key):
+                    own[key] = value
+                elif key != "scene":
+                    common[key] = value
+            group = by_key.setdefault(f"{name} {common!r}", Group(scene, common, slots[name], []))
+            group.jobs.append(Job(point.index, noise_seed(self.study, point.sample), own))
         return list(by_key.values())
 
     def recipe(self, group: Group) -> Recipe:
         """The recipe of a group's world."""
         study, base = self.study, self.content(group.scene)
-        of_study = {k: v for k, v in group.values.items() if keys.below(k, keys.OF_STUDY)}
+        of_study = keys.values_below(group.values, *keys.OF_STUDY)
         of_scene = {k: v for k, v in group.values.items() if k not in of_study}
-        some = {key: _SOME_FRICTION for key in group.slots if keys.tunable(key) == "coulomb"}
-        with _about("vary"):
-            content = keys.with_values(base, of_scene | some)
+        levels = {key: _SOME_FRICTION for key in group.slots if keys.tunable(key) == "coulomb"}
+        with _in_messages("vary"):
+            content = keys.with_values(base, of_scene | levels)
         tuned = [keys.tunable(key) for key in group.slots]
         content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
-        about = self._loop(of_study)
-        known = about["controller"].pop("scene", None)
+        loop = self._loop(of_study)
+        model = loop["controller"].pop("scene", None)
         commands = content.get("commands") or {}
         return Recipe(
             scene=json.dumps(content),
-            controller_scene=json.dumps(base if known is None else _content(load_scene(known))),
-            controller=json.dumps(about["controller"]),
-            motion=json.dumps(about["motion"]),
+            controller_scene=json.dumps(base if model is None else _content(load_scene(model))),
+            controller=json.dumps(loop["controller"]),
+            motion=json.dumps(loop["motion"]),
             duration=study.duration,
             metrics=study.metrics,
             slots=tuple(group.slots.items()),
-            lanes=len(group.points) * study.duration >= _LONG,
+            lanes=len(group.jobs) * study.duration >= _LONG,
             imperfect=content.get("sensors") is not None
             or any(value for key, value in commands.items() if key != "gravity_compensated"),
         )
 
-    def job(self, group: Group, point: Point) -> Job:
-        """The job of a run of a group."""
-        values = {
-            key: value
-            for key, value in point.values.items()
-            if key not in group.values and key != "scene"
+    def by_kind(self, group: Group) -> dict[bool, list[Job]]:
+        """The runs that are simulated entirely in compiled code, and the others."""
+        recipe, kinds = self.recipe(group), dict[bool, list[Job]]({True: [], False: []})
+        for job in group.jobs:
+            kinds[runs_compiled(recipe, job)].append(job)
+        return kinds
+
+    def inputs(self, groups: Sequence[Group]) -> dict[str, Any]:
+        """Inputs of the results: the study, the content of its files, and the suite's version."""
+        study, contents = self.study, dict[str, str]()
+        for scene in {repr(group.scene): group.scene for group in groups}.values():
+            name, content = str(scene)[:80], json.dumps(self.content(scene), sort_keys=True)
+            contents[name] = f"{contents.get(name, '')} {_digest(content)}".lstrip()  # or shared
+        inputs: dict[str, Any] = {
+            "suite": arm_sim.__version__,
+            "study": study.model_dump(mode="json", exclude_unset=True),
+            "order of vary": list(study.vary),  # determines numbering and random numbers
+            "content of scene": contents,
         }
-        return Job(point.index, noise_seed(self.study, point.sample), values)
+        if study.controller.scene is not None or "controller.scene" in study.vary:
+            scenes = [self.recipe(group).controller_scene for group in groups]
+            inputs["content of controller.scene"] = _digest("\n".join(scenes))
+        if study.motion.file is not None and "motion.file" not in study.vary:
+            text = Path(study.motion.file).read_text("utf-8")
+            inputs["content of motion.file"] = _digest(text)
+        return inputs
 
     def _loop(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Controller and motion of the study with values by key."""
@@ -121,7 +143,7 @@ class Planner:
         }
         if isinstance(values.get("controller"), str):  # whose settings stay
             values = {"controller.name" if k == "controller" else k: v for k, v in values.items()}
-        with _about("vary"):
+        with _in_messages("vary"):
             return keys.with_values(loop, values)
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
@@ -130,7 +152,7 @@ class Planner:
         if name not in self._contents:
             content = _content(load_scene(scene))
             if self.study.changes:
-                with _about("changes"):
+                with _in_messages("changes"):
                     changed = keys.overlaid(content, self.study.changes)
                     content = _content(load_scene(changed))
             self._contents[name] = content
@@ -152,14 +174,14 @@ class Planner:
         slots = {}
         for key in self.study.vary:
             name = keys.tunable(key)
-            if name is not None and all(map(_is_number, distinct(points, key))):
+            if name is not None and all(keys.is_number(point.values[key]) for point in points):
                 if places := _places(content, key, name):
                     slots[key] = places
         return slots
 
 
 @contextmanager
-def _about(key: str) -> Iterator[None]:
+def _in_messages(key: str) -> Iterator[None]:
     """Add a key of the study to error messages."""
     try:
         yield
@@ -174,8 +196,8 @@ def _content(scene: Scene) -> dict[str, Any]:
     return {"gravity": list(scene.gravity), **content}
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _digest(content: str) -> str:
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
@@ -184,15 +206,16 @@ def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
     Determined from the model itself: between two values of the key, the quantity must differ only
     in that the one replaces the other.
     """
-    here = keys.value_at(content, key)
-    x = float(here) if _is_number(here) else 0.0
+    current = keys.value_at(content, key)
+    x = float(current) if keys.is_number(current) else 0.0
     probes = [x + k * _PROBE * max(abs(x), 1.0) for k in (1, 2)]
     try:
         models = [_model(content, key, name, value) for value in probes]
-        p = [(every := Parameters(model)).of(name, every.nominal) for model in models]
+        parameters = [Parameters(model) for model in models]
+        first, second = (each.of(name, each.nominal) for each in parameters)
     except SceneError:
         return ()  # no body has an inertia with this value alone; no friction is dry
-    places = np.flatnonzero(p[0] != p[1])
+    places = np.flatnonzero(first != second)
     if name == "coulomb" and not _scales(models, places):
         return ()
     if not places.size:
@@ -200,8 +223,8 @@ def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
             f"study: 'vary.{key}' changes nothing: entries of single joints take "
             "precedence over that of all joints"
         )
-    held = all((row[places] == value).all() for row, value in zip(p, probes, strict=True))
-    return tuple(places.tolist()) if held else ()
+    replaced = (first[places] == probes[0]).all() and (second[places] == probes[1]).all()
+    return tuple(places.tolist()) if replaced else ()
 
 
 def _model(content: Mapping[str, Any], key: str, name: str, value: float) -> ArmModel:
@@ -216,5 +239,5 @@ def _scales(models: Sequence[ArmModel], places: NDArray[np.intp]) -> bool:
     Levels at rest are then the same, and no friction model with states has them.
     """
     a, b = (model.friction for model in models)
-    follows = all((f.static.mean == f.coulomb.mean)[places].all() for f in (a, b))
-    return follows and np.array_equal(a.by_law.static.mean, b.by_law.static.mean)
+    alike = all((f.static.mean == f.coulomb.mean)[places].all() for f in (a, b))
+    return alike and np.array_equal(a.by_law.static.mean, b.by_law.static.mean)

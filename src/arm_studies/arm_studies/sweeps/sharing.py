@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import BrokenExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -121,7 +121,16 @@ def started(workers: int | None, cluster: str | None) -> Iterator[Workers]:
     if cluster is not None:
         if workers is not None:
             raise InvalidInput("workers and cluster are given; a cluster has its own workers")
-        with _client(cluster) as client:
+        import distributed
+
+        try:
+            connection = distributed.Client(cluster, timeout=_TIMEOUT, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise InvalidInput(
+                f"cluster = {cluster!r}: no Dask scheduler answers there ({plain(error, 200)}); "
+                "the address that 'dask scheduler' prints is expected, such as tcp://10.0.0.2:8786"
+            ) from None
+        with connection as client:
             threads = sum(client.nthreads().values())
             if not threads:
                 raise InvalidInput(f"cluster '{cluster}' has no workers; at least one is expected")
@@ -164,25 +173,10 @@ class Workers:
                 parallel = Parallel(return_as="generator_unordered", batch_size=1)
                 yield from parallel(delayed(work)(task, parent) for task in tasks)
         except (RuntimeError, ConnectionError) as error:
-            known = isinstance(error, BrokenExecutor | ConnectionError)
-            if not known and type(error).__module__.partition(".")[0] != "distributed":
+            of_joblib = isinstance(error, BrokenExecutor | ConnectionError)
+            if not of_joblib and type(error).__module__.partition(".")[0] != "distributed":
                 raise
             raise ArmError(
                 "workers ended before their runs were done (killed, or out of memory); with an "
                 "output folder, finished runs are kept and the same call continues from there"
             ) from error
-
-
-def _client(address: str) -> AbstractContextManager[Any]:
-    import distributed
-
-    try:
-        client: AbstractContextManager[Any] = distributed.Client(
-            address, timeout=_TIMEOUT, set_as_default=False
-        )
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InvalidInput(
-            f"cluster = {address!r}: no Dask scheduler answers there ({plain(error, 200)}); the "
-            "address that 'dask scheduler' prints is expected, such as tcp://10.0.0.2:8786"
-        ) from None
-    return client

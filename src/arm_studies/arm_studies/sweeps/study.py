@@ -8,14 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    StrictInt,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+import pydantic
 
 from arm_dynamics.exceptions import SceneError, choices
 from arm_dynamics.scene.complaints import complaints
@@ -27,7 +20,7 @@ from arm_studies.sweeps.metrics import METRICS
 # Source of a study; see ``load_study``.
 type StudySource = str | os.PathLike[str] | Mapping[str, Any] | Study
 
-_WHAT = "study"
+_NAME = "study"
 _PLAIN = (str, int, float, list)  # types of values in a list, besides true and false
 
 
@@ -45,8 +38,8 @@ def _count(value: object) -> object:
     return value
 
 
-SceneName = Annotated[str | dict[str, Any], BeforeValidator(_a_scene)]
-Count = Annotated[StrictInt, BeforeValidator(_count)]
+SceneName = Annotated[str | dict[str, Any], pydantic.BeforeValidator(_a_scene)]
+Count = Annotated[pydantic.StrictInt, pydantic.BeforeValidator(_count)]
 
 
 class Varied(Part):
@@ -66,7 +59,7 @@ class Varied(Part):
     log_uniform: tuple[Positive, Positive] | None = None
     normal: tuple[Finite, NonNegative] | None = None
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _a_list(cls, data: object) -> object:
         if isinstance(data, list | tuple):
@@ -77,16 +70,16 @@ class Varied(Part):
             )
         return data
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _one_of_them(self) -> Varied:
         if len(self.model_fields_set) != 1:
             raise ValueError(f"exactly one of {', '.join(Varied.model_fields)} is expected")
         if self.values is not None:
             if not self.values:
                 raise ValueError("the list is empty; at least one value is expected")
-            if strange := [v for v in self.values if not isinstance(v, _PLAIN)]:
+            if unusable := [v for v in self.values if not isinstance(v, _PLAIN)]:
                 raise ValueError(
-                    f"{strange[0]!r} in the list; numbers, names or lists are expected"
+                    f"{unusable[0]!r} in the list; numbers, names or lists are expected"
                 )
         ends = self.uniform or self.log_uniform
         if ends and not ends[0] < ends[1]:
@@ -107,7 +100,7 @@ class ControllerChoice(Part):
     scene: SceneName | None = None
     settings: dict[str, Any] = {}
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _a_name(cls, data: object) -> object:
         return {"name": data} if isinstance(data, str) else data
@@ -136,7 +129,7 @@ class MotionChoice(Part):
     points: tuple[MotionPoint, ...] = ()
     file: str | None = None
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _one_of_them(self) -> MotionChoice:
         if self.points and self.file is not None:
             raise ValueError("points and file are given; one of them is expected")
@@ -170,14 +163,14 @@ class Study(Part):
     controller: ControllerChoice = ControllerChoice()
     motion: MotionChoice = MotionChoice()
     vary: dict[str, Varied] = {}
-    samples: Annotated[Count, Field(ge=1, le=10_000_000)] = 1
+    samples: Annotated[Count, pydantic.Field(ge=1, le=10_000_000)] = 1
     sampling: Literal["random", "latin_hypercube"] = "random"
-    seed: Annotated[Count, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[Count, pydantic.Field(ge=0, lt=2**63)] = 0
     metrics: tuple[str, ...] = (
         "tracking_rms", "tracking_max", "overshoot", "energy", "saturation", "stop_time",
     )  # fmt: skip
 
-    @field_validator("metrics")
+    @pydantic.field_validator("metrics")
     @classmethod
     def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if not value:
@@ -213,7 +206,7 @@ def load_study(source: StudySource) -> Study:
     path = Path(source)
     content = file_text(path, "study", "a study (YAML)")
     with in_file(path):
-        data = parsed(content, _WHAT, "'scene' and 'duration'")
+        data = parsed(content, _NAME, "'scene' and 'duration'")
         if "robot" in data and "scene" not in data:
             raise SceneError(f"this is a scene; a study is another file, with scene: {path.name}")
         return _resolved(validated(Study, data), path.resolve().parent)
@@ -227,30 +220,30 @@ def validated[P: Part](kind: type[P], data: Any, *place: str) -> P:
     """
     try:
         return kind.model_validate(data)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         errors = error.errors()
     for each in errors:
         each["loc"] = (*place, *each["loc"])
-    raise SceneError("\n".join(complaints(errors, Study, {}, (), _WHAT)))
+    raise SceneError("\n".join(complaints(errors, Study, {}, (), _NAME)))
 
 
 def _resolved(study: Study, folder: Path) -> Study:
     """The study with absolute paths, which makes it independent of the working folder."""
-    changes: dict[str, Any] = {"scene": _found(study.scene, folder)}
+    changes: dict[str, Any] = {"scene": _absolute(study.scene, folder)}
     if study.controller.scene is not None:
-        known = _found(study.controller.scene, folder)
-        changes["controller"] = study.controller.model_copy(update={"scene": known})
+        scene = _absolute(study.controller.scene, folder)
+        changes["controller"] = study.controller.model_copy(update={"scene": scene})
     if study.motion.file is not None:
         file = str(folder / study.motion.file)
         changes["motion"] = study.motion.model_copy(update={"file": file})
     varied = study.vary.get("scene")
     if varied is not None and varied.values is not None:
-        values = tuple(_found(value, folder) for value in varied.values)
+        values = tuple(_absolute(value, folder) for value in varied.values)
         changes["vary"] = {**study.vary, "scene": varied.model_copy(update={"values": values})}
     return study.model_copy(update=changes)
 
 
-def _found(scene: Any, folder: Path) -> Any:
+def _absolute(scene: Any, folder: Path) -> Any:
     """A scene with absolute paths; ready scenes keep their bare names."""
     if isinstance(scene, str):
         path = find_scene(scene, folder)
@@ -259,6 +252,6 @@ def _found(scene: Any, folder: Path) -> Any:
         raise SceneError(f"study: 'vary.scene': {scene!r}; names of scenes or paths are expected")
     if not isinstance(robot := scene.get("robot"), dict):
         return scene
-    given = [(key, robot[key]) for key in ("urdf", "xacro") if isinstance(robot.get(key), str)]
-    files = {k: str(find_file(x, folder)) for k, x in given if not x.lstrip().startswith("<")}
+    texts = [(key, robot[key]) for key in ("urdf", "xacro") if isinstance(robot.get(key), str)]
+    files = {k: str(find_file(x, folder)) for k, x in texts if not x.lstrip().startswith("<")}
     return {**scene, "robot": {**robot, **files}}

@@ -3,30 +3,26 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import batched
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-import arm_sim
 from arm_dynamics.attributes import frozen
-from arm_studies.sweeps.controllers import runs_compiled
+from arm_studies.renaming import renamed_argument, renamed_attribute
 from arm_studies.sweeps.design import points
 from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints
-from arm_studies.sweeps.pace import Pace
+from arm_studies.sweeps.progress import Pace, Progress
 from arm_studies.sweeps.recipes import Group, Planner
 from arm_studies.sweeps.runs import Row
-from arm_studies.sweeps.sharing import Task, check_libraries, started
+from arm_studies.sweeps.sharing import Task, Workers, check_libraries, started
 from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import world_of
@@ -34,23 +30,6 @@ from arm_studies.sweeps.world import world_of
 # Runs per task, compiled or not, such that the cost of passing it to a worker is negligible.
 _RUNS = {True: 32, False: 2}
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
-
-
-@frozen
-class Progress:
-    """Progress of a sweep.
-
-    Attributes:
-        done: Number of finished runs, earlier ones included.
-        total: Number of all runs.
-        remaining: Remaining time in [s]; None while too little is known.
-        what: Current activity.
-    """
-
-    done: int
-    total: int
-    remaining: float | None
-    what: str
 
 
 @frozen
@@ -79,7 +58,7 @@ class Sweep:
         study: Its study.
         plan: Its extent.
         table: One row for each run, in order.
-        made: Number of runs simulated now; the others were in the journal.
+        simulated: Number of runs simulated now; the others were in the journal.
         seconds: Duration of those in [s].
         dropped: Whether a damaged last line of the journal was dropped.
     """
@@ -87,9 +66,10 @@ class Sweep:
     study: Study
     plan: Plan
     table: Table
-    made: int
+    simulated: int
     seconds: float
     dropped: bool = False
+    made = renamed_attribute("made", "simulated")
 
     def __repr__(self) -> str:
         """A summary: runs, how they ended, and the median of each metric."""
@@ -105,13 +85,14 @@ class Sweep:
         return "\n  ".join(lines) + ">"
 
 
+@renamed_argument("told", "on_progress")
 def sweep(
     source: StudySource,
     out: str | os.PathLike[str] | None = None,
     *,
     workers: int | None = None,
     cluster: str | None = None,
-    told: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
 ) -> Sweep:
     """Simulate the runs of a study.
 
@@ -124,7 +105,7 @@ def sweep(
             simulated. With None, nothing is written.
         workers: Number of processes; None for one per core, 1 for this process alone.
         cluster: Address of a Dask scheduler, whose workers are used instead.
-        told: Called with the progress.
+        on_progress: Called with the progress.
 
     Returns:
         The table and information about the sweep.
@@ -145,90 +126,69 @@ def sweep(
     runs = points(study)
     planner = Planner(study)
     groups = planner.groups(runs)
-    tell = told or (lambda progress: None)
-    tell(Progress(0, len(runs), None, "building the first arm"))
+    report = on_progress or (lambda progress: None)
+    report(Progress(0, len(runs), None, "building the first arm"))
     # An error of the first run is raised, since the others would fail in the same way.
     world = world_of(planner.recipe(groups[0]))
-    world.check(planner.job(groups[0], groups[0].points[0]))
+    world.check(groups[0].jobs[0])
     check_joints(study.metrics, world.joint_names)
-    compiled = _compiled(planner, groups)
+    compiled = sum(len(planner.by_kind(group)[True]) for group in groups)
     tunable = tuple(dict.fromkeys(key for group in groups for key in group.slots))
-    plan = Plan(len(runs), len(groups), sum(compiled.values()), tunable)
+    plan = Plan(len(runs), len(groups), compiled, tunable)
     with ExitStack() as stack:
         journal = None
         if out is not None:
-            journal = stack.enter_context(Journal(Path(out), _about(study, planner, groups)))
+            journal = stack.enter_context(closing(Journal(Path(out), planner.inputs(groups))))
         rows = dict(journal.rows) if journal else dict[int, Row]()
         begin, before = time.perf_counter(), len(rows)
-        missing = [replace(g, points=[p for p in g.points if p.index not in rows]) for g in groups]
-        missing = [group for group in missing if group.points]
+        missing = [
+            replace(group, jobs=[job for job in group.jobs if job.index not in rows])
+            for group in groups
+        ]
+        missing = [group for group in missing if group.jobs]
         if missing:
             pool = stack.enter_context(started(workers, cluster))
-            # Code that several workers share is compiled once, before they start.
-            shared = [g for g in missing if len(g.points) > 1 and pool.size > 1]
-            first = [Task(planner.recipe(g), (), compiled[g.points[0].index]) for g in shared]
-            for k, _ in enumerate(pool.results(first)):
-                tell(Progress(len(rows), len(runs), None, f"compiling, {k + 1} of {len(first)}"))
-            pace = Pace(Counter(compiled[point.index] for g in missing for point in g.points))
-            for result in pool.results(_tasks(planner, missing, compiled, pool.size)):
-                if journal is not None:
-                    journal.add(result.rows)
-                rows.update((row.index, row) for row in result.rows)
-                now = time.perf_counter()
-                pace.note(result, now)
-                tell(Progress(len(rows), len(runs), pace.remaining(now), "running"))
+            for activity, remaining in _simulate(planner, missing, pool, rows, journal):
+                report(Progress(len(rows), len(runs), remaining, activity))
         seconds = time.perf_counter() - begin
     return Sweep(
-        study, plan, table_of(study, runs, rows), len(rows) - before, seconds,
-        journal is not None and journal.dropped,
+        study=study, plan=plan, table=table_of(study, runs, rows), simulated=len(rows) - before,
+        seconds=seconds, dropped=journal is not None and journal.dropped,
     )  # fmt: skip
 
 
-def _tasks(
-    planner: Planner, groups: Iterable[Group], compiled: Mapping[int, bool], workers: int
-) -> Iterator[Task]:
+def _simulate(
+    planner: Planner, groups: Sequence[Group], pool: Workers, rows: dict[int, Row],
+    journal: Journal | None,
+) -> Iterator[tuple[str, float | None]]:  # fmt: skip
+    """Simulate groups of runs into rows by number and the journal.
+
+    Yields:
+        The current activity, and the remaining time in [s]; None while too little is known.
+    """
+    # Code that several workers share is compiled once, before they start.
+    builds, remaining = list[Task](), Counter[bool]()
+    for group in groups:
+        kinds = planner.by_kind(group)
+        remaining.update({kind: len(jobs) for kind, jobs in kinds.items()})
+        if len(group.jobs) > 1 and pool.size > 1:
+            builds.append(Task(planner.recipe(group), (), group.jobs[0] in kinds[True]))
+    for k, _ in enumerate(pool.results(builds), 1):
+        yield f"compiling, {k} of {len(builds)}", None
+    pace = Pace(remaining)
+    for result in pool.results(_tasks(planner, groups, pool.size)):
+        if journal is not None:
+            journal.add(result.rows)
+        rows.update((row.index, row) for row in result.rows)
+        now = time.perf_counter()
+        pace.add(result, now)
+        yield "running", pace.remaining(now)
+
+
+def _tasks(planner: Planner, groups: Sequence[Group], workers: int) -> Iterator[Task]:
     for group in groups:
         recipe = planner.recipe(group)
-        for kind, most in _RUNS.items():
-            ours = [point for point in group.points if compiled[point.index] == kind]
-            size = max(1, min(most, len(ours) // (workers * _LEAST_TASKS)))
-            for part in batched(ours, size):
-                yield Task(recipe, tuple(planner.job(group, point) for point in part), kind)
-
-
-def _compiled(planner: Planner, groups: Sequence[Group]) -> dict[int, bool]:
-    """Of each run, whether it is simulated entirely in compiled code."""
-    by_point, known = dict[int, bool](), dict[tuple[int, str], bool]()
-    for number, group in enumerate(groups):
-        recipe = planner.recipe(group)
-        for point in group.points:
-            settings = {k: v for k, v in point.values.items() if k.startswith("controller.")}
-            key = number, repr(settings)
-            if key not in known:
-                known[key] = runs_compiled(recipe, planner.job(group, point))
-            by_point[point.index] = known[key]
-    return by_point
-
-
-def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:
-    """Inputs of the rows: the study, the content of its files, and the suite's version."""
-    contents = dict[str, str]()
-    for scene in {repr(group.scene): group.scene for group in groups}.values():
-        place, content = str(scene)[:80], json.dumps(planner.content(scene), sort_keys=True)
-        contents[place] = f"{contents.get(place, '')} {_digest(content)}".lstrip()  # may be shared
-    about: dict[str, Any] = {
-        "suite": arm_sim.__version__,
-        "study": study.model_dump(mode="json", exclude_unset=True),
-        "order of vary": list(study.vary),  # determines numbering and random numbers
-        "content of scene": contents,
-    }
-    if study.controller.scene is not None or "controller.scene" in study.vary:
-        known = [planner.recipe(group).controller_scene for group in groups]
-        about["content of controller.scene"] = _digest("\n".join(known))
-    if study.motion.file is not None and "motion.file" not in study.vary:
-        about["content of motion.file"] = _digest(Path(study.motion.file).read_text("utf-8"))
-    return about
-
-
-def _digest(content: str) -> str:
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
+        for kind, jobs in planner.by_kind(group).items():
+            size = max(1, min(_RUNS[kind], len(jobs) // (workers * _LEAST_TASKS)))
+            for part in batched(jobs, size):
+                yield Task(recipe, part, kind)

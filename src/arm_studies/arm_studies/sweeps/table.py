@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.exceptions import InvalidInput, choices
 from arm_studies.sweeps.design import Point
+from arm_studies.sweeps.keys import is_number
 from arm_studies.sweeps.runs import DONE, Row
 from arm_studies.sweeps.study import Study
 
@@ -52,8 +53,7 @@ class Table:
     @property
     def done(self) -> NDArray[np.bool_]:
         """Which runs were completed."""
-        done: NDArray[np.bool_] = self.columns["status"] == DONE
-        return done
+        return np.asarray(self.columns["status"] == DONE)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write ``table.parquet``, or ``table.csv`` where pyarrow is not installed.
@@ -97,6 +97,6 @@ def table_of(study: Study, runs: Sequence[Point], rows: Mapping[int, Row]) -> Ta
 
 def _column(values: list[Any]) -> NDArray[Any]:
     """Numbers if all values are; else text, with lists and mappings as JSON."""
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+    if all(map(is_number, values)):
         return np.array(values, dtype=float)
     return np.array([value if isinstance(value, str) else json.dumps(value) for value in values])

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import batched
@@ -33,13 +33,13 @@ from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.stepping.rollout import Batch, Rollouts
 from arm_sim.stepping.stepper import Stepper
-from arm_studies.sweeps.controllers import IMPERFECT, chosen, gains, law, runs_compiled
-from arm_studies.sweeps.keys import below, tunable, with_values
+from arm_studies.sweeps.controllers import IMPERFECT, controller_of, gains, law, runs_compiled
+from arm_studies.sweeps.keys import tunable, values_below, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
 from arm_studies.sweeps.runs import DONE, Job, Recipe, Row
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, validated
 
-OF_LOOP = ("initial", "motion", "controller")
+_LOOP = ("initial", "motion", "controller")  # keys of what is not the arm
 _FEWEST = 3  # smallest number of runs for which SIMD is worthwhile
 _MOST_VALUES = 4_000_000  # largest number of values of runs that are simulated together
 _CACHED = 64  # number of courses, and of gains, of a world that are kept
@@ -71,7 +71,9 @@ class World:
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
         self._course_of = lru_cache(_CACHED)(self._course)
-        self._gains_of = lru_cache(_CACHED)(self._gains)
+        self._gains_of = lru_cache(_CACHED)(
+            lambda name, settings: gains(name, dynamics, Settings(**json.loads(settings)))
+        )
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -102,18 +104,18 @@ class World:
         Those with one start, one motion and one compiled controller are simulated side by side in
         vector registers if possible, with identical results.
         """
-        rows, alike = dict[int, Row](), dict[str, list[_Run]]()
+        rows, groups = dict[int, Row](), dict[str, list[_Run]]()
         for job in jobs:
             try:
                 run = self._checked(job)
             except ArmError as error:
                 rows[job.index] = Row.failed(job, error, self._recipe.metrics)
                 continue
-            given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
+            loop = json.dumps(values_below(job.values, *_LOOP))
             together = run.compiled and self._recipe.lanes
-            alike.setdefault(json.dumps(given) if together else f"{job.index}", []).append(run)
+            groups.setdefault(loop if together else f"{job.index}", []).append(run)
         size = (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
-        for group in alike.values():
+        for group in groups.values():
             for part in batched(group, max(1, _MOST_VALUES // size)):
                 if len(part) >= _FEWEST:
                     rows |= self._side_by_side(part)
@@ -133,19 +135,18 @@ class World:
             assert quantity is not None
             named[quantity][places] = job.values[key]
         p = parameters.merged(named, self._nominal)
-        choice = chosen(self._recipe, job)
+        choice = controller_of(self._recipe, job)
         settings = {"dt": self._simulator.dt} | choice.settings
         choice = choice.model_copy(update={"settings": settings})
-        given = {k: v for k, v in job.values.items() if below(k, ("initial", "motion"))}
-        x0, rows = self._course_of(json.dumps(given))
+        x0, rows = self._course_of(json.dumps(values_below(job.values, "initial", "motion")))
         return _Run(job, p, x0, rows, choice, runs_compiled(self._recipe, job))
 
     def _course(self, values: str) -> tuple[Array, Array]:
         """Start and references at all ticks, of varied values: shapes (nx,), (ticks + 1, 3n)."""
-        given = json.loads(values)
-        x0 = self._start({k: v for k, v in given.items() if below(k, ("initial",))})
-        own = {k: v for k, v in given.items() if below(k, ("motion",))}
-        motion = with_values({"motion": json.loads(self._recipe.motion)}, own)["motion"]
+        varied = json.loads(values)
+        x0 = self._start(values_below(varied, "initial"))
+        motion = {"motion": json.loads(self._recipe.motion)}
+        motion = with_values(motion, values_below(varied, "motion"))["motion"]
         choice = validated(MotionChoice, motion, "motion")
         course = self._motion(choice, x0[: len(self.joint_names)])
         if course.torques is not None:
@@ -155,23 +156,23 @@ class World:
         rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
         return read_only(x0), read_only(rows)
 
-    def _start(self, given: dict[str, Any]) -> Array:
-        """The state at the start of a run, shape (nx,)."""
+    def _start(self, values: Mapping[str, Any]) -> Array:
+        """The state at the start of a run with varied values of ``initial``, shape (nx,)."""
         model, names = self._simulator.model, self.joint_names
         q, v = model.q0.copy(), model.v0.copy()
-        for key, value in given.items():
-            _, what, joint = key.split(".", 2)
+        for key, value in values.items():
+            _, quantity, joint = key.split(".", 2)
             if joint not in names:
                 raise InvalidInput(f"'{key}': allowed joints: {choices(joint, names)}")
-            {"position": q, "velocity": v}[what][names.index(joint)] = value
-        self._simulator.reset(*((q, v) if given else ()))
+            {"position": q, "velocity": v}[quantity][names.index(joint)] = value
+        self._simulator.reset(*((q, v) if values else ()))
         return self._simulator.arm.x.copy()
 
     def _motion(self, choice: MotionChoice, q0: Array) -> Trajectory:
         names = self.joint_names
         if choice.file is not None:
             return JointTrajectory.load(choice.file).motion(names)
-        way, place = [Waypoint(0.0, q0)], q0.copy()
+        waypoints, q = [Waypoint(0.0, q0)], q0.copy()
         for i, point in enumerate(choice.points):
             for joint, value in point.position.items():
                 if joint not in names:
@@ -179,20 +180,20 @@ class World:
                         f"'motion.points.{i}.position.{joint}': unknown joint '{joint}'; "
                         f"allowed: {choices(joint, names)}"
                     )
-                place[names.index(joint)] = value
-            way.append(Waypoint(point.time, place.copy()))
-        return quintic(way, self._limits) if choice.points else hold(q0)
+                q[names.index(joint)] = value
+            waypoints.append(Waypoint(point.time, q.copy()))
+        return quintic(waypoints, self._limits) if choice.points else hold(q0)
 
     # --- runs ----------------------------------------------------------------------------------
 
     def _row(self, run: _Run, q: Array, torque: Array, command: Array) -> Row:
         """Metrics of positions, torques and commands."""
         model, n = self._simulator.model, len(self.joint_names)
-        done = MeasuredRun(
+        measurements = MeasuredRun(
             self._simulator.dt, q, run.rows[:, :n], torque, command, model.standing_limit,
             model.stops.place,
         )  # fmt: skip
-        values = measured(done, self._recipe.metrics, self.joint_names)
+        values = measured(measurements, self._recipe.metrics, self.joint_names)
         return Row(run.job.index, DONE, "", tuple(values))
 
     def _alone(self, run: _Run) -> Row:
@@ -203,7 +204,7 @@ class World:
             return Row.failed(run.job, error, self._recipe.metrics)
 
     def _compiled(self, run: _Run) -> Row:
-        stepper, (trace, effort, notes), n = self._stepper, self._space, len(self.joint_names)
+        stepper, n, (trace, effort, notes) = self._stepper, len(self.joint_names), self._buffers
         stepper.restart()
         stepper.p[:] = run.p
         ticks = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
@@ -230,7 +231,7 @@ class World:
         return self._row(run, motion.q, motion.tau[:-1], motion.command[:-1])
 
     def _side_by_side(self, runs: Sequence[_Run]) -> dict[int, Row]:
-        """Rows of runs with one start, one motion and one controller, but for those left over."""
+        """Rows of runs with one start, motion and controller, but for those to simulate alone."""
         first, arms, n, ticks = runs[0], len(runs), len(self.joint_names), self._ticks
         try:
             inputs = self._inputs(first)
@@ -240,12 +241,12 @@ class World:
         every = np.broadcast_to(inputs, (arms, *inputs.shape))
         p = np.array([run.p for run in runs])
         batch = Batch(np.tile(first.x0, (arms, 1)), every, p, ticks, out, effort)
-        left = self._rollouts.side_by_side(batch)
-        if left is None:
+        remaining = self._rollouts.side_by_side(batch)
+        if remaining is None:
             return {}
         rows = dict[int, Row]()
         for i, run in enumerate(runs):
-            if i not in left and np.isfinite(out[i, -1]).all():
+            if i not in remaining and np.isfinite(out[i, -1]).all():
                 torque = self._simulator.arm.plant.joint_torque(out[i, 1:], effort[i])
                 q = np.ascontiguousarray(out[i, :, :n])  # sums depend on the memory layout
                 rows[run.job.index] = self._row(run, q, torque, effort[i])
@@ -267,7 +268,7 @@ class World:
         return Rollouts(scene.plant, scene.choice, scene.stepper, scene.backend, self._control_law)
 
     @cached_property
-    def _space(self) -> tuple[Array, Array, Array]:
+    def _buffers(self) -> tuple[Array, Array, Array]:
         """For states, efforts and notes of all ticks."""
         n, nx = len(self.joint_names), self._simulator.arm.plant.nx
         return np.empty((self._ticks, nx)), np.empty((self._ticks, n)), np.empty((self._ticks, 2))
@@ -277,9 +278,6 @@ class World:
         tuning = self._gains_of(run.choice.name, json.dumps(run.choice.settings))
         return np.hstack([run.rows[:-1], np.broadcast_to(tuning, (self._ticks, len(tuning)))])
 
-    def _gains(self, controller: str, settings: str) -> Array:
-        return gains(controller, self._dynamics, Settings(**json.loads(settings)))
-
     def _control(self, run: _Run) -> AnyController:
         name, settings = run.choice.name, Settings(**run.choice.settings)
         maker = load_controller(name) if is_own(name) else name
@@ -287,11 +285,11 @@ class World:
 
     def _imperfect(self, job: Job) -> Scene:
         """The scene with the sensors and command delays of a run, and its own noise."""
-        given = {key: value for key, value in job.values.items() if below(key, IMPERFECT)}
-        if not (given or self._recipe.imperfect):
+        varied = values_below(job.values, *IMPERFECT)
+        if not (varied or self._recipe.imperfect):
             return self._scene
-        scene = load_scene(with_values(self._content, given))
-        if "sensors.seed" in given or not has_chance(scene):
+        scene = load_scene(with_values(self._content, varied))
+        if "sensors.seed" in varied or not has_chance(scene):
             return scene
         sensors = (scene.sensors or Sensors()).model_copy(update={"seed": job.noise})
         return scene.model_copy(update={"sensors": sensors})

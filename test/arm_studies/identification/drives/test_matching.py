@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_studies.identification.drives.matching import Law, Trial, _Problem, match
+from arm_studies.identification.drives.law import Law, Trial
+from arm_studies.identification.drives.matching import _Problem, match
 
 DT, RATE, GAIN = 0.01, 3.0, 2.0
 

@@ -74,7 +74,8 @@ def test_the_best_possible_body_is_found():
 def test_as_many_base_parameters_as_are_known_for_these_arms(scene, count):
     """Gaz and others 2019 (Panda, without the base), Gautier and Khalil 1990 (six joints)."""
     regressor = RigidRegressor(ArmModel(load_scene(scene)))
-    base = base_parameters(regressor, regressor.model.n, regressor.names())
+    names = [f"number {k}" for k in range(len(regressor.nominal))]
+    base = base_parameters(regressor, regressor.model.n, names)
     assert base.count == count
     rng = np.random.default_rng(5)
     state = rng.uniform(-2.0, 2.0, (3, 20, regressor.model.n))

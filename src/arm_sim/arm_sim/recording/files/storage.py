@@ -17,14 +17,14 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.writing import replacing, writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
-from arm_sim.recording.files import measured, ticks
+from arm_sim.recording.files import measured, npz, ticks
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
 from arm_sim.recording.files.reader import BAGS, read_bag
 from arm_sim.recording.files.ticks import TickFile
 from arm_sim.recording.files.writer import Place, check_folder, complete, new_file, place_of
 
 _log = logging.getLogger(__name__)
-SUFFIXES = (".csv", *BAGS)
+SUFFIXES = (".csv", ".npz", *BAGS)
 """Suffixes of files that ``load`` reads."""
 
 
@@ -120,6 +120,8 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     if not path.exists():
         pair = "; every pair has its own option, as --map a=b --map c=d" * ("=" in path.name)
         raise NoRecording(f"no recording '{path}'{pair}")
+    if path.suffix == ".npz":
+        return npz.read(path)
     if path.suffix == ".csv":
         return measured.from_table(path)
     if path.suffix not in BAGS and not path.is_dir():

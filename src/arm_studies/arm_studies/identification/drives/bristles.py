@@ -21,8 +21,9 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import friction, lugre
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_studies.identification.drives.evenly import check_motion, even_table, step_of
-from arm_studies.identification.drives.matching import Law, Match, Trial, match
+from arm_studies.identification.drives.even_table import check_motion, even_table, step_of
+from arm_studies.identification.drives.law import Law, Trial
+from arm_studies.identification.drives.matching import Match, match
 from arm_studies.identification.regression.estimation import solved
 
 _WINDOW = 40  # samples
@@ -92,9 +93,9 @@ def identify_bristles(
     """
     if not records:
         raise InvalidInput("no record of small motions; at least one is expected")
-    if strangers := set(guess or {}) - set(UNITS):
+    if unknown := set(guess or {}) - set(UNITS):
         raise InvalidInput(
-            f"guess: unknown parameter {known_names(strangers)}; allowed: {known_names(UNITS)}"
+            f"guess: unknown parameter {known_names(unknown)}; allowed: {known_names(UNITS)}"
         )
     numbers = {name: ca.SX.sym(name) for name in UNITS}
     J, s0, s1, Fc, Fs, vs, s2 = numbers.values()

@@ -18,8 +18,9 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import transmission
-from arm_studies.identification.drives.evenly import check_motion, even_table, step_of
-from arm_studies.identification.drives.matching import Law, Match, Trial, match
+from arm_studies.identification.drives.even_table import check_motion, even_table, step_of
+from arm_studies.identification.drives.law import Law, Trial
+from arm_studies.identification.drives.matching import Match, match
 
 UNITS = {
     "stiffness": "N m/rad", "damping": "N m s/rad", "motor_inertia": "kg m²",
@@ -56,10 +57,9 @@ class JointTest:
             InvalidInput: If times are not even, shapes differ, numbers are missing, or nothing
                 varies.
         """
-        given = {"torque": torque, "motor": motor} | ({} if link is None else {"link": link})
-        t, columns = even_table(name, time, given)
-        check_motion(name, columns)
-        columns.setdefault("link", np.full(len(t), np.nan))
+        values = {"torque": torque, "motor": motor, "link": link}
+        t, columns = even_table(name, time, values)
+        check_motion(name, {key: columns[key] for key in values if values[key] is not None})
         return cls(t, **columns, name=name)
 
 
@@ -82,19 +82,19 @@ def identify_joint(record: JointTest) -> Match:
     th, om, q, v, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "v", "tau"))
     held, dt = not np.isfinite(record.link).any(), step_of(record.time)
     elastic = transmission.elastic_torque(th - q, k, 0.0)
-    at = np.column_stack([record.motor[:2], np.nan_to_num(record.link[:2])])
-    slow = (at[1] - at[0]) / dt
+    (th0, th1), (q0, q1) = record.motor[:2], np.nan_to_num(record.link[:2])
+    om0, v0 = (th1 - th0) / dt, (q1 - q0) / dt
     if held:
         x, outputs, y = ca.vertcat(th, om, q), th, record.motor[:, None]
         slope = ca.vertcat(om, (tau - elastic - d * om) / Jm, 0)
         numbers = {name: numbers[name] for name in ("stiffness", "damping", "motor_inertia")}
-        x0 = [at[0, 0], slow[0], record.motor.mean()]  # held about the middle of its swing
+        x0 = [th0, om0, record.motor.mean()]  # held about the middle of its swing
     else:
         bent = elastic + d * (om - v)
         x, outputs = ca.vertcat(th, om, q, v), ca.vertcat(th, q)
         y = np.column_stack([record.motor, record.link])
         slope = ca.vertcat(om, (tau - bent - Bm * om) / Jm, v, (bent - Bl * v) / Jl)
-        x0 = [at[0, 0], slow[0], at[0, 1], slow[1]]
+        x0 = [th0, om0, q0, v0]
     law, around = Law(x, tau, numbers, slope, outputs), np.zeros((1, len(x0)))
     trial = Trial(law, dt, record.torque[:, None], y, np.array(x0), around, record.name)
     return match([trial], _guess(record, held, dt))
@@ -104,21 +104,20 @@ def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
     """Least squares on the equations of motion with differences for velocities."""
     th, q, tau = record.motor, np.nan_to_num(record.link), record.torque
     inner = slice(1, -1)
-    om, v = (x[2:] - x[:-2] for x in (th, q))
-    om, v = om / (2 * dt), v / (2 * dt)
+    om, v = ((x[2:] - x[:-2]) / (2 * dt) for x in (th, q))
     acc, acl = (np.diff(x, 2) / dt**2 for x in (th, q))
     push = (tau[:-2] + tau[1:-1]) / 2.0  # held: the mean over both neighbours' steps
     if held:
         table = np.column_stack([th[inner], om, acc, np.ones_like(om)])
-        solution = np.linalg.lstsq(table, push, rcond=1e-12)[0]
-        stiff, damp, motor, link = solution[0], solution[1], solution[2], 1.0
+        stiff, damp, motor, _ = np.linalg.lstsq(table, push, rcond=1e-12)[0]
+        link = 1.0
     else:
         both = np.zeros((2 * len(om), 6))
         delta, rate = (th - q)[inner], om - v
         both[: len(om)] = np.column_stack([delta, rate, acc, om, 0 * om, 0 * om])
         both[len(om) :] = np.column_stack([-delta, -rate, 0 * om, 0 * om, acl, v])
-        solution = np.linalg.lstsq(both, np.concatenate([push, 0 * push]), rcond=1e-12)[0]
-        stiff, damp, motor, link = solution[0], solution[1], solution[2], solution[4]
+        push = np.concatenate([push, 0 * push])
+        stiff, damp, motor, _, link, _ = np.linalg.lstsq(both, push, rcond=1e-12)[0]
     motor, link = (x if x > 0.0 else 0.1 for x in (motor, link))
     stiff = stiff if stiff > 0.0 else motor / (20.0 * dt) ** 2
     small = 0.01 * np.sqrt(stiff * motor)

@@ -2,11 +2,10 @@
 """Parameters of a law by fitting simulated trajectories to measured ones.
 
 The output-error method (Ljung, System Identification, 1999, sections 4.3 and 10.2): parameters p
-and the initial state minimize the difference of simulated and measured outputs. The derivatives
-are exact: those of the discrete steps, S⁺ = ∂Φ/∂x S + ∂Φ/∂p, integrated with the state. The
-Levenberg-Marquardt method (Moré, "The Levenberg-Marquardt algorithm: implementation and theory",
-1978) finds the minimum; parameters are positive and searched by their logarithms, so that all
-errors are relative.
+and the initial state minimize the difference of simulated and measured outputs. The minimum is
+located by the Levenberg-Marquardt method (Moré, "The Levenberg-Marquardt algorithm: implementation
+and theory", 1978); parameters are positive and searched by their logarithms, so that all errors
+are relative.
 """
 
 from __future__ import annotations
@@ -19,8 +18,9 @@ import numpy as np
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen import Call, Kernel
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification.drives.law import Trial, deviation, simulation
+from arm_studies.renaming import renamed_attribute
 
 _MOST_STEPS = 512  # between two samples
 # Residual over signal, and its correlation from sample to sample, above which the residual is not
@@ -35,68 +35,6 @@ _ITERATIONS, _TRIES, _CONVERGED = 60, 12, 1e-12
 
 
 @frozen
-class Law:
-    """The model of a test, as expressions.
-
-    Attributes:
-        x: States, shape (nx,).
-        u: Inputs, constant between samples, shape (nu,).
-        numbers: Parameters by name, all positive.
-        slope: x', shape (nx,).
-        outputs: Measured outputs, shape (ny,).
-        exact: Error of the simulation relative to a signal, below which a residual is
-            meaningless; larger where a slope has kinks.
-        step: Longest Runge-Kutta step over the shortest time constant.
-    """
-
-    x: ca.SX
-    u: ca.SX
-    numbers: Mapping[str, ca.SX]
-    slope: ca.SX
-    outputs: ca.SX
-    exact: float = 1e-8
-    step: float = 0.08
-
-    @property
-    def p(self) -> ca.SX:
-        """All parameters, shape (np,)."""
-        return ca.vertcat(*self.numbers.values())
-
-
-@frozen
-class Trial:
-    """One record of a test.
-
-    Attributes:
-        law: Its model.
-        dt: Sampling interval in [s].
-        u: Inputs, shape (k, nu); the last row is not used.
-        y: Outputs, NaN where they were not measured, shape (k, ny).
-        x0: First guess of the initial state, shape (nx,).
-        around: Typical states, from which the length of steps follows, shape (m, nx).
-        name: For messages.
-    """
-
-    law: Law
-    dt: float
-    u: Array
-    y: Array
-    x0: Array
-    around: Array
-    name: str = "record"
-
-    @property
-    def size(self) -> Array:
-        """How much each output varies, shape (ny,)."""
-        return np.array([_spread(column) for column in self.y.T])
-
-
-def _spread(column: Array) -> float:
-    known = column[np.isfinite(column)]
-    return float(np.sqrt(np.mean((known - known.mean()) ** 2))) if known.size else 0.0
-
-
-@frozen
 class Estimate:
     """An estimated parameter.
 
@@ -104,13 +42,14 @@ class Estimate:
         name: Its name.
         value: In SI units.
         interval: Half the width of its 95 % confidence interval.
-        found: Whether the records determine it: ``interval`` is less than half of ``value``.
+        determined: Whether the records determine it: ``interval`` is less than half of ``value``.
     """
 
     name: str
     value: float
     interval: float
-    found: bool
+    determined: bool
+    found = renamed_attribute("found", "determined")
 
 
 @frozen
@@ -130,11 +69,11 @@ class Match:
     simulated: tuple[Array, ...]
 
     def __repr__(self) -> str:
-        """A summary: the parameters that were found, and what is missing."""
+        """A summary: the parameters that the records determine, and the others."""
         lines = [f"<Match: residual {self.residual:.2%} of the variation of the records"]
         lines += [
             f"{name} {each.value:.6g} ± {each.interval:.2g}"
-            for name, each in self.estimates.items() if each.found
+            for name, each in self.estimates.items() if each.determined
         ]  # fmt: skip
         if not self.follows:
             lines.append("the model does not fit the records: no parameter is identified")
@@ -144,13 +83,13 @@ class Match:
 
     @property
     def values(self) -> dict[str, float]:
-        """Values of the parameters that were found."""
-        return {name: e.value for name, e in self.estimates.items() if e.found}
+        """Values of the parameters that the records determine."""
+        return {name: e.value for name, e in self.estimates.items() if e.determined}
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Names of the parameters that the records do not determine."""
-        return tuple(name for name, e in self.estimates.items() if not e.found)
+        return tuple(name for name, e in self.estimates.items() if not e.determined)
 
 
 def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
@@ -196,10 +135,10 @@ class _Problem:
             raise InvalidInput("nothing varies in the records; motions or currents are expected")
 
     def refine(self, log_p: Array) -> bool:
-        """Choose steps by the fastest rate of each law; whether any became shorter."""
-        finer = False
+        """Shorten steps to suit the fastest rate of each law; whether any became shorter."""
+        shorter = False
         for i, trial in enumerate(self.trials):
-            law, p = trial.law, self._own(trial, log_p)
+            law, p = trial.law, self._parameters(trial, log_p)
             slopes = ca.jacobian(law.slope, law.x)
             A = ca.Function("A", [law.x, law.u, law.p], [ca.densify(slopes)])
             still = np.zeros(law.u.shape[0])
@@ -208,27 +147,27 @@ class _Problem:
             steps = int(np.clip(np.ceil(rate * trial.dt / law.step), 1, _MOST_STEPS))
             steps = 1 << (steps - 1).bit_length()  # few different ones, each of which is compiled
             if steps > self.steps[i]:
-                self.steps[i], finer = steps, True
+                self.steps[i], shorter = steps, True
                 key = id(trial.law), steps, len(trial.y)
                 if key not in self._kernels:
-                    self._kernels[key] = Kernel([_rolled(trial, steps)]).call("roll")
+                    self._kernels[key] = Kernel([simulation(trial, steps)]).call("roll")
                 self._rolls[i] = self._kernels[key]
-        return finer
+        return shorter
 
     def weigh(self, log_p: Array) -> None:
         """Estimate the noise of each output by its residual."""
         for i, trial in enumerate(self.trials):
             y, _ = self.simulate(i, log_p, self.x0[i])
-            left = np.array([_spread(column) for column in (y - trial.y).T])
-            self.noise[i] = np.maximum(left, trial.law.exact * trial.size)
+            residual = np.array([deviation(column) for column in (y - trial.y).T])
+            self.noise[i] = np.maximum(residual, trial.law.exact * trial.size)
 
-    def _own(self, trial: Trial, log_p: Array) -> Array:
+    def _parameters(self, trial: Trial, log_p: Array) -> Array:
         return np.exp([log_p[self.names.index(name)] for name in trial.law.numbers])
 
     def simulate(self, i: int, log_p: Array, x0: Array) -> tuple[Array, Array]:
         """Outputs of a trial, shape (k, ny), and their derivatives, (k, ny, own p + nx)."""
         trial, roll = self.trials[i], self._rolls[i]
-        p, nx, m = self._own(trial, log_p), len(x0), len(trial.law.numbers)
+        p, nx, m = self._parameters(trial, log_p), len(x0), len(trial.law.numbers)
         seed = np.hstack([np.zeros((nx, m)), np.eye(nx)]).ravel(order="F")
         k, ny = trial.y.shape
         u = np.reshape(trial.u.T, roll.inputs[1].shape)
@@ -257,34 +196,6 @@ class _Problem:
         return np.concatenate(rows), np.vstack(columns)
 
 
-@one_at_a_time
-def _rolled(trial: Trial, steps: int) -> ca.Function:
-    """Outputs and derivatives at every sample, from state and sensitivities at the start on."""
-    law, h = trial.law, trial.dt / steps
-    nx, m, k = law.x.shape[0], law.p.shape[0], len(trial.y)
-    f = ca.Function("f", [law.x, law.u, law.p], [law.slope])
-    z = ca.SX.sym("z", nx * (1 + m + nx))
-    x, S = z[:nx], ca.reshape(z[nx:], nx, m + nx)
-    k1 = f(x, law.u, law.p)
-    k2 = f(x + h / 2 * k1, law.u, law.p)
-    k3 = f(x + h / 2 * k2, law.u, law.p)
-    k4 = f(x + h * k3, law.u, law.p)
-    after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    S_after = ca.jacobian(after, x) @ S + ca.horzcat(ca.jacobian(after, law.p), ca.SX(nx, nx))
-    step = ca.Function("step", [z, law.u, law.p], [ca.vertcat(after, ca.vec(S_after))])
-    y_x, y_p = ca.jacobian(law.outputs, law.x), ca.jacobian(law.outputs, law.p)
-    sensitivity = y_x @ S + ca.horzcat(y_p, ca.SX(y_p.shape[0], nx))
-    y = ca.substitute(ca.horzcat(law.outputs, sensitivity), law.x, x)
-    output = ca.Function("output", [z, law.u, law.p], [ca.vec(ca.densify(y))])
-    Z, u, p = (ca.MX.sym(name, size) for name, size in
-               (("Z", z.shape[0]), ("u", law.u.shape[0]), ("p", m)))  # fmt: skip
-    end = step.fold(steps) if steps > 1 else step
-    tick = ca.Function("tick", [Z, u, p], [end(Z, u, p), output(Z, u, p)])
-    U = ca.MX.sym("U", law.u.shape[0], k)
-    _, outputs = tick.mapaccum(k)(Z, U, p)
-    return ca.Function("roll", [Z, U, p], [outputs])
-
-
 def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]:
     """Minimize by the Levenberg-Marquardt method from a guess."""
     x0, damping = problem.x0, 1e-3
@@ -301,8 +212,8 @@ def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]
         for _ in range(_TRIES):
             step = -np.linalg.solve(A + damping * np.eye(len(A)), b) / scale
             step[: len(log_p)] = np.clip(step[: len(log_p)], -1.0, 1.0)
-            first, *others = np.split(step, np.cumsum([len(log_p), *map(len, x0)])[:-1])
-            new_p, new_x = log_p + first, [x + more for x, more in zip(x0, others, strict=True)]
+            dp, *dx = np.split(step, np.cumsum([len(log_p), *map(len, x0)])[:-1])
+            new_p, new_x = log_p + dp, [x + change for x, change in zip(x0, dx, strict=True)]
             r_new, J_new = problem.evaluate(new_p, new_x)
             with np.errstate(over="ignore"):  # a step that went too far
                 after = float(r_new @ r_new)
@@ -336,26 +247,24 @@ def _estimated(problem: _Problem, log_p: Array) -> Match:
     variance = np.sum((part * spread[:, None]) ** 2, axis=0)
     relative = 1.96 * np.sqrt(variance[:count]) / scale[:count]
     residual, follows, simulated = _residual(problem, log_p)
-    triples = zip(problem.names, np.exp(log_p).tolist(), relative.tolist(), strict=True)
-    estimates = {
-        name: Estimate(
-            name, value, value * width, bool(follows and lengths[i] > 0.0 and width < _VAGUE)
-        )
-        for i, (name, value, width) in enumerate(triples)
-    }
+    values, determined = np.exp(log_p), follows & (lengths[:count] > 0.0) & (relative < _VAGUE)
+    columns = values.tolist(), (values * relative).tolist(), determined.tolist()
+    rows = zip(problem.names, *columns, strict=True)
+    estimates = {name: Estimate(name, *numbers) for name, *numbers in rows}
     return Match(estimates, residual, follows, simulated)
 
 
 def _residual(problem: _Problem, log_p: Array) -> tuple[float, bool, tuple[Array, ...]]:
     """Residual over signal, whether it is noise or hardly any, and the simulated outputs."""
-    left = signal = like = 0.0
+    squares = products = signal = 0.0
     simulated = tuple(
         read_only(problem.simulate(i, log_p, x0)[0]) for i, x0 in enumerate(problem.x0)
     )
     for trial, y in zip(problem.trials, simulated, strict=True):
         size = np.where(trial.size > 0.0, trial.size, np.inf)
         r = np.nan_to_num((y - trial.y) / size)
-        left, like = left + np.sum(r**2), like + np.sum(r[1:] * r[:-1])
+        squares, products = squares + np.sum(r**2), products + np.sum(r[1:] * r[:-1])
         signal += np.sum(np.isfinite(trial.y) & np.isfinite(size))
-    residual, alike = float(np.sqrt(left / signal)), float(like / left) if left else 0.0
-    return residual, residual < _SMALL or alike < _CORRELATED, simulated
+    residual = float(np.sqrt(squares / signal))
+    correlation = float(products / squares) if squares else 0.0
+    return residual, residual < _SMALL or correlation < _CORRELATED, simulated

@@ -28,8 +28,9 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import motor
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification.drives.evenly import even_table, step_of
-from arm_studies.identification.drives.matching import Law, Match, Trial, match
+from arm_studies.identification.drives.even_table import even_table, step_of
+from arm_studies.identification.drives.law import Law, Trial
+from arm_studies.identification.drives.matching import Match, match
 from arm_studies.identification.regression.estimation import solved
 
 Kind = Literal["blocked", "free", "coast"]
@@ -76,8 +77,8 @@ class MotorRecord:
         """
         if kind not in get_args(Kind):
             raise InvalidInput(f"kind = {kind!r}; allowed: {', '.join(get_args(Kind))}")
-        given = {"voltage": voltage, "current": current, "speed": speed, "torque": torque}
-        t, columns = even_table(name, time, given)
+        values = {"voltage": voltage, "current": current, "speed": speed, "torque": torque}
+        t, columns = even_table(name, time, values)
         needed = {"blocked": ("voltage", "current"), "free": ("voltage", "current", "speed"),
                   "coast": ("speed",)}[kind]  # fmt: skip
         for key in needed:
@@ -113,35 +114,33 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
     """
     if not records:
         raise InvalidInput("no record of a motor; at least one is expected")
-    if any(r.kind == "coast" for r in records) and all(
-        r.kind == "coast" and not np.isfinite(r.voltage).any() for r in records
-    ):
+    if all(r.kind == "coast" and not np.isfinite(r.voltage).any() for r in records):
         raise InvalidInput(
             "coasting alone determines only friction over inertia; a free or blocked test of the "
             "same motor is expected, or the voltage at the open winding"
         )
-    apart = any(np.isfinite(record.torque).any() for record in records)
-    guess = _guess(records, apart)
-    return match([_trial(record, apart) for record in records], guess)
+    two_constants = any(np.isfinite(record.torque).any() for record in records)
+    guess = _guess(records, two_constants)
+    return match([_trial(record, two_constants) for record in records], guess)
 
 
 @one_at_a_time
-def _trial(record: MotorRecord, apart: bool) -> Trial:
-    """The trial of a record; ``apart``: with a torque constant besides that of the back EMF."""
+def _trial(record: MotorRecord, two_constants: bool) -> Trial:
+    """The trial of a record, with a torque constant besides that of the back EMF or without."""
     numbers = {name: ca.SX.sym(name) for name in UNITS}
-    if not apart:
+    if not two_constants:
         numbers["back_emf_constant"] = numbers["torque_constant"]
     R, L, Kt, Ke, J, B, C = numbers.values()
-    i, w, V, way = (ca.SX.sym(name) for name in ("i", "w", "V", "way"))
+    i, w, V, direction = (ca.SX.sym(name) for name in ("i", "w", "V", "direction"))
     electric = motor.current_slope(V, i, motor.back_emf(w, Ke), L, R)
-    friction = B * w + C * way
-    constant = "back_emf_constant" if apart else "torque_constant"
+    friction = B * w + C * direction
+    constant = "back_emf_constant" if two_constants else "torque_constant"
     y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
     u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
     if record.kind == "blocked":
         x, slope, states, columns = i, ca.substitute(electric, w, 0), [0], [0, 3]
-        outputs = ca.vertcat(i, motor.torque(i, Kt) if apart else 0)
-        names = ["resistance", "inductance", *(["torque_constant"] if apart else [])]
+        outputs = ca.vertcat(i, motor.torque(i, Kt) if two_constants else 0)
+        names = ["resistance", "inductance", *(["torque_constant"] if two_constants else [])]
     elif record.kind == "coast":
         x, slope, states, columns = w, -friction / J, [1], [1, 2]
         outputs = ca.vertcat(w, motor.back_emf(w, Ke))
@@ -150,20 +149,19 @@ def _trial(record: MotorRecord, apart: bool) -> Trial:
         x = outputs = ca.vertcat(i, w)
         slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
         states = columns = [0, 1]
-        names = [name for name in UNITS if apart or name != "back_emf_constant"]
-    law = Law(x, ca.vertcat(V, way), {name: numbers[name] for name in names}, slope, outputs)
+        names = [name for name in UNITS if two_constants or name != "back_emf_constant"]
+    law = Law(x, ca.vertcat(V, direction), {name: numbers[name] for name in names}, slope, outputs)
     x0 = np.nan_to_num(y[0])[states]
     return Trial(law, record.dt, u, y[:, columns], x0, np.zeros((1, len(x0))), record.name)
 
 
 def _direction(record: MotorRecord) -> Array:
-    """Which way the rotor turns from each sample to the next: -1, 0 or 1."""
+    """Which direction the rotor turns from each sample to the next: -1, 0 or 1."""
     w = np.nan_to_num(record.speed)
-    way: Array = np.sign(w + np.append(w[1:], w[-1]))
-    return way
+    return np.asarray(np.sign(w + np.append(w[1:], w[-1])))
 
 
-def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
+def _guess(records: Sequence[MotorRecord], two_constants: bool) -> dict[str, float]:
     """Least squares on the equations integrated over each interval, currents by trapezoids."""
     electric, mechanical = [np.zeros((0, 4))], [np.zeros((0, 4))]
     for record in records:
@@ -175,15 +173,15 @@ def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
             mean_V = (V[1:] + V[:-1]) / 2 if coasts else V[:-1]
             electric.append(np.column_stack([mean_i, np.diff(i) / record.dt, mean_w, mean_V]))
         if record.kind != "blocked":
-            way, rise = _direction(record)[:-1], np.diff(w) / record.dt
-            mechanical.append(np.column_stack([rise, mean_w, way, mean_i]))
+            direction, rise = _direction(record)[:-1], np.diff(w) / record.dt
+            mechanical.append(np.column_stack([rise, mean_w, direction, mean_i]))
     (R, L, Ke), (J, B, C) = (
         solved(table[:, :3], table[:, 3], 1e-9) if len(table := np.vstack(parts)) else np.zeros(3)
         for parts in (electric, mechanical)
     )
     R, Ke = R if R > 0.0 else 1.0, Ke if Ke > 0.0 else 0.1
     Kt = Ke
-    if apart:
+    if two_constants:
         i, tau = (np.concatenate([getattr(r, x) for r in records]) for x in ("current", "torque"))
         both = np.isfinite(i) & np.isfinite(tau)
         slope = float(solved(i[both, None], tau[both])[0]) if both.any() else 0.0

@@ -25,12 +25,12 @@ _DEPENDENT = 1e-9  # singular values, relative to the largest, that are zero but
 
 
 @one_at_a_time
-def regressor(model: ArmModel, turning: Array) -> ca.Function:
+def regressor(model: ArmModel, transition: Array) -> ca.Function:
     """W of standard parameters as a function of q, v and a, each of shape (n,).
 
     Args:
         model: The arm.
-        turning: Speed over which the column of Coulomb friction changes its sign, shape (n,).
+        transition: Speed over which the column of Coulomb friction changes its sign, shape (n,).
 
     Returns:
         A function whose result has shape (n, columns).
@@ -39,7 +39,7 @@ def regressor(model: ArmModel, turning: Array) -> ca.Function:
     q, v, a = (ca.SX.sym(name, n) for name in "qva")
     links, symbols = zip(*(_symbolic(link) for link in tree_of(model).links), strict=True)
     inertial = of_bodies(model, links, ca.vertcat(*symbols), (q, v, a))
-    W = ca.densify(ca.horzcat(inertial, *friction_columns(v, a, turning), ca.SX.eye(n)))
+    W = ca.densify(ca.horzcat(inertial, *friction_columns(v, a, transition), ca.SX.eye(n)))
     return ca.Function("regressor", [q, v, a], [W], {"cse": True})
 
 
@@ -52,9 +52,9 @@ def of_bodies(
     return ca.jacobian(rigid_body.inverse(bodies, *state, gravity_of(model)), numbers)
 
 
-def friction_columns(v: ca.SX, a: ca.SX, turning: Array) -> list[ca.SX]:
+def friction_columns(v: ca.SX, a: ca.SX, transition: Array) -> list[ca.SX]:
     """Columns of armature, viscous and Coulomb friction, each of shape (n, n)."""
-    return [ca.diag(x) for x in (a, v, ca.tanh(v / turning))]
+    return [ca.diag(x) for x in (a, v, ca.tanh(v / transition))]
 
 
 def _symbolic(link: Link) -> tuple[Link, ca.SX]:
@@ -94,12 +94,12 @@ def distinct(W: ca.Function, states: Array, weight: Array) -> ca.Function:
     return ca.Function("distinct", [q, v, a], [scaled], {"cse": True})
 
 
-def random_states(lower: Array, upper: Array, speed: Array, rise: Array, count: int) -> Array:
+def random_states(lower: Array, upper: Array, v: Array, a: Array, count: int) -> Array:
     """Random q, v and a within limits, reproducible, shape (count, 3, n)."""
     rng, n = np.random.default_rng(0), len(lower)
     u = rng.uniform(-1.0, 1.0, (count, 3, n))
     middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
-    return np.stack([middle + half * u[:, 0], speed * u[:, 1], rise * u[:, 2]], axis=1)
+    return np.stack([middle + half * u[:, 0], v * u[:, 1], a * u[:, 2]], axis=1)
 
 
 def information(Wt: ca.MX) -> ca.MX:

@@ -22,18 +22,18 @@ from arm_studies.identification.excitation.columns import friction_columns, of_b
 # Noise of torques relative to their root mean square, white at this many samples per second.
 NOISE, RATE = 0.05, 1000.0
 _FLOOR = 0.01  # fraction of a joint's typical torque below which noise does not fall
-_BEFORE = 0.1  # prior standard deviation of a density, relative
+_DENSITY = 0.1  # prior standard deviation of a density, relative
 _TOTAL = 1e-4  # of the total mass, likewise: it is weighed
 _FREE = 1e-3  # prior precision of armature and friction, in SI units
 
 
 @one_at_a_time
-def densities(model: ArmModel, turning: Array) -> ca.Function:
+def densities(model: ArmModel, transition: Array) -> ca.Function:
     """Columns of friction, and of the torques of nominal bodies by their densities.
 
     Args:
         model: The arm.
-        turning: Speed over which the column of Coulomb friction changes its sign, shape (n,).
+        transition: Speed over which the column of Coulomb friction changes its sign, shape (n,).
 
     Returns:
         A function of q, v and a whose result has shape (n, 3 n + bodies): armature, viscous and
@@ -45,12 +45,12 @@ def densities(model: ArmModel, turning: Array) -> ca.Function:
     for i, link in enumerate(links):
         link.m, link.h, link.I = density[i] * link.m, density[i] * link.h, density[i] * link.I
     regrouped(links)
-    columns = [*friction_columns(v, a, turning), of_bodies(model, links, density, (q, v, a))]
+    columns = [*friction_columns(v, a, transition), of_bodies(model, links, density, (q, v, a))]
     return ca.Function("densities", [q, v, a], [ca.densify(ca.horzcat(*columns))], {"cse": True})
 
 
 def spread(
-    model: ArmModel, turning: Array, motion: list[ca.MX], period: float, usual: Array
+    model: ArmModel, transition: Array, motion: list[ca.MX], period: float, typical: Array
 ) -> ca.MX:
     """Relative standard deviations of masses after one period; shape (bodies,).
 
@@ -58,34 +58,34 @@ def spread(
 
     Args:
         model: The arm.
-        turning: See ``densities``.
+        transition: See ``densities``.
         motion: q, v and a at even times, each of shape (n, instants).
         period: In [s].
-        usual: Typical torques of the joints, shape (n,).
+        typical: Typical torques of the joints, shape (n,).
     """
     count, n = motion[0].shape[1], model.n
-    W = densities(model, turning)
+    W = densities(model, transition)
     size = W.size2_out(0)
     bodies = size - 3 * n
     own = model.armature, model.viscous, model.friction.coulomb.mean, np.ones(bodies)
     nominal = ca.DM(np.concatenate(own))
     table = W.map(count)(*motion)
-    H = ca.MX(_before(model, size - bodies))
+    H = ca.MX(_prior(model, size - bodies))
     for j in range(n):
         A = ca.reshape(table[j, :], size, count)
-        power = ca.sumsqr(A.T @ nominal) / count + (_FLOOR * usual[j]) ** 2
+        power = ca.sumsqr(A.T @ nominal) / count + (_FLOOR * typical[j]) ** 2
         H += A @ A.T * (RATE * period / count / NOISE**2) / power
     return _deviations(size, bodies)(H)
 
 
-def _before(model: ArmModel, others: int) -> Array:
-    """Precision of the prior, shape (size, size)."""
+def _prior(model: ArmModel, of_drives: int) -> Array:
+    """Precision of the prior of parameters of drives, and of densities; shape (size, size)."""
     masses = np.array([inertia.mass for inertia in list(model.pin.inertias)[1:]])
     part = masses / masses.sum()
-    sure = np.eye(len(masses)) / _BEFORE**2 + np.outer(part, part) / _TOTAL**2
-    size = others + len(masses)
+    of_densities = np.eye(len(masses)) / _DENSITY**2 + np.outer(part, part) / _TOTAL**2
+    size = of_drives + len(masses)
     information = _FREE * np.eye(size)
-    information[others:, others:] = sure
+    information[of_drives:, of_drives:] = of_densities
     return information
 
 

@@ -109,9 +109,9 @@ class Room:
         lower = np.where(np.isnan(lower), np.fmin(model.q0, upper) - _HALF_TURN, lower)
         upper = np.where(np.isnan(upper), np.fmax(model.q0, lower) + _HALF_TURN, upper)
         off = self.margin * (upper - lower)
-        rise = positive_limits("acceleration", self.acceleration, model.n)
-        speed = self.share * model.velocity_limit
-        return Limits(speed, rise, lower + off, upper - off, model.joint_names)
+        acceleration = positive_limits("acceleration", self.acceleration, model.n)
+        velocity = self.share * model.velocity_limit
+        return Limits(velocity, acceleration, lower + off, upper - off, model.joint_names)
 
     @property
     def effort(self) -> Array:
@@ -133,8 +133,7 @@ class Room:
         model = self.model
         q, tree = ca.SX.sym("q", model.n), tree_of(model)
         pose = placements(tree, q)
-        distances: list[ca.SX] = []
-        names: list[str] = []
+        distances, names = list[ca.SX](), list[str]()
         for name, contact in model.scene.contacts:
             plane = contact.plane
             pair = frame_of(model, contact.frame), frame_of(model, plane.frame)

@@ -16,15 +16,11 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
 from arm_sim.inputs import whole
-from arm_studies.identification.excitation.columns import (
-    distinct,
-    information,
-    random_states,
-    regressor,
-)
+from arm_studies.identification.excitation import columns
 from arm_studies.identification.excitation.fourier import basis
 from arm_studies.identification.excitation.masses import spread
 from arm_studies.identification.excitation.room import Room
+from arm_studies.renaming import renamed_argument
 
 _INSTANTS = 12  # per harmonic, at which a motion is evaluated while searching
 _KNOTS = 24  # knots per harmonic of the motion that is returned
@@ -76,6 +72,7 @@ class Excitation:
         )
 
 
+@renamed_argument("told", "on_progress")
 def excite(
     room: Room,
     *,
@@ -85,7 +82,7 @@ def excite(
     attempts: int = 3,
     iterations: int = 60,
     seed: int = 0,
-    told: Callable[[int], None] = lambda attempts_done: None,
+    on_progress: Callable[[int], None] = lambda attempts_done: None,
 ) -> Excitation:
     """Compute a periodic motion within limits that is as exciting as possible.
 
@@ -104,7 +101,7 @@ def excite(
         attempts: Number of random starts.
         iterations: Largest number of iterations of each attempt.
         seed: Of the random starts; the same seed gives the same motion.
-        told: Called after each attempt with the number of finished attempts.
+        on_progress: Called after each attempt with the number of finished attempts.
 
     Returns:
         The best motion.
@@ -123,7 +120,7 @@ def excite(
     for attempt in range(attempts):
         y = search.within(search.improved(search.random(rng), iterations))
         candidates.append((search.gain(y), y))
-        told(attempt + 1)
+        on_progress(attempt + 1)
     _, y = max(candidates, key=lambda pair: pair[0])
     sigma = np.linalg.svd(search.rows(y), compute_uv=False)
     shown = int(np.sum(sigma > 1e-9 * sigma[0]))
@@ -150,28 +147,28 @@ class _Search:
         model, limits, omega = room.model, room.limits, 2.0 * np.pi / period
         self.half = (limits.upper - limits.lower) / 2.0
         self.speed = np.minimum(limits.velocity, omega * harmonics * self.half)
-        rise = np.minimum(limits.acceleration, omega * harmonics * self.speed)
-        W = regressor(model, _SOFT * self.speed)
+        acceleration = np.minimum(limits.acceleration, omega * harmonics * self.speed)
+        W = columns.regressor(model, _SOFT * self.speed)
         count = _STATES * W.size2_out(0) // model.n
-        states = random_states(limits.lower, limits.upper, self.speed, rise, count)
+        states = columns.random_states(limits.lower, limits.upper, self.speed, acceleration, count)
         # The scale of each torque: its limit, or its rms over random motions.
         rms = np.sqrt(np.mean(room.torques(*np.moveaxis(states, 1, 0)) ** 2, axis=0))
         effort = room.effort
-        usual = np.where(np.isfinite(effort), effort, np.maximum(rms, 1e-9 * rms.max()))
-        columns = distinct(W, states, 1.0 / usual)
+        typical = np.where(np.isfinite(effort), effort, np.maximum(rms, 1e-9 * rms.max()))
+        combinations = columns.distinct(W, states, 1.0 / typical)
         self.shape = model.n, 2 * (harmonics - 1)
         y, times = ca.MX.sym("y", *self.shape), self._times(_INSTANTS)
         part = basis(times, period, harmonics)
         motion = [ca.repmat(ca.DM(room.start), 1, len(times)) + y @ part[0], y @ part[1],
                   y @ part[2]]  # fmt: skip
-        Wt = columns.map(len(times))(*motion)
+        Wt = combinations.map(len(times))(*motion)
         self._rows = ca.Function("rows", [y], [Wt])
         if aim == MASSES:
-            left = spread(model, _SOFT * self.speed, motion, period, usual)
-            self._masses = ca.Function("masses", [y], [left])
-            gain, cost = -ca.sum1(left) / left.shape[0], ca.log(ca.sumsqr(left))
+            deviations = spread(model, _SOFT * self.speed, motion, period, typical)
+            self._masses = ca.Function("masses", [y], [deviations])
+            gain, cost = -ca.sum1(deviations) / deviations.shape[0], ca.log(ca.sumsqr(deviations))
         else:
-            gain = information(Wt)
+            gain = columns.information(Wt)
             cost = -gain
         self._gain = ca.Function("gain", [y], [gain])
         held, self._lower, self._upper = self._constraints(motion)
@@ -179,8 +176,7 @@ class _Search:
 
     def rows(self, y: Array) -> Array:
         """The regressor, transposed, shape (parameters, rows)."""
-        table: Array = self._rows(y).full()
-        return table
+        return np.asarray(self._rows(y).full())
 
     def masses(self, y: Array) -> Array:
         """Standard deviations of masses; see ``spread``. Shape (bodies,)."""
@@ -226,8 +222,7 @@ class _Search:
 
     def _times(self, density: int) -> Array:
         count = density * self.harmonics
-        times: Array = np.arange(count, dtype=float) * (self.period / count)
-        return times
+        return np.asarray(np.arange(count) * (self.period / count), float)
 
     def _constraints(self, motion: list[ca.MX]) -> tuple[ca.MX, Array, Array]:
         """Constrained values at the instants, as one column, and their bounds."""

@@ -10,17 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.filtering import FLAT
+from arm_studies.identification.filtering import PASSBAND_RATIO
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.rows import Rows
 
 # Ratio of neighbouring bandwidths that are tried, and the smallest relative to the band.
 STEP, NARROWEST = 0.9, 0.06
-BETTER = 0.95  # Relative residual that a bandwidth must reach to be accepted.
+IMPROVEMENT = 0.95  # Relative residual that a bandwidth must reach to be accepted.
 ROUNDS = 8  # Largest number of fits until the bandwidth is stable.
 # Fraction of the residual's power above that frequency for which the band is narrowed to it.
-NOISY = 0.05
+NOISE_FRACTION = 0.05
 
 
 def with_bandwidth(fit: Fit) -> Fit:
@@ -28,20 +28,19 @@ def with_bandwidth(fit: Fit) -> Fit:
 
     Each bandwidth of a geometric grid is tried on the predictions of the fit, which is then
     repeated with the best one, until that does not change. The given fit is returned if no
-    bandwidth is better by ``BETTER``.
+    bandwidth is better by ``IMPROVEMENT``.
     """
     rows, use = fit.rows, fit.problem.use
     if not np.isfinite(rows.band):
         return fit
     plain = rows.low_passed(None)
-    least = mean_residual(fit.residual, use) * (BETTER if rows.effort_band is None else 1.0)
+    least = mean_residual(fit.residual, use) * (IMPROVEMENT if rows.effort_band is None else 1.0)
     tried = {rows.effort_band}
     for _ in range(ROUNDS):
         # The bandwidth at which predictions are best, without another fit.
         predicted, bands = fit.predicted(plain), _grid(plain)
-        errors = [
-            mean_residual(plain.effort - plain.narrowed(predicted, band), use) for band in bands
-        ]
+        narrowed = (plain.narrowed(predicted, band) for band in bands)
+        errors = [mean_residual(plain.effort - efforts, use) for efforts in narrowed]
         best = int(np.argmin(errors))
         better = errors[best] < mean_residual(plain.effort - predicted, use)
         band = bands[best] if better else None
@@ -75,17 +74,15 @@ def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
         return float(np.mean((_size(values - rows.narrowed(values, band), use) / whole) ** 2))
 
     grid = _grid(rows)
-    signal, noise = (
-        np.array([above(values, band) for band in grid])
-        for values in (rows.effort - residual, residual)
-    )
+    parts = rows.effort - residual, residual
+    signal, noise = (np.array([above(part, band) for band in grid]) for part in parts)
     less = np.diff(signal) < np.diff(noise)
     three = np.flatnonzero(less[:-2] & less[1:-1] & less[2:])
     if not three.size:
         return None
-    limit = float(FLAT * grid[three[-1] + 3])
-    left = float(np.mean((_size(rows.narrowed(residual, limit), use) / whole) ** 2))
-    return limit if limit < rows.band and 1.0 - left > NOISY else None
+    limit = float(PASSBAND_RATIO * grid[three[-1] + 3])
+    kept = float(np.mean((_size(rows.narrowed(residual, limit), use) / whole) ** 2))
+    return limit if limit < rows.band and 1.0 - kept > NOISE_FRACTION else None
 
 
 def _size(values: Array, use: Mask) -> Array:

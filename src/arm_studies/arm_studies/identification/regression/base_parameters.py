@@ -72,18 +72,17 @@ def base_parameters(
         column = triangle[:, k] / lengths[k]
         for _ in range(2):  # twice is enough (Kahan, Parlett)
             column = column - basis @ (basis.T @ column)
-        left = np.linalg.norm(column)
-        if left > DEPENDENT:
+        distance = np.linalg.norm(column)
+        if distance > DEPENDENT:
             chosen.append(k)
-            basis = np.column_stack([basis, column / left])
+            basis = np.column_stack([basis, column / distance])
     independent = sorted(chosen)
     grouping = np.linalg.lstsq(triangle[:, independent], triangle, rcond=None)[0]
     grouping[abs(grouping) < ROUNDED] = 0.0
     grouping[:, independent] = np.eye(len(independent))
-    return BaseParameters(
-        tuple(independent), grouping, tuple(_name(row, lead, names) for row, lead in
-                                            zip(grouping, independent, strict=True)),
-    )  # fmt: skip
+    pairs = zip(grouping, independent, strict=True)
+    groups = tuple(_name(row, lead, names) for row, lead in pairs)
+    return BaseParameters(tuple(independent), grouping, groups)
 
 
 def _name(row: Array, lead: int, names: list[str]) -> str:

@@ -16,18 +16,18 @@ from arm_studies.identification.regression.uncertainty import NORMAL_95, added_c
 
 # Largest number of corrections of the age; standard errors below which one is left out; largest
 # age in periods of the band.
-CORRECTIONS, SETTLED, OLDEST = 4, 0.2, 0.15
+CORRECTIONS, AGE_TOLERANCE, LARGEST_AGE = 4, 0.2, 0.15
 # Fraction of a joint's frictionless efforts that bodies must explain to identify its scale.
-SHOWN = 0.7
+EXPLAINED = 0.7
 # Fraction of the deviation of a joint's efforts that bodies must cause to identify its scale: if
 # friction dominates, an error of its law or of the nominal bodies would be taken for the scale.
-HEAVY = 0.5
+BODIES = 0.5
 # Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
 # fixed, an error of the last bodies would be taken for a scale of their joints.
-NEAR = 0.03, 0.05
+SCALE_PRIOR = 0.03, 0.05
 # Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
 # columns of efforts are matched with joints.
-DOUBT = 0.12, 0.2
+NOMINAL_ERRORS = 0.12, 0.2
 
 
 def with_age[T](
@@ -40,10 +40,10 @@ def with_age[T](
             the age, and its standard deviation.
         band: Of the low-pass filter in [Hz].
     """
-    age, farthest = 0.0, OLDEST / band
+    age, farthest = 0.0, LARGEST_AGE / band
     fit, step, doubt = fit_at(age)
     for _ in range(CORRECTIONS):
-        if not abs(step) > SETTLED * doubt:
+        if not abs(step) > AGE_TOLERANCE * doubt:
             break
         age = float(np.clip(age + step, -farthest, farthest))
         fit, step, doubt = fit_at(age)
@@ -79,40 +79,42 @@ def scales_of(
         return fitted(Problem(rows.scaled(scales), train, prior), laws)
 
     for _ in range(30):
-        change = np.where(shown, _rescaled(at(scales, prior(*NEAR)))[0], 0.0)
+        change = np.where(shown, _rescaled(at(scales, prior(*SCALE_PRIOR)))[0], 0.0)
         scales = scales * np.exp(np.clip(change, -0.5, 0.5))
         if abs(change).max() < 1e-5:
             break
-    _, doubt = _rescaled(at(scales, prior(*DOUBT)))
+    _, doubt = _rescaled(at(scales, prior(*NOMINAL_ERRORS)))
     lines = [
         f"{name} {k:.3g} ({k * np.exp(-NORMAL_95 * sd):.3g} to {k * np.exp(NORMAL_95 * sd):.3g})"
-        for name, k, sd, there in zip(rows.names, scales, doubt, shown, strict=True)
-        if there
+        for name, k, sd, identified in zip(rows.names, scales, doubt, shown, strict=True)
+        if identified
     ]
     if lines:
         notes.append(
             f"scales of efforts assume that densities of the nominal bodies are accurate to "
-            f"{DOUBT[0]:.0%} and their shapes to {DOUBT[1]:.0%}: " + ", ".join(lines)
+            f"{NOMINAL_ERRORS[0]:.0%} and their shapes to {NOMINAL_ERRORS[1]:.0%}: "
+            + ", ".join(lines)
         )
     return scales, notes
 
 
 def _guess(rows: Rows, train: Array, laws: Sequence[JointFit]) -> tuple[Array, Array, list[str]]:
     """Which scales can be identified, (n,), these by the nominal bodies, and notes of others."""
-    nominal = rows.rigid @ rows.regressor.nominal + rows.known
+    nominal = rows.rigid @ rows.regressor.nominal + rows.known_torques
     shown, scales, notes = np.zeros(rows.n, bool), np.ones(rows.n), []
     for j, name in enumerate(rows.names):
-        mine = train[:, j]
-        y, more = rows.effort[mine, j], nominal[mine, j]
-        own = np.hstack([rows.inertia[:, j : j + 1], rows.friction(laws[j], j, nominal[:, j])])
-        both = np.column_stack([own[mine], more])
-        alone, left = (
+        use = train[:, j]
+        y, of_bodies = rows.effort[use, j], nominal[use, j]
+        columns = rows.inertia[:, j : j + 1], rows.friction(laws[j], j, nominal[:, j])
+        own = np.hstack(columns)[use]
+        both = np.column_stack([own, of_bodies])
+        without, with_bodies = (
             float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=1e-10)[0]) ** 2))
-            for A in (own[mine], both)
+            for A in (own, both)
         )
         slope = float(np.linalg.lstsq(both, y, rcond=1e-10)[0][-1])
-        heavy = slope * more.std() / y.std()
-        shown[j] = 1.0 - left / max(alone, 1e-300) > SHOWN and heavy > HEAVY
+        heavy = slope * of_bodies.std() / y.std()
+        shown[j] = 1.0 - with_bodies / max(without, 1e-300) > EXPLAINED and heavy > BODIES
         if shown[j]:
             scales[j] = 1.0 / slope
         else:

@@ -45,10 +45,10 @@ class Common:
     def of(cls, rows: Rows, use: Mask, j: int) -> Common:
         """Of one joint, which does not carry the bodies before it."""
         columns = np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]])
-        there = columns.any(axis=0)
-        Q, R = np.linalg.qr(columns[use[:, j]][:, there])
-        T = np.zeros((len(R), len(there)))
-        T[:, there] = R
+        carried = columns.any(axis=0)
+        Q, R = np.linalg.qr(columns[use[:, j]][:, carried])
+        T = np.zeros((len(R), len(carried)))
+        T[:, carried] = R
         return cls(columns, use[:, j], Q, T)
 
 
@@ -73,19 +73,17 @@ class Columns:
         """Of bodies, armatures, then friction, joint by joint."""
         numbers = common[0].columns.shape[1] - 1
         start, places = numbers + len(common), []
-        for j, mine in enumerate(own):
-            ours = np.arange(start, start + mine.shape[1])
-            places.append(np.concatenate([np.arange(numbers), [numbers + j], ours]))
-            start += mine.shape[1]
+        for j, columns in enumerate(own):
+            of_friction = np.arange(start, start + columns.shape[1])
+            places.append(np.concatenate([np.arange(numbers), [numbers + j], of_friction]))
+            start += columns.shape[1]
         return cls(tuple(common), tuple(own), tuple(places), start)
 
     def wider(self, more: Sequence[Array], places: Sequence[Places], count: int) -> Columns:
         """With ``count`` more unknowns: columns of each joint, and which of these they are of."""
         own = [np.column_stack(pair) for pair in zip(self.own, more, strict=True)]
-        all_places = [
-            np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)
-        ]
-        return Columns(self.common, tuple(own), tuple(all_places), self.size + count)
+        wide = [np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)]
+        return Columns(self.common, tuple(own), tuple(wide), self.size + count)
 
     def predicted(self, x: Array) -> Array:
         """A x of shape (k, n)."""
@@ -118,14 +116,14 @@ class Columns:
         for j, (common, place) in enumerate(zip(self.common, self.places, strict=True)):
             if not common.use.any():
                 continue
-            rest = np.column_stack([self.own[j], y[:, j]])[common.use]
-            along = common.Q.T @ rest
-            across = np.linalg.qr(rest - common.Q @ along, mode="r")
+            others = np.column_stack([self.own[j], y[:, j]])[common.use]
+            along = common.Q.T @ others
+            across = np.linalg.qr(others - common.Q @ along, mode="r")
             m = common.T.shape[1]
             wide = np.zeros((len(along) + len(across), self.size + 1))
             wide[: len(along), place[:m]] = common.T
-            where = np.append(place[m:], self.size)
-            wide[: len(along), where], wide[len(along) :, where] = along, across
+            rest = np.append(place[m:], self.size)
+            wide[: len(along), rest], wide[len(along) :, rest] = along, across
             triangles.append(weights[j] * np.sqrt(count) * wide)
         both = np.linalg.qr(np.vstack(triangles), mode="r")
         return both[:, :-1], both[:, -1]
@@ -138,8 +136,8 @@ def deviations(y: Array, predicted: Array, use: Mask) -> Array:
         rows = use[:, j]
         if rows.any():
             size = float(np.sqrt(np.mean(y[rows, j] ** 2)))
-            left = float(np.sqrt(np.mean((y - predicted)[rows, j] ** 2)))
-            noise[j] = max(left, NOISELESS * size, 1e-300)
+            residual = float(np.sqrt(np.mean((y - predicted)[rows, j] ** 2)))
+            noise[j] = max(residual, NOISELESS * size, 1e-300)
     return noise
 
 
@@ -160,7 +158,7 @@ class Prior:
     @classmethod
     def near(
         cls, nominal: Array, mass: float, shape: float,
-        known: Sequence[tuple[Sequence[int], float]] = (),
+        known_masses: Sequence[tuple[Sequence[int], float]] = (),
     ) -> Prior:  # fmt: skip
         """Bodies are near the nominal ones; see ``bodies.prior`` for their deviations.
 
@@ -171,7 +169,7 @@ class Prior:
             nominal: Ten inertial parameters of each body.
             mass: Relative standard deviation of densities.
             shape: That of all else.
-            known: Places of masses in x, and their sum in [kg], which is exact.
+            known_masses: Places of masses in x, and their sum in [kg], which is exact.
         """
         x0, rows = nominal.copy(), np.zeros((len(nominal), len(nominal)))
         for i in range(0, len(nominal), EACH):
@@ -181,7 +179,7 @@ class Prior:
                 rows[body, body] = bodies.prior(x0[body], mass, shape)
             else:
                 rows[body, body] = 1e9 * np.eye(EACH)
-        for places, total in known:
+        for places, total in known_masses:
             row = np.zeros((1, len(x0)))
             row[0, list(places)] = 1e5 / total
             rows = np.vstack([rows, row])
@@ -216,7 +214,7 @@ class Problem:
     @cached_property
     def target(self) -> Array:
         """Efforts without known torques, shape (k, n)."""
-        return np.asarray(self.rows.effort - self.rows.known)
+        return np.asarray(self.rows.effort - self.rows.known_torques)
 
     @cached_property
     def common(self) -> tuple[Common, ...]:

@@ -11,22 +11,15 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression import bodies, friction
-from arm_studies.identification.regression.estimation import (
-    Columns,
-    Problem,
-    consistent_solution,
-    deviations,
-    solved,
-    with_mass,
-)
+from arm_studies.identification.regression import bodies, estimation, friction
+from arm_studies.identification.regression.estimation import Columns, Problem
 from arm_studies.identification.regression.friction import JointFit, Shape
 from arm_studies.identification.regression.rows import Rows
 
 SIGNED = (friction.COULOMB_SKEW, friction.VISCOUS_SKEW, friction.EXCESS)
 STEPS = 25
-# ``settled`` of results: then shapes are known far better than any noise lets them be.
-SETTLED = 1e-6
+# ``tolerance`` of results: then shapes are known far better than any noise lets them be.
+TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -75,16 +68,16 @@ class Fit:
     @cached_property
     def drives(self) -> Array:
         """Torques of the drives, which are all that it predicts, shape (k, n)."""
-        return np.asarray(self.columns.predicted(self.x) + self.rows.known)
+        return np.asarray(self.columns.predicted(self.x) + self.rows.known_torques)
 
     def predicted(self, rows: Rows) -> Array:
         """Efforts of the same motion in rows with another bandwidth, shape (k, n)."""
         rigid = rows.rigid @ self.theta + rows.inertia * self.armature
-        return np.asarray(rows.known + rigid + self.own_predicted(rows))
+        return np.asarray(rows.known_torques + rigid + self.own_predicted(rows))
 
     def own_predicted(self, rows: Rows) -> Array:
         """The part of it that is the joints' own friction, shape (k, n)."""
-        load = self.columns.predicted(self.x) + rows.known
+        load = self.columns.predicted(self.x) + rows.known_torques
         own = [
             rows.friction(law, j, load[:, j]) @ [law.coefficients[kind] for kind in law.kinds]
             for j, law in enumerate(self.friction)
@@ -107,7 +100,7 @@ class Fit:
 
 def fitted(
     problem: Problem, laws: Sequence[JointFit], *, consistent: bool = False,
-    settled: float = SETTLED,
+    tolerance: float = TOLERANCE,
 ) -> Fit:  # fmt: skip
     """Fit all unknowns: linear ones in one step, shapes of friction by Gauss-Newton.
 
@@ -115,26 +108,25 @@ def fitted(
         problem: Rows and prior.
         laws: Friction of each joint, with first guesses of its shapes.
         consistent: Whether bodies must be physically consistent.
-        settled: Change of the sum of the logarithms of the joints' residuals at which shapes have
-            converged.
+        tolerance: Change of the sum of the logarithms of the joints' residuals at which shapes
+            have converged.
     """
     target, use = problem.target, problem.use
-    laws = [_kept(problem.rows.v[use[:, j], j], law) for j, law in enumerate(laws)]
-    load, weights = np.zeros_like(target), 1.0 / deviations(target, np.zeros_like(target), use)
+    laws = [_determinable(problem.rows.v[use[:, j], j], law) for j, law in enumerate(laws)]
+    load = np.zeros_like(target)
+    weights = 1.0 / estimation.deviations(target, load, use)
     fastest = abs(problem.rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
-        fit = _settled(problem, laws, load, weights, settled)
+        fit = _converged(problem, laws, load, weights, tolerance)
         laws = [_without_inadmissible(law, fastest[j]) for j, law in enumerate(fit.friction)]
-        if all(
-            (a.kinds, a.bends) == (b.kinds, b.bends)
-            for a, b in zip(laws, fit.friction, strict=True)
-        ):
+        before, after = ([(law.kinds, law.nonlinear) for law in x] for x in (fit.friction, laws))
+        if before == after:
             break
         load, weights = fit.load, fit.weights
     return _consistent(fit) if consistent else fit
 
 
-def _kept(v: Array, law: JointFit) -> JointFit:
+def _determinable(v: Array, law: JointFit) -> JointFit:
     """The law without terms that a joint at rest, or moving one way only, cannot determine."""
     if not v.size or np.sqrt(np.mean(v**2)) < 1e-9:
         return JointFit(())
@@ -144,8 +136,8 @@ def _kept(v: Array, law: JointFit) -> JointFit:
     return law
 
 
-def _settled(
-    problem: Problem, laws: Sequence[JointFit], load: Array, weights: Array, settled: float
+def _converged(
+    problem: Problem, laws: Sequence[JointFit], load: Array, weights: Array, tolerance: float
 ) -> Fit:
     """The fit of these laws, possible or not."""
     rows, best, damping = problem.rows, np.inf, 1.0
@@ -153,23 +145,23 @@ def _settled(
     for step in range(STEPS):
         own = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
         columns = Columns.of(problem.common, own)
-        x = solved(*problem.combined(columns, weights))
+        x = estimation.solved(*problem.combined(columns, weights))
         now = Fit(problem, x, _with_coefficients(laws, x, columns.size), columns, weights, load)
-        left = deviations(problem.target, columns.predicted(x), problem.use)
-        cost = float(np.log(left).sum())
+        deviation = estimation.deviations(problem.target, columns.predicted(x), problem.use)
+        cost = float(np.log(deviation).sum())
         gain = best - cost
         if step > 4 and gain < -1e-12 and kept is not None:
             damping *= 0.3
-            if -gain < settled or damping < 1e-2:
+            if -gain < tolerance or damping < 1e-2:
                 break
             laws = _stepped(kept, damping)
             continue
         best, kept, laws = cost, now, now.friction
-        weights, load = 1.0 / left, now.drives
-        bent = any(law.bends for law in laws)
-        if step >= 3 and (not bent or abs(gain) < settled):
+        weights, load = 1.0 / deviation, now.drives
+        nonlinear = any(law.nonlinear for law in laws)
+        if step >= 3 and (not nonlinear or abs(gain) < tolerance):
             break
-        if bent:
+        if nonlinear:
             damping = min(1.0, 2.0 * damping)
             laws = _stepped(replace(now, weights=weights, load=load), damping)
     assert kept is not None
@@ -189,7 +181,7 @@ def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[J
 def _stepped(fit: Fit, damping: float) -> list[JointFit]:
     """Laws whose shapes have made a Gauss-Newton step, with all linear unknowns free."""
     wide, names = widened(fit, fit.load)
-    x = solved(*fit.problem.combined(wide, fit.weights))
+    x = estimation.solved(*fit.problem.combined(wide, fit.weights))
     moved = list(fit.friction)
     for i, (j, name) in enumerate(names, fit.columns.size):
         by = damping * float(np.clip(x[i], -0.7, 0.7))
@@ -203,7 +195,7 @@ def widened(fit: Fit, load: Array) -> tuple[Columns, list[tuple[int, str]]]:
     Returns:
         The columns, and the joint and name of each further unknown, see ``Shape.moved``.
     """
-    names = [(j, name) for j, law in enumerate(fit.friction) for name in law.bends]
+    names = [(j, name) for j, law in enumerate(fit.friction) for name in law.nonlinear]
     more = [_slopes(fit.rows, law, j, load[:, j]) for j, law in enumerate(fit.friction)]
     places = [
         np.array([i for i, (of, _) in enumerate(names) if of == j], int)
@@ -214,7 +206,7 @@ def widened(fit: Fit, load: Array) -> tuple[Columns, list[tuple[int, str]]]:
 
 def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
     """Derivatives of a joint's friction by the parameters of its shape, shape (k, parameters)."""
-    if not law.bends:
+    if not law.nonlinear:
         return np.empty((len(load), 0))
     coefficients = [law.coefficients[kind] for kind in law.kinds]
 
@@ -222,7 +214,7 @@ def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
         return np.asarray(rows.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
     h, now, slopes = 1e-6, torque(law.shape), []
-    for name in law.bends:
+    for name in law.nonlinear:
         shape, span = law.shape.moved(name, h), h
         if shape == law.shape:  # at its upper bound
             shape, span = law.shape.moved(name, -h), -h
@@ -245,7 +237,7 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
     level = c.get(friction.COULOMB, 0.0)
     if friction.EXCESS in kinds and (
         level <= 0.0
-        or c[friction.EXCESS] < -friction.STEEP * level
+        or c[friction.EXCESS] < -friction.LARGEST_SHARE * level
         or (shape.stribeck_velocity or 0.0) > fastest
     ):  # the other terms may be possible without it
         kinds = [k for k in law.kinds if k != friction.EXCESS]
@@ -255,9 +247,9 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
         shape = replace(shape, stribeck_velocity=None)
     if shape.load is not None:
         growth = level * shape.steepness
-        if growth > friction.STEEPEST:
+        if growth > friction.LARGEST_GROWTH:
             refused = growth
-        if friction.COULOMB not in kinds or shape.load <= 0.01 or growth > friction.STEEPEST:
+        if friction.COULOMB not in kinds or shape.load <= 0.01 or growth > friction.LARGEST_GROWTH:
             shape = replace(shape, load=None)
     return replace(law, kinds=tuple(kinds), shape=shape, refused=refused)
 
@@ -268,7 +260,7 @@ def _consistent(fit: Fit) -> Fit:
     R, z = problem.data(fit.columns, fit.weights)
     nominal, n = problem.prior.x0, fit.rows.n
     shown = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
-    movable = with_mass(nominal)
+    movable = estimation.with_mass(nominal)
     if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():
         return fit
     kinds = [kind for law in fit.friction for kind in law.kinds]
@@ -285,6 +277,6 @@ def _consistent(fit: Fit) -> Fit:
     while not inside(start + share * (x - start)):
         share *= 0.7
     start += 0.9 * share * (x - start)
-    x = consistent_solution(*problem.prior.combined(R, z), start, nominal, positive)
+    x = estimation.consistent_solution(*problem.prior.combined(R, z), start, nominal, positive)
     laws = _with_coefficients(fit.friction, x, fit.columns.size)
     return replace(fit, x=x, friction=laws, changed=True)

@@ -24,10 +24,10 @@ DRY = (COULOMB, COULOMB_SKEW, EXCESS)  # Those that grow with the load.
 STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
 # Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
 # positive.
-STEEP = 0.98
-FARTHEST = 0.7  # Largest change of a shape's logarithm at a time.
+LARGEST_SHARE = 0.98
+LARGEST_STEP = 0.7  # Largest change of a shape's logarithm at a time.
 # Largest growth of friction with the load; the scene's curve is up to half as steep again.
-STEEPEST = 0.3
+LARGEST_GROWTH = 0.3
 POINTS = 6  # Number of points in a table of friction over load.
 
 
@@ -71,13 +71,13 @@ class Shape:
     def moved(self, name: str, by: float) -> Shape:
         """A copy with one parameter changed: velocities, and gaps between loads, relatively."""
         if name == LOAD:
-            return replace(self, load=float(np.clip((self.load or 0.0) + by, 0.0, STEEP)))
-        relative = float(np.exp(np.clip(by, -FARTHEST, FARTHEST)))
+            return replace(self, load=float(np.clip((self.load or 0.0) + by, 0.0, LARGEST_SHARE)))
+        relative = float(np.exp(np.clip(by, -LARGEST_STEP, LARGEST_STEP)))
         if name == STRIBECK_VELOCITY:
             return replace(self, stribeck_velocity=(self.stribeck_velocity or 1.0) * relative)
-        what, place = name.split(".")
-        i, (at, part) = int(place), np.array(self.points).T
-        if what == "at":
+        coordinate, index = name.split(".")
+        i, (at, part) = int(index), np.array(self.points).T
+        if coordinate == "at":
             at[i:] += (at[i] - at[i - 1]) * (relative - 1.0)
         else:
             part[i] = np.clip(part[i] + by, part[i - 1], part[i + 1])
@@ -85,15 +85,15 @@ class Shape:
 
     def unloaded(self, kind: str, v: Array) -> Array:
         """Friction of a kind of ``LINEAR`` with a unit coefficient, without growth, shape (k,)."""
-        way = np.sign(v)
+        direction = np.sign(v)
         if kind == VISCOUS:
             return np.asarray(friction.viscous(v, 1.0))
         if kind == VISCOUS_SKEW:
             return np.asarray(friction.viscous(v, 0.0, 1.0))
         fall = self.stribeck_velocity or 1.0
         level, excess = (0.0, 1.0) if kind == EXCESS else (1.0, 0.0)
-        dry = friction.dry(v, way, level, excess, fall)
-        return np.asarray(way * dry if kind == COULOMB_SKEW else dry)
+        dry = friction.dry(v, direction, level, excess, fall)
+        return np.asarray(direction * dry if kind == COULOMB_SKEW else dry)
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class JointFit:
     refused: float = 0.0
 
     @property
-    def bends(self) -> tuple[str, ...]:
+    def nonlinear(self) -> tuple[str, ...]:
         """Names of the nonlinear parameters that its kinds have, for ``Shape.moved``."""
         falls = EXCESS in self.kinds and self.shape.stribeck_velocity is not None
         table = [f"at.{i}" for i in range(1, len(self.shape.points))]

@@ -13,14 +13,15 @@ from arm_studies.identification.regression.rows import Rows
 from arm_studies.identification.regression.uncertainty import added_coefficients
 
 # Angle in [rad], and standard deviations, above which a tilt of the base is reported.
-TILT, SURELY = 0.01, 5.0
+TILT, SIGNIFICANT = 0.01, 5.0
 # Blocks of a recording, and relative change of friction, from which a drift is reported.
 BLOCKS, DRIFT = 10, 0.1
 # Change of friction over a turn, relative to its Coulomb friction, from which it is reported.
 RIPPLE = 0.1
-MOSTLY = 0.5  # Fraction of the rows in which a joint may stick, from which it is reported.
+# Fraction of the rows in which a joint may stick, from which it is reported.
+STICKING_FRACTION = 0.5
 # Robust standard deviations beyond which a residual is an outlier: contact, or stiction.
-FAR_OFF = 5.0
+OUTLIER = 5.0
 AT_STOP = 0.01  # Distance in [rad] or [m] from an end stop within which it is the cause of one.
 
 
@@ -29,15 +30,15 @@ def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
     rows = fit.rows
     kept, notes, reach = use.copy(), list[str](), max(1, rows.lag // 8)
     for j, name in enumerate(rows.names):
-        mine = use[:, j]
-        if not mine.any():
+        used = use[:, j]
+        if not used.any():
             continue
         size = abs(fit.residual[:, j])
-        typical = 1.4826 * float(np.median(size[mine]))
-        floor = 1e-6 * float(np.sqrt(np.mean(rows.effort[mine, j] ** 2)))
-        far = (size > FAR_OFF * max(typical, floor)) & mine
+        typical = 1.4826 * float(np.median(size[used]))
+        floor = 1e-6 * float(np.sqrt(np.mean(rows.effort[used, j] ** 2)))
+        far = (size > OUTLIER * max(typical, floor)) & used
         wide = np.convolve(far, np.ones(2 * reach + 1), mode="same") > 0.5
-        share = float(wide[mine].mean())
+        share = float(wide[used].mean())
         if 0.0 < share < 0.2:
             kept[:, j] &= ~wide
             if share > 0.002:
@@ -70,7 +71,7 @@ def sticking(rows: Rows) -> list[str]:
         f"'{name}': it may stick in {share:.0%} of the rows, where it rests or reverses; they are "
         "not used (a faster motion, or friction compensation, leaves more)"
         for name, share in zip(rows.names, shares.tolist(), strict=True)
-        if MOSTLY < share < 1.0
+        if STICKING_FRACTION < share < 1.0
     ]
 
 
@@ -82,11 +83,11 @@ def drifts(fit: Fit) -> list[str]:
     """
     rows, own, notes = fit.rows, fit.columns.own_predicted(fit.x), []
     for j, name in enumerate(rows.names):
-        mine = np.flatnonzero(fit.problem.use[:, j] & (rows.v[:, j] != 0.0))
-        size = float(np.mean(abs(own[mine, j]))) if mine.size else 0.0
-        if mine.size < 10 * BLOCKS or size == 0.0:
+        used = np.flatnonzero(fit.problem.use[:, j] & (rows.v[:, j] != 0.0))
+        size = float(np.mean(abs(own[used, j]))) if used.size else 0.0
+        if used.size < 10 * BLOCKS or size == 0.0:
             continue
-        along = fit.residual[mine, j] * np.sign(rows.v[mine, j])
+        along = fit.residual[used, j] * np.sign(rows.v[used, j])
         means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
         at = np.linspace(-0.5, 0.5, BLOCKS)
         slope = float(at @ means / (at @ at))
@@ -106,9 +107,10 @@ def ripples(fit: Fit) -> list[str]:
     """
     rows = fit.rows
     waves = np.zeros((*rows.q.shape, 2 * rows.n))
-    for j in np.flatnonzero(rows.regressor.turning):
-        q, way = rows.q[:, j], np.sign(rows.v[:, j])
-        waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = way * np.sin(q), way * np.cos(q)
+    turns = [kind != "prismatic" for kind in rows.regressor.model.joint_types]
+    for j in np.flatnonzero(turns):
+        q, sign = rows.q[:, j], np.sign(rows.v[:, j])
+        waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
     coefficients, doubt = added_coefficients(fit, rows.of_joints(waves))
     sizes, doubts = np.hypot(*coefficients.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
     dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
@@ -116,7 +118,7 @@ def ripples(fit: Fit) -> list[str]:
         f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
         "scene has the mean ('friction.position' describes it)"
         for name, size, sd, level in zip(rows.names, sizes, doubts, dry, strict=True)
-        if size > max(SURELY * sd, RIPPLE * level) and level > 0.0
+        if size > max(SIGNIFICANT * sd, RIPPLE * level) and level > 0.0
     ]
 
 
@@ -137,7 +139,7 @@ def tilts(fit: Fit) -> list[str]:
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
     torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
     turn, doubt = added_coefficients(fit, rows.of_joints(torques))
-    if (abs(turn) < np.maximum(SURELY * doubt, TILT)).all():
+    if (abs(turn) < np.maximum(SIGNIFICANT * doubt, TILT)).all():
         return []
     better = gravity + turn @ across
     better *= size / np.linalg.norm(better)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,24 +16,26 @@ from arm_studies.identification.regression.rows import Rows
 from arm_studies.identification.regression.uncertainty import NORMAL_95
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
-EXACT = 0.1  # Relative residual that is as unlikely as one standard deviation of the bodies.
+# Relative residual that is as unlikely as one standard deviation of the bodies.
+BODY_RESIDUAL = 0.1
 # Relative residual above which a joint's own motion does not explain its efforts, and below which
 # another does.
-POOR, FAIR = 0.2, 0.5
-BETTER = 0.3  # Smallest improvement by which another is believed: the ratio of the two residuals.
+UNEXPLAINED, EXPLAINED = 0.2, 0.5
+# Smallest improvement by which another is believed: the ratio of the two residuals.
+IMPROVEMENT = 0.3
 # Largest delay that is looked for in [s], and number of delays that are tried up to it.
 LATEST, SHIFTS = 0.5, 50
 # Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
-# it to be told as possible: friction of another shape, such as a Stribeck peak, can look like it.
-CAUSED, FELT = 0.5, 0.003
+# it to be noted as possible: friction of another shape, such as a Stribeck peak, can look like it.
+POSSIBLE_FRACTION, POSSIBLE_RESIDUAL = 0.5, 0.003
 # Fraction that it must cause to be certain, and relative residual that it causes from which it
 # spoils friction and bodies.
-SURELY, GROSS = 0.9, 0.05
+CERTAIN_FRACTION, GROSS_RESIDUAL = 0.9, 0.05
 SINGULAR = 1e-7  # Singular values relative to the largest below which columns are dependent.
-# Factor, and standard deviations of its logarithm, from which a scale is told: rather too often
+# Factor, and standard deviations of its logarithm, from which a scale is noted: rather too often
 # than too seldom, since bodies may be the cause as well.
-FACTOR, LIKELY = 1.4, 1.5
-VAGUE = 0.7  # Largest standard deviation of the logarithm of a scale that is told.
+SCALE_FACTOR, SCALE_DEVIATIONS = 1.4, 1.5
+LARGEST_DEVIATION = 0.7  # Largest standard deviation of the logarithm of a scale that is noted.
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,8 @@ class Delay:
     def gross(self) -> bool:
         """Whether the delay is certain and spoils what is identified."""
         caused = self.before**2 - self.after**2
-        sure = caused > SURELY * self.before**2 or abs(self.late) > 0.99 * LATEST
-        return sure and caused > GROSS**2
+        sure = caused > CERTAIN_FRACTION * self.before**2 or abs(self.late) > 0.99 * LATEST
+        return sure and caused > GROSS_RESIDUAL**2
 
 
 @dataclass(frozen=True)
@@ -98,13 +101,13 @@ def mismatched(problem: Problem) -> list[Match]:
     motion: without these two conditions, bodies of negative mass would explain a reversed column.
     """
     rows = problem.rows
-    left = np.stack([_residuals(problem, j) for j in range(rows.n)], axis=-1)
+    residuals = np.stack([_residuals(problem, j) for j in range(rows.n)], axis=-1)
     matches = []
     for i in np.flatnonzero(rows.use.any(axis=0)):  # of others, nothing is known
-        of_column = left[:, i]
+        of_column = residuals[:, i]
         turned, j = np.unravel_index(np.argmin(of_column), of_column.shape)
         own, best = of_column[0, i], of_column[turned, j]
-        if own > POOR and best < min(FAIR, BETTER * own):
+        if own > UNEXPLAINED and best < min(EXPLAINED, IMPROVEMENT * own):
             matches.append(Match(int(i), int(j), -1 if turned else 1))
     return matches
 
@@ -123,30 +126,26 @@ def delayed(problem: Problem) -> list[Delay]:
     delays = []
     for j in range(rows.n):
         shifted = [rows.ahead(j, int(by)) for by in shifts]
-        there = (
-            problem.use[:, j]
-            & rows.use[:, j].any()
-            & np.all([known for _, known in shifted], axis=0)
-        )
-        if not there.any():
+        use = problem.use[:, j] & np.all([valid for _, valid in shifted], axis=0)
+        if not use.any() or not rows.use[:, j].any():
             continue
         friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
-        parts = (rows.rigid[:, j], rows.inertia[:, [j]], friction, rows.known[:, [j]])
+        parts = (rows.rigid[:, j], rows.inertia[:, [j]], friction, rows.known_torques[:, [j]])
         own = np.hstack(parts)
-        left = _left(own[there], np.column_stack([y[there] for y, _ in shifted]))
-        before, at = left[len(shifts) // 2], int(np.argmin(left))
-        after = left[at]
-        if before > FELT**2 and after < (1.0 - CAUSED) * before:
+        unexplained = _unexplained(own[use], np.column_stack([y[use] for y, _ in shifted]))
+        before, at = unexplained[len(shifts) // 2], int(np.argmin(unexplained))
+        after = unexplained[at]
+        if before > POSSIBLE_RESIDUAL**2 and after < (1.0 - POSSIBLE_FRACTION) * before:
             vertex = 0.0  # of the parabola through the smallest and its neighbours, from it
-            if 0 < at < len(left) - 1:
-                a, b, c = left[at - 1 : at + 2]
+            if 0 < at < len(shifts) - 1:
+                a, b, c = unexplained[at - 1 : at + 2]
                 vertex = 0.5 * (a - c) / (a - 2.0 * b + c)
             late = float(step * dt * (at - len(shifts) // 2 + vertex))
             delays.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
     return delays
 
 
-def _left(columns: Array, y: Array) -> Array:
+def _unexplained(columns: Array, y: Array) -> Array:
     """Fractions of the power of each y of shape (k, m) that columns do not explain, shape (m,)."""
     size = np.linalg.norm(columns, axis=0)
     U, singular, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
@@ -164,9 +163,9 @@ def scaled(problem: Problem) -> list[Scale]:
     for j in np.flatnonzero(use.any(axis=0)):
         R = _triangle(rows, use[:, j] & rows.valid[:, j], int(j), np.array([j]))
         gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], problem.prior)
-        if gain <= 0.0 or deviation > VAGUE:
+        if gain <= 0.0 or deviation > LARGEST_DEVIATION:
             continue
-        if abs(np.log(gain)) > max(LIKELY * deviation, np.log(FACTOR)):
+        if abs(np.log(gain)) > max(SCALE_DEVIATIONS * deviation, np.log(SCALE_FACTOR)):
             wide = np.exp(NORMAL_95 * deviation)
             scales.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
     return scales
@@ -184,10 +183,11 @@ def _residuals(problem: Problem, j: int) -> Array:
     for mask in np.unique(masks, axis=1).T:
         columns = np.flatnonzero((masks == mask[:, None]).all(axis=0))
         R = _triangle(rows, mask, j, columns)
-        A, known, efforts = np.split(R, [-len(columns) - 1, -len(columns)], axis=1)
+        A, known_torques, efforts = np.split(R, [-len(columns) - 1, -len(columns)], axis=1)
         for i, y in zip(columns, efforts.T, strict=True):
             for turned, sign in enumerate((1.0, -1.0)):
-                residuals[turned, i] = _fitted(A, known[:, 0], sign * y, problem.prior)[2]
+                fit = _fitted(A, known_torques[:, 0], sign * y, problem.prior)
+                residuals[turned, i] = fit.residual
     return residuals
 
 
@@ -195,40 +195,45 @@ def _triangle(rows: Rows, mask: NDArray[np.bool_], j: int, columns: NDArray[np.i
     """Triangle of the motion of joint j, of its known torques, and of columns of efforts."""
     own = rows.friction(SIMPLE, j, np.zeros(len(mask)))[:, ::-1]  # the first may be negative
     parts = (rows.rigid[:, j], own[:, :1], rows.inertia[:, j : j + 1], own[:, 1:])
-    motion = np.column_stack([*parts, rows.known[:, j], rows.effort[:, columns]])[mask]
+    motion = np.column_stack([*parts, rows.known_torques[:, j], rows.effort[:, columns]])[mask]
     return np.asarray(np.linalg.qr(motion, mode="r"))
 
 
-def _fitted(A: Array, known: Array, y: Array, prior: Prior) -> tuple[float, float, float]:
-    """Factor g of efforts y, an unknown as well: A x + known = g y.
+class _Gain(NamedTuple):
+    """Factor of efforts, the standard deviation of its logarithm, and the relative residual."""
+
+    factor: float
+    deviation: float
+    residual: float
+
+
+def _fitted(A: Array, known_torques: Array, y: Array, prior: Prior) -> _Gain:
+    """Factor g of efforts y, an unknown as well: A x + known torques = g y.
 
     Args:
         A: Columns of the bodies, of a constant torque, of the armature and of friction.
-        known: Torques of payloads and springs.
+        known_torques: Of payloads and springs.
         y: Efforts in the same rows.
         prior: Prior of the bodies.
-
-    Returns:
-        The factor, the standard deviation of its logarithm, and the relative residual.
     """
     bodies = len(prior.x0)
-    size = EXACT * float(np.linalg.norm(A[:, :bodies] @ prior.x0 + known))
+    size = BODY_RESIDUAL * float(np.linalg.norm(A[:, :bodies] @ prior.x0 + known_torques))
     length = float(np.linalg.norm(y))
     if size == 0.0 or length == 0.0:
-        return 0.0, np.inf, np.inf
+        return _Gain(0.0, np.inf, np.inf)
     A = np.insert(A, bodies + 1, -y / length, axis=1)
     before = np.pad(prior.rows, ((0, 0), (0, A.shape[1] - bodies)))
     R = np.vstack([A / size, before])
-    z = np.concatenate([-known / size, prior.rows @ prior.x0])
+    z = np.concatenate([-known_torques / size, prior.rows @ prior.x0])
     x, kept = _partly_positive(R, z, bodies + 1)
     gain = float(x[bodies + 1])
     if gain <= 0.0:
-        return 0.0, np.inf, np.inf
+        return _Gain(0.0, np.inf, np.inf)
     others = np.delete(R[:, kept], kept[: bodies + 1].sum(), axis=1)
-    alone = np.sqrt(_left(others, R[:, bodies + 1 : bodies + 2])[0])
+    alone = np.sqrt(_unexplained(others, R[:, bodies + 1 : bodies + 2])[0])
     sure = alone * float(np.linalg.norm(R[:, bodies + 1]))
     deviation = max(1.0, float(np.linalg.norm(R @ x - z))) / max(sure, 1e-300) / gain
-    return gain / length, deviation, float(np.linalg.norm(A @ x + known)) / gain
+    return _Gain(gain / length, deviation, float(np.linalg.norm(A @ x + known_torques)) / gain)
 
 
 def _partly_positive(R: Array, z: Array, first: int) -> tuple[Array, NDArray[np.bool_]]:

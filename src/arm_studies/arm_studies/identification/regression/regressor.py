@@ -66,21 +66,13 @@ class RigidRegressor:
         def columns(q: Array, v: Array, a: Array) -> Array:
             return np.concatenate([np.eye(n) * a[:, :, None], self(q, v, a)], axis=2)
 
-        armatures = [f"{name}.armature" for name in self.model.joint_names]
-        return base_parameters(columns, n, [*armatures, *self.names()])
-
-    @property
-    def turning(self) -> list[bool]:
-        """For each joint, whether it is revolute."""
-        return [kind != "prismatic" for kind in self.model.joint_types]
+        names = [f"{joint}.armature" for joint in self.model.joint_names]
+        names += [f"{body}.{name}" for body in self.bodies for name in NAMES]
+        return base_parameters(columns, n, names)
 
     def places(self, body: int) -> slice:
         """Indices of the parameters of a body in θ."""
         return slice(EACH * body, EACH * (body + 1))
-
-    def names(self) -> list[str]:
-        """Names of the parameters in θ, such as ``elbow.Izz``."""
-        return [f"{body}.{name}" for body in self.bodies for name in NAMES]
 
 
 def parameters_of(model: pin.Model) -> Array:

@@ -14,15 +14,8 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
-from arm_studies.identification.filtering import (
-    BENT_NOISE,
-    FLAT_NOISE,
-    REACH,
-    ZeroPhase,
-    decimated,
-    spread,
-)
+from arm_studies.identification import filtering
+from arm_studies.identification.data import JointRecord, MeasuredMotion, interpolated, runs
 from arm_studies.identification.preparation import EvenRecord, common_band, resampled, thinned
 from arm_studies.identification.regression.friction import DRY, EXCESS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
@@ -31,19 +24,20 @@ HELD_OUT = 0.3  # Fraction of each recording, at its end, that is held out to me
 FOLDS = 5  # Folds of the rest by which laws are selected, each predicted from the others.
 # Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time before
 # and after a reversal in which one may stick.
-STILL = 0.1
+LONGEST_REST = 0.1
 # Periods of the band before and after a joint rests or reverses in which it may stick: its
 # friction has then any value up to static friction. Periods from one to the next of its values
 # that are unknown there.
-NEARBY, APART = 0.3, 0.2
+STICKING_PERIODS, PULSE_PERIODS = 0.3, 0.2
 # Independent values in which a joint cannot stick below which none of its are used: its unknowns
 # would explain them exactly, so that they would weigh more than all others.
-FEWEST = 25
+LEAST_VALUES = 25
 SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
-LEAST = 1e-3  # Power of such a value, relative to the residual's, below which it does not matter.
+# Power of such a value, relative to the residual's, below which it does not matter.
+LEAST_POWER = 1e-3
 # Velocity relative to a joint's root mean square velocity below which it is at rest; the low-pass
 # filter rings by up to 5e-3 of it when a joint sticks.
-SLOW = 1e-2
+REST_VELOCITY = 1e-2
 
 
 @dataclass(frozen=True)
@@ -72,9 +66,8 @@ class Sampled:
     ) -> Sampled:
         """Of joint states; with None as band, it is chosen from the noise."""
         even = tuple(resampled(record) for record in records)
-        return cls(
-            RigidRegressor(model), even, common_band(even) if band is None else band, held_out
-        )
+        band = common_band(even) if band is None else band
+        return cls(RigidRegressor(model), even, band, held_out)
 
     @property
     def notes(self) -> list[str]:
@@ -103,7 +96,7 @@ class Rows:
         still: Rows in which a joint may stick, shape (k, n).
         rests: Rows in which it rests for longer than a reversal takes, shape (k, n).
         use: Rows that are used in the fit, shape (k, n): valid ones in which it does not, if there
-            are ``FEWEST`` at least.
+            are ``LEAST_VALUES`` at least.
         train: Rows that are not held out, shape (k,).
         fold: Fold of each row, shape (k,); -1 if it is held out.
         independent: Independent values of filtered noise per row.
@@ -116,13 +109,13 @@ class Rows:
         scales: Array | float = 1.0,
     ) -> None:  # fmt: skip
         self.regressor, self.whole, self.effort_band = regressor, tuple(motions), effort_band
-        self._made: dict[tuple[int, str], tuple[float | None, Array, Array]] = {}
+        self._friction_columns: dict[tuple[int, str], tuple[float | None, Array, Array]] = {}
         pairs = [thinned(motion) for motion in motions]
         self.motions, self.strides = [m for m, _ in pairs], [stride for _, stride in pairs]
         self.q, self.v, self.a = (
             np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
         )
-        near, reach = list[NDArray[np.int_]](), np.arange(-REACH, REACH + 1)
+        near, reach = list[NDArray[np.int_]](), np.arange(-filtering.REACH, filtering.REACH + 1)
         for _, s in self._stretches():  # of each row, in its stretch
             rows = np.arange(s.start, s.stop)[:, None] + reach
             near.append(np.clip(rows, s.start, s.stop - 1))
@@ -135,15 +128,10 @@ class Rows:
         self.still = np.concatenate([_still(motion) for motion in self.motions])
         self.use = self.valid & ~self.still
         self.independent = min(motion.independent for motion in self.motions)
-        few = self.independent * self.use.sum(axis=0) < FEWEST
+        few = self.independent * self.use.sum(axis=0) < LEAST_VALUES
         self.use[:, few & ~few.all()] = False
         self.rests = np.concatenate([_resting(motion) for motion in self.motions])
-        folds = []
-        for motion in self.motions:
-            train, at = round(len(motion.time) * (1.0 - held_out)), np.arange(len(motion.time))
-            fold = np.minimum(at * FOLDS // max(train, 1), FOLDS - 1)
-            folds.append(np.where(at < train, fold, -1))
-        self.fold = np.concatenate(folds)
+        self.fold = np.concatenate([_folds(motion, held_out) for motion in self.motions])
         self.train = self.fold >= 0
         self.lag = int(4.0 / (self.band * self.motions[0].dt)) if np.isfinite(self.band) else 1
 
@@ -167,8 +155,8 @@ class Rows:
     def rigid(self) -> Array:  # noqa: D102 - see the attributes
         columns = self._unfiltered.copy()
         for j in range(self.n):  # a joint does not carry the bodies before it
-            there = columns[:, j].any(axis=0)
-            columns[:, j, there] = self.filtered(columns[:, j, there], j)
+            carried = columns[:, j].any(axis=0)
+            columns[:, j, carried] = self.filtered(columns[:, j, carried], j)
         return columns
 
     @cached_property
@@ -176,7 +164,7 @@ class Rows:
         return self.regressor(self.q, self.v, self.a)
 
     @cached_property
-    def known(self) -> Array:
+    def known_torques(self) -> Array:
         """Torques of payloads and springs, which are known, filtered, shape (k, n)."""
         payload = self.rigid @ self.regressor.payload
         return np.asarray(payload + self.of_joints(self.regressor.spring(self.q, self.v)))
@@ -240,13 +228,13 @@ class Rows:
         ]
 
     def _clearing(self, joint: int, level: float, size: float) -> tuple[Array, Array, float]:
-        step = max(1, round(APART / (self.band * self.motions[0].dt)))
+        step = max(1, round(PULSE_PERIODS / (self.band * self.motions[0].dt)))
         at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
         pulses = np.zeros((len(self.v), len(at)))
         pulses[at, range(len(at))] = level / size * np.sqrt(self.independent)
         spread_out = self.filtered(pulses) * self.use[:, joint : joint + 1]
         power, axes = np.linalg.eigh(spread_out.T @ spread_out)
-        strong = power > LEAST
+        strong = power > LEAST_POWER
         directions = spread_out @ (axes[:, strong] / np.sqrt(power[strong]))
         # Of noise within the band a direction has as much as the filter lets pass of it.
         passed = (self.plain.low_passed(None).filtered(directions) ** 2).sum(axis=0)
@@ -295,8 +283,8 @@ class Rows:
                 continue
             position, effort = 2.0 * motion.dt * motion.noise**2  # per [Hz]
             band = min(motion.band, self.effort_band or np.inf)
-            accelerations = BENT_NOISE * band * (2.0 * np.pi * band) ** 4 * position
-            variances.append(FLAT_NOISE * motion.band * effort + squares @ accelerations)
+            accelerations = filtering.BENT_NOISE * band * (2.0 * np.pi * band) ** 4 * position
+            variances.append(filtering.FLAT_NOISE * motion.band * effort + squares @ accelerations)
         return np.sqrt(np.mean(variances, axis=0))
 
     @property
@@ -307,8 +295,8 @@ class Rows:
     def _again(self) -> Rows:
         """A copy without what has been computed."""
         other = copy(self)
-        other._made = {}
-        for name in ("rigid", "known", "inertia", "_clearings"):
+        other._friction_columns = {}
+        for name in ("rigid", "known_torques", "inertia", "_clearings"):
             vars(other).pop(name, None)
         return other
 
@@ -326,14 +314,14 @@ class Rows:
         return other if self._sticking is None else other.cleared(*self._sticking)
 
     def ahead(self, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
-        """A joint's efforts some rows later, in the same stretch, and which are known, (k,)."""
-        effort, known = np.zeros(len(self.effort)), np.zeros(len(self.valid), bool)
+        """A joint's efforts some rows later, in the same stretch, and which are valid, (k,)."""
+        effort, valid = np.zeros(len(self.effort)), np.zeros(len(self.valid), bool)
         for _, s in self._stretches():
             to = slice(max(s.start, s.start - by), min(s.stop, s.stop - by))
             if to.stop > to.start:
                 of = slice(to.start + by, to.stop + by)
-                effort[to], known[to] = self.effort[of, joint], self.valid[of, joint]
-        return effort, known
+                effort[to], valid[to] = self.effort[of, joint], self.valid[of, joint]
+        return effort, valid
 
     def _stretches(self) -> Iterator[tuple[MeasuredMotion, slice]]:
         """Each stretch of each motion, and its rows."""
@@ -347,7 +335,7 @@ class Rows:
         """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
         smooth = np.empty_like(columns)
         for motion, span in self._stretches():
-            smooth[span] = ZeroPhase(band, motion.dt)(columns[span])
+            smooth[span] = filtering.ZeroPhase(band, motion.dt)(columns[span])
         return smooth
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
@@ -382,21 +370,27 @@ class Rows:
     def _unloaded(self, joint: int, kind: str, fall: float | None) -> tuple[Array, Array]:
         """Weights of a column for factors in the rows nearby, and the filtered column alone."""
         fall = fall if kind == EXCESS else None
-        entry = self._made.get((joint, kind))
+        entry = self._friction_columns.get((joint, kind))
         if entry is None or entry[0] != fall:
             weights = np.concatenate([
-                spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
+                filtering.spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
                 for motion, stride in zip(self.whole, self.strides, strict=True)
                 for stretch in motion.stretches
             ])  # fmt: skip
             entry = fall, weights, self.filtered(weights.sum(axis=1), joint)
-            self._made[joint, kind] = entry
+            self._friction_columns[joint, kind] = entry
         return entry[1:]
+
+
+def _folds(motion: MeasuredMotion, held_out: float) -> NDArray[np.int_]:
+    """Fold of each row, shape (k,); -1 if it is held out."""
+    row, count = np.arange(len(motion.time)), round(len(motion.time) * (1.0 - held_out))
+    return np.where(row < count, np.minimum(row * FOLDS // max(count, 1), FOLDS - 1), -1)
 
 
 def _slow(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """Where a joint is slow, shape (k, n)."""
-    return np.asarray(abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12)
+    return np.asarray(abs(motion.v) < REST_VELOCITY * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12)
 
 
 def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
@@ -407,7 +401,7 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
     if not np.isfinite(motion.band):
         return _resting(motion)
     slow = _slow(motion)
-    reach = round(min(NEARBY / motion.band, STILL) / motion.dt)
+    reach = round(min(STICKING_PERIODS / motion.band, LONGEST_REST) / motion.dt)
     still = np.zeros_like(slow)
     for s in motion.stretches:
         turns = motion.v[s][1:] * motion.v[s][:-1] < 0.0
@@ -420,25 +414,27 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
 
 
 def _resting(motion: MeasuredMotion) -> NDArray[np.bool_]:
-    """Rows in which a joint is slow for longer than ``STILL``, shape (k, n)."""
+    """Rows in which a joint is slow for longer than ``LONGEST_REST``, shape (k, n)."""
     slow = _slow(motion)
     resting = np.zeros_like(slow)
     for j, column in enumerate(slow.T):
         for start, end in runs(column):
-            resting[start:end, j] = (end - start) * motion.dt > STILL
+            resting[start:end, j] = (end - start) * motion.dt > LONGEST_REST
     return resting
 
 
-def steady_friction(rows: Rows, load: Array) -> Array:
-    """The scene's friction under torques of the drives, low-pass filtered; shapes (k, n).
+def nominal_efforts(rows: Rows) -> Array:
+    """Efforts of the nominal scene in rows where joints stick, too, shape (k, n).
 
-    It jumps with the velocity, and is computed at all measured times.
+    Friction jumps with the velocity, and is computed at all measured times.
     """
-    friction, torques, start = SteadyFriction.of(rows.regressor.model), [], 0
+    regressor, model = rows.regressor, rows.regressor.model
+    load = rows.rigid @ regressor.nominal + rows.known_torques + rows.inertia * model.armature
+    friction, torques, start = SteadyFriction.of(model), [], 0
     for motion, thin, stride in zip(rows.whole, rows.motions, rows.strides, strict=True):
-        own = load[start : start + len(thin.time)].T
+        own = load[start : start + len(thin.time)]
         start += len(thin.time)
-        dense = np.column_stack([np.interp(motion.time, thin.time, column) for column in own])
+        dense = interpolated(motion.time, thin.time, own)
         torque = friction(motion.v, np.sign(motion.v), np.zeros_like(motion.v), dense)
-        torques += [decimated(torque[stretch], stride) for stretch in motion.stretches]
-    return rows.of_joints(np.concatenate(torques))
+        torques += [filtering.decimated(torque[stretch], stride) for stretch in motion.stretches]
+    return np.asarray(load + rows.of_joints(np.concatenate(torques)))

@@ -17,18 +17,20 @@ from arm_studies.identification.regression.friction import COULOMB, EXCESS, Join
 from arm_studies.identification.regression.rows import FOLDS
 
 # Stribeck velocities that are tried, relative to a joint's root mean square velocity.
-FALLS = np.geomspace(0.01, 1.0, 7)
+SPEEDS = np.geomspace(0.01, 1.0, 7)
 # Reduction of the prediction error by which a law is accepted: relative, and in variances of the
 # residual, which chance alone exceeds once in a thousand laws.
-WORTH, CHANCE = 0.02, 10.0
-RESOLVED = 1e-6  # Resolution of prediction errors relative to the torque.
+LEAST_GAIN, LEAST_VARIANCES = 0.02, 10.0
+RESOLUTION = 1e-6  # Resolution of prediction errors relative to the torque.
 ROUNDS = 2
-USUAL = (friction.VISCOUS, COULOMB)  # Kinds that every joint begins with.
-LOADED = "load"  # Kind of a candidate for friction that grows with the load.
+INITIAL_KINDS = (friction.VISCOUS, COULOMB)  # Kinds that every joint begins with.
 
 
 class Candidate(NamedTuple):
-    """A column of a joint that may be selected, of a kind of ``friction.LINEAR`` or ``LOADED``."""
+    """A column of a joint that may be selected, of a kind of ``friction.LINEAR`` or ``LOAD``.
+
+    The latter is friction that grows with the load.
+    """
 
     joint: int
     kind: str
@@ -43,10 +45,11 @@ def selected(fit: Fit) -> list[JointFit]:
 def _candidates(j: int, speed: float, load: Array) -> list[Candidate]:
     """Of a joint with a root mean square velocity under torques of shape (k,)."""
     candidates = [Candidate(j, kind, Shape()) for kind in friction.LINEAR if kind != EXCESS]
-    candidates += [Candidate(j, EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
-    heaviest = float(abs(load).max())
-    if heaviest > 0.0:
-        candidates.append(Candidate(j, LOADED, Shape(heaviest=float(f"{1.1 * heaviest:.2g}"))))
+    candidates += [Candidate(j, EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in SPEEDS]
+    largest = float(abs(load).max())
+    if largest > 0.0:
+        growing = Shape(heaviest=float(f"{1.1 * largest:.2g}"))
+        candidates.append(Candidate(j, friction.LOAD, growing))
     return candidates
 
 
@@ -55,11 +58,11 @@ def _law(chosen: Sequence[Candidate], coefficients: Sequence[float], refused: fl
     values = {c.kind: float(x) for c, x in zip(chosen, coefficients, strict=True)}
     shapes = {c.kind: c.shape for c in chosen}
     shape = shapes.get(EXCESS, Shape())
-    if LOADED in values:
-        grows, stays = values[LOADED], values.get(COULOMB, 0.0)
+    if friction.LOAD in values:
+        grows, stays = values[friction.LOAD], values.get(COULOMB, 0.0)
         share = grows / (grows + stays) if grows > 0.0 else 0.0
-        share = float(np.clip(share, 0.02, friction.STEEP))
-        shape = replace(shape, load=share, heaviest=shapes[LOADED].heaviest)
+        share = float(np.clip(share, 0.02, friction.LARGEST_SHARE))
+        shape = replace(shape, load=share, heaviest=shapes[friction.LOAD].heaviest)
         values[COULOMB] = max(grows + stays, 0.0)
     kinds = tuple(kind for kind in friction.LINEAR if kind in values)
     return JointFit(kinds, shape, {kind: values[kind] for kind in kinds}, refused)
@@ -79,7 +82,7 @@ class _Selection:
         own = []
         for j, offer in enumerate(offered):
             laws = [
-                JointFit((COULOMB,), replace(c.shape, load=1.0)) if c.kind == LOADED
+                JointFit((COULOMB,), replace(c.shape, load=1.0)) if c.kind == friction.LOAD
                 else JointFit((c.kind,), c.shape) for c in offer
             ]  # fmt: skip
             own.append(np.hstack([rows.friction(law, j, fit.drives[:, j]) for law in laws]))
@@ -87,7 +90,7 @@ class _Selection:
         self.first = self.columns.size - sum(map(len, offered))
         flat = [c for offer in offered for c in offer]
         self.candidates = dict(enumerate(flat, self.first))
-        self.chosen = {place for place, c in self.candidates.items() if c.kind in USUAL}
+        self.chosen = {place for place, c in self.candidates.items() if c.kind in INITIAL_KINDS}
         self.refused = [0.0] * rows.n  # growth that would predict better, but is too steep
         self.counts = problem.use.sum(axis=0) * rows.independent
         self.sums = [self._products(fit, rows.fold == fold) for fold in range(FOLDS)]
@@ -102,8 +105,8 @@ class _Selection:
         for j, place in enumerate(self.columns.places):
             use = fit.problem.use[:, j] & fold
             both = np.column_stack([self.columns.all_of(j)[use], fit.problem.target[use, j]])
-            where = np.append(place, size)
-            products[j][np.ix_(where, where)] = both.T @ both
+            places = np.ix_(*[np.append(place, size)] * 2)
+            products[j][places] = both.T @ both
         return products * fit.rows.independent
 
     def run(self) -> list[JointFit]:
@@ -133,10 +136,9 @@ class _Selection:
         weights = 1.0 / np.maximum(energy, 1e-300)
         for _ in range(4):
             x = self._solve(self.total, weights)
-            left = np.array([_error(sums, x) for sums in self.total])
-            weights = np.maximum(self.counts, 1.0) / np.maximum(
-                left, RESOLVED**2 * energy + 1e-300
-            )
+            errors = np.array([_error(sums, x) for sums in self.total])
+            errors = np.maximum(errors, RESOLUTION**2 * energy + 1e-300)
+            weights = np.maximum(self.counts, 1.0) / errors
         return np.asarray(weights)
 
     def _solve(self, sums: Array, weights: Array, more: Iterable[int] = ()) -> Array:
@@ -169,36 +171,36 @@ class _Selection:
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
             totals.append(sum(errors))
             own = {self.candidates[p].kind: float(x[p]) for p in places}
-            grows = own.get(LOADED, 0.0)
+            grows = own.get(friction.LOAD, 0.0)
             level = own[COULOMB] + grows
             possible &= grows >= 0.0
-            possible &= own.get(EXCESS, 0.0) >= -friction.STEEP * max(level, 0.0)
-            growth = max(growth, grows / shapes[LOADED].heaviest if grows else 0.0)
-        return np.array(totals), possible and growth <= friction.STEEPEST, growth
+            possible &= own.get(EXCESS, 0.0) >= -friction.LARGEST_SHARE * max(level, 0.0)
+            growth = max(growth, grows / shapes[friction.LOAD].heaviest if grows else 0.0)
+        return np.array(totals), possible and growth <= friction.LARGEST_GROWTH, growth
 
     def _extend(self, j: int, weights: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
         best, *_ = self._scores(j, weights)
         # The other joints add the same errors, so the gain is measured against this joint's.
-        least = max(WORTH * self.counts[j], CHANCE)
+        least = max(LEAST_GAIN * self.counts[j], LEAST_VARIANCES)
         while True:
-            taken = {self.candidates[place].kind for place in self._of(j)}
-            choice: tuple[float, int, Array] | None = None
+            kinds = {self.candidates[place].kind for place in self._of(j)}
+            choice: tuple[int, Array] | None = None
             self.refused[j] = 0.0
             for place, (joint, kind, _) in self.candidates.items():
-                if joint != j or kind in taken:
+                if joint != j or kind in kinds:
                     continue
                 scores, possible, growth = self._scores(j, weights, [place])
                 worth = best.sum() - scores.sum() > least
                 better = np.count_nonzero(scores < best) >= FOLDS - 1
-                if kind == LOADED and growth > friction.STEEPEST and better and worth:
+                if kind == friction.LOAD and growth > friction.LARGEST_GROWTH and better and worth:
                     self.refused[j] = growth
-                if possible and better and (choice is None or scores.sum() < choice[0]):
-                    choice = float(scores.sum()), place, scores
-            if choice is None or not best.sum() - choice[0] > least:
+                if possible and better and (choice is None or scores.sum() < choice[1].sum()):
+                    choice = place, scores
+            if choice is None or not best.sum() - choice[1].sum() > least:
                 return
-            best = choice[2]
-            self.chosen.add(choice[1])
+            place, best = choice
+            self.chosen.add(place)
 
 
 def _error(sums: Array, x: Array) -> float:

@@ -8,19 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm_studies.identification.regression import friction
 from arm_studies.identification.regression.bandwidth import mean_residual
 from arm_studies.identification.regression.fit import Fit, fitted
-from arm_studies.identification.regression.friction import COULOMB, STEEP, VISCOUS, JointFit
+from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit
 from arm_studies.identification.regression.rows import FOLDS
 
 # Numbers of points that are tried; their loads, and all values but one, are fitted.
 COUNTS = (2, 3, 4)
 ENDS = np.geomspace(0.1, 1.1, 10)  # First guesses of the last point, relative to the largest load.
-# Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted.
-BETTER = 0.95
-ROUGH = 1e-3  # ``settled`` of fits that are only compared, to a few percent.
+# Relative prediction error of each of ``TEST_FOLDS`` that a table must reach to be accepted.
+IMPROVEMENT = 0.95
+ROUGH_TOLERANCE = 1e-3  # ``tolerance`` of fits that are only compared, to a few percent.
 # Folds that tables predict from the others; one alone may favor a table by chance.
-JUDGES = (FOLDS - 1, FOLDS // 2)
+TEST_FOLDS = (FOLDS - 1, FOLDS // 2)
 
 
 def tabled(fit: Fit) -> Fit:
@@ -38,11 +39,11 @@ def tabled(fit: Fit) -> Fit:
     problem, use = fit.problem, fit.problem.use
 
     def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
-        mine = (fit.rows.fold == fold)[:, None]
-        refit = fitted(replace(problem, use=use & ~mine), laws, settled=ROUGH)
-        return mean_residual(refit.residual, use & mine), refit.friction
+        test = (fit.rows.fold == fold)[:, None]
+        refit = fitted(replace(problem, use=use & ~test), laws, tolerance=ROUGH_TOLERANCE)
+        return mean_residual(refit.residual, use & test), refit.friction
 
-    least = [trial(fit.friction, fold)[0] for fold in JUDGES]
+    least = [trial(fit.friction, fold)[0] for fold in TEST_FOLDS]
     chosen: Sequence[JointFit] = ()
     for count in COUNTS:
         laws = [
@@ -50,9 +51,9 @@ def tabled(fit: Fit) -> Fit:
             for j, own in enumerate(fit.friction)
         ]
         trials = []
-        for fold, before in zip(JUDGES, least, strict=True):
+        for fold, before in zip(TEST_FOLDS, least, strict=True):
             trials.append(trial(laws, fold))
-            if trials[-1][0] >= BETTER * before:
+            if trials[-1][0] >= IMPROVEMENT * before:
                 break
         else:
             least, chosen = [now for now, _ in trials], trials[0][1]
@@ -70,20 +71,20 @@ def tabled(fit: Fit) -> Fit:
 
 def _begun(fit: Fit, j: int, count: int) -> JointFit:
     """A table at even loads whose last point explains a joint's friction best."""
-    own, mine, load = fit.friction[j], fit.problem.use[:, j], fit.drives[:, j]
+    own, use, load = fit.friction[j], fit.problem.use[:, j], fit.drives[:, j]
     part = np.linspace(0.0, 1.0, count)
-    largest = float(abs(load[mine]).max())
+    largest = float(abs(load[use]).max())
     tables = [tuple(zip((e * largest * part).tolist(), part.tolist(), strict=True)) for e in ENDS]
     shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
     laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
-    table = np.hstack([fit.rows.friction(law, j, load) for law in laws])[mine]
-    y = (fit.residual + fit.columns.own_predicted(fit.x))[mine, j]
-    start: tuple[float, JointFit] = np.inf, own
+    table = np.hstack([fit.rows.friction(law, j, load) for law in laws])[use]
+    y = (fit.residual + fit.columns.own_predicted(fit.x))[use, j]
+    least, best = np.inf, own
     for k, shape in enumerate(shapes):
         A = table[:, [0, 1, 2 + k]]
         x = np.linalg.lstsq(A, y, rcond=1e-10)[0]
-        left = float(np.sum((y - A @ x) ** 2))
-        if x[2] > 0.0 and left < start[0]:
-            share = float(np.clip(x[2] / max(x[1] + x[2], 1e-300), 0.02, STEEP))
-            start = left, replace(own, shape=replace(shape, load=share))
-    return start[1]
+        squares = float(np.sum((y - A @ x) ** 2))
+        if x[2] > 0.0 and squares < least:
+            share = float(np.clip(x[2] / max(x[1] + x[2], 1e-300), 0.02, friction.LARGEST_SHARE))
+            least, best = squares, replace(own, shape=replace(shape, load=share))
+    return best

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,11 +105,9 @@ def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
         own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
     y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
     noise = fit.weights * rows.noise(fit.theta, fit.armature)
-    values, deviations, scatter, condition = unbiased(
-        rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y))
-    )
+    solution = unbiased(rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y)))
     first = len(places) - len(names)
-    triples = list(zip(values.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
+    triples = list(zip(*(column.tolist() for column in solution[:3]), strict=True))
     shapes = {}
     for (j, name), (by, *more) in zip(names, triples[first : len(places)], strict=True):
         shape = fit.friction[j].shape.moved(name, by)
@@ -117,12 +116,28 @@ def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
         elif name == STRIBECK_VELOCITY and shape.stribeck_velocity is not None:
             shapes[j, name] = Estimate.of_positive(shape.stribeck_velocity, *more)
     linear = tuple(Estimate.of(*triple) for triple in triples[:first])
-    return Estimates(linear, shapes, condition)
+    return Estimates(linear, shapes, solution.condition)
+
+
+class Unbiased(NamedTuple):
+    """Least-squares estimates without a prior.
+
+    Attributes:
+        values: Shape (unknowns,).
+        deviations: Standard deviations; inf where the motion does not determine an unknown.
+        scatter: Whether deviations are scatter.
+        condition: Condition number.
+    """
+
+    values: Array
+    deviations: Array
+    scatter: Mask
+    condition: float
 
 
 def unbiased(
     rows: Rows, own: Array, y: Array, ageing: Array, noise: Array, torque: float
-) -> tuple[Array, Array, Mask, float]:
+) -> Unbiased:
     """Least-squares estimates, without a prior, and their standard deviations.
 
     Args:
@@ -135,10 +150,6 @@ def unbiased(
         noise: Weighted standard deviation of the sensors' white noise, shape (n,).
         torque: Norm of the weighted torques; an unknown is not determined if its deviation makes
             more than ``LARGEST_TORQUE`` of them.
-
-    Returns:
-        Values, deviations, which are inf where the motion does not determine an unknown, whether
-        they are scatter, each of shape (unknowns,), and the condition number.
     """
     if ageing.any():
         own = np.concatenate([own, ageing.T[:, :, None]], axis=2)
@@ -149,8 +160,8 @@ def unbiased(
     shown = lengths > SINGULAR * lengths.max()
     _, singular, axes = np.linalg.svd(R[:, shown] / lengths[shown], full_matrices=False)
     hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
-    left = y - (own @ solved(R, z)).T
-    doubt = np.sqrt(_variances(rows, own[:, :, shown], left))
+    residual = y - (own @ solved(R, z)).T
+    doubt = np.sqrt(_variances(rows, own[:, :, shown], residual))
     doubt[hidden | (doubt * lengths[shown] > LARGEST_TORQUE * torque)] = np.inf
     values, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
     values[shown], deviations[shown] = solved(R[:, shown], z), doubt
@@ -159,7 +170,7 @@ def unbiased(
     white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
     by_noise = np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0))
     scatter = deviations > SCATTER_RATIO * by_noise
-    return values, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
+    return Unbiased(values, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300)))
 
 
 def _independent(rows: Rows) -> float:
@@ -175,7 +186,7 @@ def _information(own: Array) -> tuple[Array, Array]:
     return H, both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
 
 
-def _variances(rows: Rows, own: Array, left: Array) -> Array:
+def _variances(rows: Rows, own: Array, residual: Array) -> Array:
     """Variances of unknowns: one of two estimates each, the second if it is clearly larger.
 
     One is for residuals that are white within the band, as the noise of efforts is. The other is
@@ -191,7 +202,7 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     whole = count + rows.spent
     grown = whole / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)
     white = np.tensordot(grown, H, axes=1) / independent
-    scores = np.einsum("jkm,kj->km", own, np.sqrt(grown) * left)
+    scores = np.einsum("jkm,kj->km", own, np.sqrt(grown) * residual)
     S = scores.T @ scores
     for back in range(1, rows.lag + 1):
         cross = scores[back:].T @ scores[:-back]

@@ -14,7 +14,7 @@
 #endif
 #define NS (NX + NU)
 #define EXPORTED __attribute__((visibility("default")))
-enum { MOST_TURNS = 20 + 4 * NU, MOST_HALVINGS = 40 };
+enum { MOST_ITERATIONS = 20 + 4 * NU, MOST_HALVINGS = 40 };
 
 /* Cholesky factor L of the free rows and columns of H; returns whether they are positive definite. */
 static int factor(const double H[NU][NU], const int* at, int count, double L[NU][NU]) {
@@ -60,8 +60,8 @@ static double value(const double H[NU][NU], const double* g, const double* k) {
 static int least(const double H[NU][NU], const double* g, const double* low, const double* high, double* k, int* at,
                  double L[NU][NU]) {
   int count = 0, before = 0, last[NU], inside = 0;
-  for (int turn = 0; turn < MOST_TURNS; ++turn) {
-    double slope[NU], step[NU], tried[NU];
+  for (int iteration = 0; iteration < MOST_ITERATIONS; ++iteration) {
+    double slope[NU], step[NU], trial[NU];
     for (int i = 0; i < NU; ++i) {
       slope[i] = g[i];
       for (int j = 0; j < NU; ++j) slope[i] += H[i][j] * k[j];
@@ -81,18 +81,18 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
     for (int halving = 0;; ++halving, size *= 0.5) {
       double promised = 0.0;
       inside = halving == 0;
-      memcpy(tried, k, sizeof tried);
+      memcpy(trial, k, sizeof trial);
       for (int i = 0; i < count; ++i) {
         const int m = at[i];
         const double target = k[m] + size * step[i];
-        tried[m] = fmin(high[m], fmax(low[m], target));
-        inside &= tried[m] == target;
-        promised += slope[m] * (tried[m] - k[m]);
+        trial[m] = fmin(high[m], fmax(low[m], target));
+        inside &= trial[m] == target;
+        promised += slope[m] * (trial[m] - k[m]);
       }
-      if (value(H, g, tried) <= now + 0.1 * promised) break;
+      if (value(H, g, trial) <= now + 0.1 * promised) break;
       if (halving == MOST_HALVINGS) return count; /* only rounding is left */
     }
-    memcpy(k, tried, sizeof tried);
+    memcpy(k, trial, sizeof trial);
   }
   return count;
 }

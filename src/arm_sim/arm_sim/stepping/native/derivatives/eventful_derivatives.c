@@ -6,7 +6,7 @@
 
 #include "derivatives/guard_derivatives.h"
 #include "derivatives/impact_derivatives.h"
-#include "derivatives/rest_derivatives.h"
+#include "derivatives/rest_stability.h"
 #include "derivatives/tangents.h"
 #include "motion/flow.h"
 
@@ -160,19 +160,19 @@ static void pass_limits(const scene_t* scene, const motion_t* motion, const real
 
 /* Make a tick of length h from x under the command r and differentiate it: why that is not possible, enum refusal.
  *
- * control: error control, or null; it advances.           begins: whether the state is itself varied, see rest_derivatives.h.
+ * control: error control, or null; it advances.           begins: whether the state is itself varied, see rest_stability.h.
  * strict:  whether to refuse a tick that begins or ends on the boundary of a mode.
- * trace:   room for its segments and steps.               which:  receives how many and what a refusal is about, 1 + NG numbers.
+ * trace:   room for its segments and steps.               subjects: receives how many and what a refusal is about, 1 + NG numbers.
  * after:   receives the state at the end.                 slope:  receives derivatives, NX rows of NV, or null.
  */
 EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const double* x, const double* r, const double* p,
-                           double h, control_t* control, int strict, int begins, trace_t* trace, long long* which,
+                           double h, control_t* control, int strict, int begins, trace_t* trace, long long* subjects,
                            double* after, double* slope) {
   real u[NU], u_x[NU * NX], u_r[NU * NU];
-  const tick_t tick = {u, h, which};
+  const tick_t tick = {u, h, subjects};
   LOCAL(motion_t, motion, motion_of, MOTION);
   enum refusal refused = NO_REFUSAL;
-  which[0] = trace->count = trace->taken = 0;
+  subjects[0] = trace->count = trace->taken = 0;
   CALL(scene->acting, (x, r), (u, u_x, u_r));
   if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->taken > trace->most_steps) return DIVERGES;
   if (trace->time_stepped || trace->count > trace->most) return ACCUMULATE;

@@ -47,9 +47,9 @@ static int find_zero(const scene_t* scene, const guards_t* at, const real* x, co
     if (!is_near(at, i, tick->length) || !(at->active[i] > 0.0)) continue;
     if (i >= NG - NK && stays(at, i, tick->length)) continue;
     if (joint >= 0 && joint < NU && is_carried(scene, at, x, segment, joint)) continue;
-    tick->which[++count] = i;
+    tick->subjects[++count] = i;
   }
-  tick->which[0] = count;
+  tick->subjects[0] = count;
   return count;
 }
 
@@ -88,11 +88,11 @@ static int find_boundaries(const scene_t* scene, const real* x, const tick_t* ti
   int count = 0;
   find_guards(scene, x, tick, segment, &at);
   const int zero = find_zero(scene, &at, x, tick, segment);
-  while (count < zero && tick->which[count + 1] < NG - NK) ++count;
+  while (count < zero && tick->subjects[count + 1] < NG - NK) ++count;
   for (int k = 0; k < NK; ++k)
     if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0 && divides(scene, k, &at, x, tick, segment))
-      tick->which[++count] = NG - NK + k;
-  tick->which[0] = count;
+      tick->subjects[++count] = NG - NK + k;
+  tick->subjects[0] = count;
   return count;
 }
 
@@ -141,7 +141,7 @@ static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const r
   LOCAL(guards_t, begin, guards_of, GUARDS);
   LOCAL(guards_t, end, guards_of, GUARDS);
   double apart = 0.0, largest = 0.0;
-  tick->which[0] = 0;
+  tick->subjects[0] = 0;
   /* A switch that does not change the motion, such as that of a current that leaves its limit, is no event. */
   if (segment->length <= INSTANT * tick->length)
     return find_boundaries(scene, segment->begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL;
@@ -150,11 +150,11 @@ static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const r
   const int zero = find_zero(scene, &end, segment->end, tick, segment);
   if (!zero) return GRAZES;
   for (int k = 1; k <= zero; ++k) {
-    const long long i = tick->which[k];
+    const long long i = tick->subjects[k];
     if (!(fabs(end.rate[i]) > GRAZING * fabs(begin.rate[i]))) return GRAZES;
   }
   real delays[NG][NV];
-  for (int k = 0; k < zero; ++k) follow_guard(scene, (int)tick->which[k + 1], tick, segment, slope, speed, delays[k]);
+  for (int k = 0; k < zero; ++k) follow_guard(scene, (int)tick->subjects[k + 1], tick, segment, slope, speed, delays[k]);
   for (int j = 0; j < NV; ++j) {
     double low = delays[0][j], high = low;
     for (int k = 0; k < zero; ++k) {

@@ -39,13 +39,13 @@ enum refusal {
 typedef struct {
   const real* u;
   double length;
-  long long* which;
+  long long* subjects;
 } tick_t;
 
-static enum refusal refuse(const tick_t* tick, enum refusal why, int who) {
-  tick->which[0] = 1;
-  tick->which[1] = who;
-  return why;
+static enum refusal refuse(const tick_t* tick, enum refusal reason, int index) {
+  tick->subjects[0] = 1;
+  tick->subjects[1] = index;
+  return reason;
 }
 
 static int is_held(const scene_t* scene, const record_t* segment, int joint) {

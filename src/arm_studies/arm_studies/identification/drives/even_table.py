@@ -16,14 +16,14 @@ _UNEVEN = 1e-2  # of a step
 
 
 def even_table(
-    name: str, time: ArrayLike, given: Mapping[str, ArrayLike | None]
+    name: str, time: ArrayLike, values: Mapping[str, ArrayLike | None]
 ) -> tuple[Array, dict[str, Array]]:
     """Check times and columns; a column of None, which was not measured, becomes NaN.
 
     Args:
         name: Of the record, for messages.
         time: In [s], shape (k,).
-        given: Columns of shape (k,) by name.
+        values: Columns of shape (k,) by name.
 
     Raises:
         InvalidInput: If times are too few or not even, or a column is of another length.
@@ -34,16 +34,16 @@ def even_table(
             f"{name}: time has shape {t.shape}; at least {_SHORTEST} samples are expected"
         )
     steps = np.diff(t)
-    usual = float(np.median(steps))
-    bad = ~(abs(steps - usual) <= _UNEVEN * usual)  # nor are those that are no numbers
-    if not usual > 0.0 or bad.any():
-        i = int(np.argmax(bad))
+    median = float(np.median(steps))
+    uneven = ~(abs(steps - median) <= _UNEVEN * median)  # also those that are no numbers
+    if not median > 0.0 or uneven.any():
+        i = int(np.argmax(uneven))
         raise InvalidInput(
             f"{name}: times are not even: {t[i]:.9g} s, then {t[i + 1]:.9g} s; a constant step of "
-            f"{usual:.4g} s within 1 % is expected"
+            f"{median:.4g} s within 1 % is expected"
         )
     columns = {}
-    for key, value in given.items():
+    for key, value in values.items():
         column = np.full(len(t), np.nan) if value is None else real_array(key, value)
         if column.shape != t.shape:
             raise InvalidInput(f"{name}: {key} has shape {column.shape}; ({len(t)},) is expected")
