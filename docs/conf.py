@@ -63,6 +63,7 @@ html_theme_options = {
 }
 html_sidebars = {"start": [], "index": []}  # they have no pages below them
 html_show_sourcelink = False
+html_search_scorer = str(Path(__file__).parent / "_static/search.js")
 copybutton_prompt_text = r"\$ |>>> "
 copybutton_prompt_is_regexp = True
 

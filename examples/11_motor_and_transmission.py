@@ -13,15 +13,18 @@ WHEEL = """<robot name="wheel"><link name="base"/><link name="wheel"><inertial><
 R, L, K, J = 1.0, 1e-3, 0.05, 5e-5
 
 
-def wheel(inertia: float, actuator: dict, transmission: dict | None = None) -> Simulator:
+def wheel(
+    inertia: float, actuator: dict, transmission: dict | None = None, dt: float = 1e-3
+) -> Simulator:
     """A wheel on a vertical axis with a drive."""
     joint = {"actuator": actuator} | ({"transmission": transmission} if transmission else {})
-    return Simulator({"robot": {"urdf": WHEEL.format(J=inertia)}, "joints": {"axle": joint}})
+    scene = {"robot": {"urdf": WHEEL.format(J=inertia)}, "joints": {"axle": joint}}
+    return Simulator(scene, dt=dt)
 
 
 # --- motor: a step of 12 V, compared with the closed form ------------------------------------
 winding = {"resistance": R, "inductance": L, "torque_constant": K}
-step = wheel(J, {"command": "voltage"} | winding).run(0.1, [12.0])
+step = wheel(J, {"command": "voltage"} | winding, dt=1e-4).run(0.1, [12.0])
 poles = np.roots([1.0, R / L, K**2 / (L * J)])
 t, (a, b) = step.time, poles
 current = 12.0 / L * (np.exp(a * t) - np.exp(b * t)) / (a - b)

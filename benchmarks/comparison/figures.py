@@ -15,28 +15,25 @@ from benchmarks.studies.bench import Record
 FAMILIES = (
     OURS, "MuJoCo", "Drake", "SciPy", "Exudyn", "Newton", "Pinocchio", "dynibo", "frax"
 )  # fmt: skip
-COLOURS = dict(zip(FAMILIES, (*COLORS, "0.45", "0.7"), strict=True))
-SOLVERS = "rk4", "RK4"
+COLOURS = dict(zip(FAMILIES, (*COLORS, "0.4", "0.6"), strict=True))
+EVALUATIONS = {
+    "frax, many at once": "frax (JAX, batch)",
+    "dynibo from Python": "dynibo (Rust, from Python)",
+    "Pinocchio's ABA from C++ (abaInParallel, one thread)": "Pinocchio's ABA (C++)",
+    f"{OURS} generated forward dynamics from C": f"{OURS} (generated C)",
+}
 SHOWN = "arm_sim euler", "arm_sim rk4", "arm_sim rk4, one by one"  # of rollouts, and all peers
 FIRST = 10.0  # [s] after which the setting of each simulator with the least drift is chosen
 
 
 def draw(results: Record, out: Path) -> dict[str, str]:
-    """Draw what the results hold.
-
-    Args:
-        results: of the studies that ran.
-        out: folder.
-
-    Returns:
-        File names by ``study`` or ``study:detail``, in the order of the report.
-    """
-    files: dict[str, str] = {}
-    for study, painter in PAINTERS.items():
-        if study in results:
-            for name in painter(results, out):
-                files[f"{study}:{name}"] = f"{name}.png"
-    return files
+    """Draw the studies that ran; returns file names by ``study:detail``, in their order."""
+    return {
+        f"{study}:{name}": f"{name}.png"
+        for study, painter in PAINTERS.items()
+        if study in results
+        for name in painter(results, out)
+    }
 
 
 def _curve(axis: Any, points: Iterable[tuple[float, float]], label: str) -> None:
@@ -81,36 +78,36 @@ def _work_precision(results: Record, out: Path) -> Iterator[str]:
 
 def _cost(results: Record, out: Path) -> Iterator[str]:
     growth = results["cost"]["growth"]
-    whos = list(dict.fromkeys(g["who"] for g in growth))
-    steps = [who for who in whos if who.endswith(SOLVERS)]
-    others = [who for who in whos if "dynamics" in who or " from C" in who or " many " in who]
-    others += [who for who in whos if who.startswith("dynibo")]
-    with figure(out / "joints.png", 1, 2, (WIDTH, 3.4), sharey=True) as axes:
-        for axis, title, shown in (
+    steps = {g["who"]: _family(g["who"]) for g in growth if g["who"].lower().endswith("rk4")}
+    with figure(out / "joints.png", 1, 2, (WIDTH, 3.5), sharey=True) as axes:
+        for axis, title, names in (
             (axes[0], "One step of RK4", steps),
-            (axes[1], "One evaluation of forward dynamics", dict.fromkeys(others)),
+            (axes[1], "One evaluation of forward dynamics", EVALUATIONS),
         ):
-            for who in shown:
-                line = [(g["joints"], g["ns"]) for g in growth if g["who"] == who]
-                _curve(
-                    axis, line, who.partition(" (")[0].removesuffix(" RK4").removesuffix(" rk4")
-                )
+            for who, name in names.items():
+                if line := [(g["joints"], g["ns"] / 1e3) for g in growth if g["who"] == who]:
+                    _curve(axis, line, name)
             joints = sorted({g["joints"] for g in growth})
             axis.set(xscale="log", yscale="log", xlabel="joints of the chain", title=title)
             axis.set_xticks(joints, map(str, joints), minor=False)
             axis.minorticks_off()
+            axis.yaxis.set_major_formatter("{x:g}")
             axis.legend(loc="upper left")
-        axes[0].set_ylabel("processor time [ns]")
+        axes[0].set_ylabel("processor time [µs]")
     yield "joints"
 
 
 def _features(results: Record, out: Path) -> Iterator[str]:
-    rows = results["features"]["rows"][::-1]
+    bare = results["features"]["rows"][0]["ns"] / 1e3
+    rows = sorted(results["features"]["rows"], key=lambda r: -r["ns"])
     with figure(out / "features.png", 1, 1, (WIDTH, 0.21 * len(rows) + 0.7)) as axis:
-        axis.plot([r["ns"] for r in rows], range(len(rows)), "o", color=COLORS[0], ms=5)
-        axis.axvline(rows[-1]["ns"], color=COLORS[0], lw=0.8, ls=":")
+        axis.hlines(range(len(rows)), bare, [r["ns"] / 1e3 for r in rows], COLORS[0], lw=2.5)
+        axis.plot([r["ns"] / 1e3 for r in rows], range(len(rows)), "o", color=COLORS[0], ms=6)
+        axis.axvline(bare, color="0.4", lw=1.0)
         axis.set_yticks(range(len(rows)), [r["scene"] for r in rows])
-        axis.set(xscale="log", xlabel="processor time of one step of RK4 [ns]; dotted: bare arm")
+        axis.set(xscale="log", xlabel="processor time of one step of RK4 [µs]")
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.grid(axis="y", visible=False)
     yield "features"
 
 
@@ -138,23 +135,21 @@ def _energy(results: Record, out: Path) -> Iterator[str]:
     """The default, and of each simulator the setting with the least drift after ``FIRST``."""
     rows = [r for r in results["energy"]["rows"] if r["drift_J"]]
     with figure(out / "energy.png", 1, 1, (WIDTH, 3.8)) as axis:
-        at_first = sorted((r for r in rows if r["horizon_s"] == FIRST), key=lambda r: r["drift_J"])
-        best = {_family(r["who"]): r for r in at_first[::-1]}
-        usual = [r for r in at_first if r["who"] == f"{OURS} rk4"]
-        for one in [
-            *usual,
-            *sorted(best.values(), key=lambda r: FAMILIES.index(_family(r["who"]))),
-        ]:
+        first = sorted((r for r in rows if r["horizon_s"] == FIRST), key=lambda r: -r["drift_J"])
+        best = {_family(r["who"]): r for r in first}
+        for one in (r for r in first if r["who"] == f"{OURS} rk4" or r in best.values()):
             key = one["who"], one["knob"], one["setting"]
             line = [(r["horizon_s"], r["drift_J"]) for r in rows
                     if (r["who"], r["knob"], r["setting"]) == key]  # fmt: skip
             setting = f"{one['setting']:g}{' s' * (one['knob'] == 'step')}".replace("e-0", "e-")
             _curve(axis, line, f"{one['who']}, {one['knob']} {setting}")
-            axis.lines[-1].set_linestyle("--" if one in usual else "-")
+            axis.lines[-1].set_linestyle("-" if one in best.values() else "--")
         axis.set(
             xscale="log", yscale="log", xlabel="simulated time [s]",
             ylabel="largest energy error so far [J]",
         )  # fmt: skip
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     yield "energy"
 
 
@@ -165,7 +160,9 @@ def _startup(results: Record, out: Path) -> Iterator[str]:
         for key, label in (("cold_s", "first start, compiles"), ("cached_s", "later starts")):
             seconds = [r[key]["total without imports"] for r in rows]
             axis.plot([r["joints"] for r in rows], seconds, "o-", label=label)
-        axis.set(yscale="log", xlabel="joints of the chain", ylabel="scene to first step [s]")
+        axis.set(yscale="log", xlabel="joints of the chain", ylabel="scene to first step [s]",
+                 ylim=(0.01, 2.0))  # fmt: skip
+        axis.yaxis.set_major_formatter("{x:g}")
     yield "startup"
 
 

@@ -17,6 +17,7 @@ from arm_sim.figures import (
     WIDTH,
     animation,
     figure,
+    joint_words,
     legend_outside,
     use_style,
 )
@@ -55,6 +56,12 @@ def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
     assert [text.get_text() for text in legend.texts] == [long, "b"]  # each once
     box, axes = legend.get_window_extent(), plt.gca().get_tightbbox()
     assert box.y1 <= axes.y0 + 1.0 and 0.0 <= box.x0 and box.x1 <= figure.bbox.width
+
+
+def test_joints_keep_their_names_but_for_what_all_share() -> None:
+    assert joint_words(["j1", "j2"]) == ["j1", "j2"]
+    assert joint_words(["a/panda_joint1", "a/panda_joint2"]) == ["joint1", "joint2"]
+    assert joint_words(["shoulder_pan_joint", "elbow_joint"]) == ["shoulder pan", "elbow"]
 
 
 @pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])

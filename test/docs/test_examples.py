@@ -39,7 +39,3 @@ def test_example_runs(example: Path, tmp_path: Path, forge: Path) -> None:
         before, after = (float(x) for x in re.findall(printed, done.stdout))
         assert nominal == pytest.approx(before, rel=0.1)
         assert 0.9 * least < after < 1.1 * most
-
-
-def test_there_are_examples() -> None:
-    assert len(EXAMPLES) >= 6

@@ -7,6 +7,7 @@ import runpy
 import sys
 import tomllib
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,11 @@ def test_page_has_its_parts(page: Path) -> None:
     assert re.search(r"^assert ", text, re.MULTILINE)
     assert re.findall(r"^# -+ .*$", text, re.MULTILINE) == []  # headings stand alone
     assert "# Questions\n# ---------\n" in text and "*Hint:*" in text
+    cells = text.split("\n# %%\n")
+    for cell, following in pairwise(cells):  # which shows the figures that it makes as they are
+        for axes in re.findall(r"^\w+, \(?(\w.*?)\)? = plt\.subplots", cell, re.MULTILINE):
+            names = axes.replace(", ", "|")
+            assert not re.search(rf"^(?:{names})[.\[]", following, re.MULTILINE), names
 
 
 def test_every_scene_of_the_lectures_is_on_a_page() -> None:

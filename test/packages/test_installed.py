@@ -2,7 +2,6 @@
 """The libraries as pip installs them, without ROS and away from the sources."""
 
 import os
-import re
 import subprocess
 import sys
 import tarfile
@@ -59,26 +58,6 @@ def test_a_source_distribution_gives_the_same_wheel(
     assert files(again) == files(wheels[name])
 
 
-def test_simulates_and_answers_torques(user: Run) -> None:
-    said = user("python", "-c", """
-import importlib.util
-import numpy as np
-import arm_sim
-from arm_dynamics import Dynamics, Term
-from arm_sim import Simulator
-
-assert "site-packages" in arm_sim.__file__, arm_sim.__file__
-sim = Simulator("pendulum")
-weight = Dynamics("pendulum").inverse([0.5], [0.0], [0.0], terms=Term.GRAVITY)
-np.testing.assert_allclose(weight, sim.dynamics.gravity([0.5]))
-sim.reset([0.5], [0.0])
-motion = sim.run(0.05)
-np.testing.assert_allclose(motion.balance, 0.0, atol=1e-9)
-print(arm_sim.__version__, abs(weight[0]) > 0.1, abs(motion.q[-1, 0] - 0.5) > 1e-4)
-""")  # fmt: skip
-    assert said.split()[1:] == ["True", "True"]
-
-
 GALLERY = sorted((ROOT / "docs/gallery").glob("*/*.py"))
 
 
@@ -92,7 +71,7 @@ def test_the_gallery_runs_where_pip_installs_the_suite(
 def test_command_line_works_without_ros(user: Run) -> None:
     assert "continuous" in user("arm", "describe", "pendulum")
     said = user("arm", "controller", "pendulum", code=1)
-    assert said.startswith("Error: Python cannot find the module '")
+    assert said.startswith("error: Python cannot find the module '")
     assert "needs ROS 2 Jazzy" in said and said.count("\n") == 1
 
 
@@ -137,86 +116,8 @@ from arm_studies.cli.main import main
 for line in {NEED_ROS}:
     result = CliRunner().invoke(main, line.split())
     last = result.output.splitlines()[-1]
-    if not last.startswith("Error: Python cannot find") or "needs ROS 2 Jazzy" not in last:
+    if not last.startswith("error: Python cannot find") or "needs ROS 2 Jazzy" not in last:
         print(line, repr(result.exception), result.output)
     assert result.exit_code == 1
 """)  # fmt: skip
     assert said == ""
-
-
-USER_FILE = """\
-from arm_dynamics import Dynamics, Term, load_scene
-from arm_dynamics.control import ComputedTorque
-from arm_sim import Recording, Simulator, State
-
-dynamics = Dynamics(load_scene("panda"))
-sim = Simulator("panda", dt=1e-3)
-
-
-def control(state: State) -> list[float]:
-    reveal_type(state.q)
-    return [0.0] * sim.n
-
-
-motion: Recording = sim.run(0.1, control=control)
-reveal_type(dynamics.inverse(motion.q, motion.v, motion.v, terms=Term.GRAVITY))
-reveal_type(dynamics.joint_names)
-reveal_type(ComputedTorque(dynamics))
-reveal_type(sim.linearize(sim.state, [0.0] * sim.n))
-dynamics.inverse(motion.q)
-Simulator(3)
-sim.reset(speed=1.0)
-"""
-
-
-@pytest.mark.nightly  # the types themselves are checked by ./arm lint
-def test_strict_type_checking_sees_the_types(user: Run, tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(USER_FILE)
-    said = user(
-        "python", "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", "mine.py",
-        cwd=tmp_path, code=1,
-    )  # fmt: skip
-    array = "numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.float64]]"
-    assert re.findall(r'Revealed type is "(.*)"', said) == [
-        array,
-        array,
-        "tuple[str, ...]",
-        "arm_dynamics.control.computed_torque.ComputedTorque",
-        f"tuple[{array}, {array}]",
-    ]
-    wrong = re.findall(r"mine.py:(\d+): error: .*\[([a-z-]+)\]", said)
-    assert wrong == [("19", "call-arg"), ("20", "arg-type"), ("21", "call-arg")]
-
-
-PLACES = (
-    "lib/arm_dynamics/controller",
-    "lib/arm_sim/sim",
-    "share/arm_dynamics/package.xml",
-    "share/arm_sim/launch",
-    "share/arm_sim/scenes/panda.yaml",
-)
-
-
-def test_colcon_builds_the_packages(project: Path, tmp_path: Path) -> None:
-    pytest.importorskip("colcon_ros", reason="colcon's modules belong to another Python here")
-    code = "import sys; from colcon_core.command import main; sys.exit(main())"
-    options = ["--build-base", tmp_path / "build", "--install-base", tmp_path / "install"]
-    done = subprocess.run(
-        [sys.executable, "-c", code, "--log-base", tmp_path / "log", "build", "--merge-install",
-         "--packages-select", *LIBRARIES, "--base-paths", project, *options],
-        cwd=project, capture_output=True, text=True, timeout=240,
-        env={**os.environ, "PYTHONPATH": "", "COLCON_HOME": str(tmp_path)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    install = tmp_path / "install"
-    for place in PLACES:
-        assert (install / place).exists(), place
-    packages = install / "lib/python3.12/site-packages"
-    for name in LIBRARIES:
-        assert list(packages.glob(f"{name}-*.egg-info"))
-        executable, *_ = (install / "lib" / name).iterdir()  # all of them: test_environment.py
-        said = subprocess.run(
-            [executable, "--help"], env={**os.environ, "PYTHONPATH": str(packages)},
-            capture_output=True, text=True, timeout=120,
-        )  # fmt: skip
-        assert said.returncode == 0 and "sage: " in said.stdout, said.stderr

@@ -28,7 +28,7 @@ def test_inverse_dynamics(case: dict[str, Any]) -> None:
 def test_forward_dynamics(case: dict[str, Any]) -> None:
     dyn = models.dynamics("puma560")
     v, way = np.full(6, case["v"]), np.full(6, np.sign(case["v"] or case["a"]))  # from rest too
-    found = dyn.forward(case["q"], v, np.array(case["tau"]) + dyn.friction(v, way))
+    found = dyn.forward(case["q"], v, np.array(case["tau"]) + dyn.friction(v, direction=way))
     assert_close(found, np.full(6, case["a"]), PUMA)
 
 

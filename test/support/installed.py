@@ -52,12 +52,17 @@ def built(project: Path, folder: Path, parts: Sequence[str]) -> dict[str, Path]:
 def bare_environment(folder: Path) -> Path:
     """A virtual environment with the libraries that are here, without ROS and the suite."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    link_libraries(folder)
+    return folder
+
+
+def link_libraries(environment: Path) -> None:
+    """Give an environment the libraries that are here, without ROS and the suite."""
     libraries = [p for p in sys.path if p.endswith("-packages") and "/workspace/" not in p]
     assert libraries
     hide = f"import sys; sys.modules.update(dict.fromkeys({OF_ROS}))"
-    pth = folder / "lib/python3.12/site-packages/libraries.pth"
+    pth = environment / "lib/python3.12/site-packages/libraries.pth"
     pth.write_text("\n".join([*libraries, hide, ""]))
-    return folder
 
 
 def runner(environment: Path, folder: Path) -> Run:

@@ -208,7 +208,7 @@ for (name, run), color in zip(runs.items(), ("0.6", "C1", "C2", "C0"), strict=Tr
     far = 1e3 * np.linalg.norm(path - P_f, axis=1)
     axes[0].semilogy(run.time, far, color=color, label=name)
     axes[1].plot(*path.T, color=color)
-axes[0].set(xlabel="time [s]", ylabel="distance from the point [mm]", title="How near, how soon")
+axes[0].set(xlabel="time [s]", ylabel="distance from the goal [mm]", title="Convergence")
 axes[0].legend()
 axes[1].plot(*P_f, "k+", ms=12, label="goal")
 axes[1].set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the hand")

@@ -220,8 +220,8 @@ for (plant, name), values in table.items():
     axes[1].loglog(times, values, style, ms=4, color=colours[name], label=label)
 axes[1].plot([], [], "o-", color="0.5", label="exact model")
 axes[1].plot([], [], "s--", color="0.5", label="0.3 kg not known")
-axes[1].set(xlabel="time for the line [s]", ylabel="farthest off the line [mm]",
-            title="What the pace costs",
+axes[1].set(xlabel="time for the line [s]", ylabel="largest distance from the line [mm]",
+            title="Error by duration",
             xticks=times, xticklabels=[f"{T:g}" for T in times])  # fmt: skip
 axes[1].minorticks_off()
 legend_outside(figure)

@@ -140,7 +140,7 @@ x = r1 * two[:, 0] - r2 * two[:, 1]
 pulling = 2 * k * x + 2 * c * (r1 * two[:, 2] - r2 * two[:, 3])
 axes[1].plot(t, soft.tau[:, 0], label="simulated")
 axes[1].plot(t, r2 * pulling, "k:", label="$r_2\\,(2kx + 2c\\dot x)$")
-axes[1].set(xlabel="time [s]", ylabel="torque on the wheel [N m]", title="What the belt carries")
+axes[1].set(xlabel="time [s]", ylabel="torque on the wheel [N m]", title="Torque of the belt")
 axes[1].legend()
 
 # %%

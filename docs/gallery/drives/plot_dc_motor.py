@@ -144,9 +144,8 @@ axes[1].plot(w, K * (volts - K * w) / R, color="0.6", label="constant current")
 axes[1].plot(N * speed, K * current, label="the run")
 axes[1].plot(N * cut.v[:, 0], K * cut.z[:, 0], "--", label="with a limit of 8 A")
 axes[1].plot(*curve.T, "ko", ms=4, label="settled under six loads")
-axes[1].plot(w, K * (volts - K * w) / R * w / 100, ":", color="C3", label="power [100 W]")
 axes[1].set(xlabel="speed of the motor [rad/s]", ylabel="torque of the motor [N m]",
-            title="Torque–speed curve", ylim=(0, 0.72))  # fmt: skip
+            title="Torque–speed curve", ylim=(0, 0.8))  # fmt: skip
 axes[1].legend(loc="upper right")
 
 # %%

@@ -67,7 +67,7 @@ print((files("arm_sim") / "scenes/lectures/geared_link.yaml").read_text())
 # %%
 # The run and an independent solution
 # -----------------------------------
-# The motor pulls with 0.1 N m for two seconds, then it lets go.
+# The motor pulls with 0.1 N m for two seconds, then it is switched off.
 
 sim = Simulator("geared_link", tolerance=1e-12)
 r, pull, until, end = 20.0, 0.1, 2.0, 5.0
@@ -84,7 +84,7 @@ before, after = run.time[run.time <= until], run.time[run.time >= until]
 
 
 def solve(J, B, weight, ratio, torque):
-    """J a + B v + weight sin(x / ratio) = torque until the motor lets go, then = 0."""
+    """J a + B v + weight sin(x / ratio) = torque until the motor is switched off, then = 0."""
 
     def rates(t, x, tau):
         return [x[1], (tau - B * x[1] - weight * np.sin(x[0] / ratio)) / J]
@@ -117,7 +117,7 @@ axes[0].plot(run.time, angle, label="simulated")
 axes[0].plot(run.time, misprinted, "--", label=r"with $B = r B_m + B_l$, as printed")
 axes[0].axvline(until, color="0.7", lw=0.8)
 axes[0].set(xlabel="time [s]", ylabel="angle of the link [rad]", ylim=(-1.3, 2.6),
-            title="Pulled up, and let go")  # fmt: skip
+            title="Pulled up and released")  # fmt: skip
 axes[0].legend()
 
 ratios = np.linspace(1.0, 40.0, 400)
@@ -162,4 +162,4 @@ plt.show()
 #    weight? *Hint:* differentiate :math:`r\,\tau_m / (r^2 J_m + J_l)`; at the optimum the rotor,
 #    seen at the link, is as heavy as the link itself. The dots in the figure are there.
 # 2. With the same motor and twice the gear ratio, how long does the link swing after the motor
-#    has let go? *Hint:* of the time constant :math:`2 J / B` both parts change.
+#    is switched off? *Hint:* of the time constant :math:`2 J / B` both parts change.

@@ -124,24 +124,25 @@ assert abs(reached - (K - F_c) / (2 * s2)) > 10.0
 # -----------
 
 figure = plt.figure(figsize=(7.2, 5.0))
-by_name = figure.subplot_mosaic([["run", "run"], ["small", "curve"]])
-axes = [by_name[name] for name in ("small", "run", "curve")]
+axes = figure.subplot_mosaic("ttbbss;aaaccc")
 small, large = run.time <= 0.8, run.time >= 0.8
-axes[0].plot(1e3 * run.q[small, 0], 1e3 * K * run.command[small, 0])
-axes[0].set(xlabel="angle [mrad]", ylabel="torque [mN m]", title="Before it slips")
-axes[1].plot(run.time, K * run.command[:, 0] * 1e3, label="torque [mN m]")
-axes[1].plot(run.time, run.v[:, 0], label="speed [rad/s]")
-axes[1].plot(run.time, 1e3 * run.z[:, 0], label="bristles [mrad]")
-axes[1].set(xlabel="time [s]", ylabel="[mN m], [rad/s], [mrad]", title="The run")
-axes[1].legend(loc="upper left")
+for name, ylabel, values in (
+    ("t", "torque [mN m]", 1e3 * K * run.command[:, 0]),
+    ("b", "bristles [mrad]", 1e3 * run.z[:, 0]),
+    ("s", "speed [rad/s]", run.v[:, 0]),
+):
+    axes[name].plot(run.time, values)
+    axes[name].set(xlabel="time [s]", ylabel=ylabel)
+axes["a"].plot(1e3 * run.q[small, 0], 1e3 * K * run.command[small, 0])
+axes["a"].set(xlabel="angle [mrad]", ylabel="torque [mN m]", title="Before it slips")
 bristles_rate = np.gradient(exact[:, 2], run.time)
 friction = s0 * run.z[:, 0] + s1 * bristles_rate + s2 * run.v[:, 0]
-axes[2].plot(run.v[large, 0], 1e3 * friction[large], lw=1.0, label="in the run")
-axes[2].plot(steady, 1e3 * curve, "k--", label="at constant speed")
-axes[2].plot(-steady, -1e3 * curve, "k--")
-axes[2].set(xlabel="speed [rad/s]", ylabel="friction [mN m]", title="Friction over speed",
-            xlim=(-12, 12), ylim=(-45, 62))  # fmt: skip
-axes[2].legend(loc="upper left")
+axes["c"].plot(run.v[large, 0], 1e3 * friction[large], lw=1.0, label="in the run")
+axes["c"].plot(steady, 1e3 * curve, "k--", label="at constant speed")
+axes["c"].plot(-steady, -1e3 * curve, "k--")
+axes["c"].set(xlabel="speed [rad/s]", ylabel="friction [mN m]", title="Friction over speed",
+              xlim=(-12, 12), ylim=(-45, 62))  # fmt: skip
+axes["c"].legend(loc="upper left")
 
 # %%
 # In motion

@@ -88,8 +88,7 @@ def closed_form(time: np.ndarray, lead: float, forces: tuple[float, ...]) -> np.
     return found
 
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.0))
-runs = {}
+runs, closed = {}, {}
 for degrees in (4.0, 8.0):
     lead = np.radians(degrees)
     forces = 1.1 * W * np.tan(lead + phi), 0.0, -0.2 * W * np.tan(lead + phi)
@@ -97,12 +96,10 @@ for degrees in (4.0, 8.0):
     when = np.searchsorted(PHASES, np.arange(round(PHASES[-1] / sim.dt)) * sim.dt, "right")
     current = np.array(forces)[when] * r / K
     runs[degrees] = run = sim.run(PHASES[-1], np.stack([current, 0 * current], axis=1))
-    exact = closed_form(run.time, lead, forces)
+    closed[degrees] = exact = closed_form(run.time, lead, forces)
     error = np.abs(run.q[:, 0] - exact).max()
     print(f"lead angle {degrees:g}°: at most {current.max():.1f} A, off by {error:.1e} m")
     assert error <= 1e-8
-    left.plot(run.time, 1e3 * run.q[:, 1], label=f"lead angle {degrees:g}°")
-    left.plot(run.time[::30], 1e3 * exact[::30] * np.tan(lead), "k.", ms=5)
 holding = (runs[4.0].time > 0.35) & (runs[4.0].time < PHASES[1])
 assert np.ptp(runs[4.0].q[holding], axis=0).max() == 0.0  # to the bit
 
@@ -112,7 +109,12 @@ assert np.ptp(runs[4.0].q[holding], axis=0).max() == 0.0  # to the bit
 # On the right, the forces that lift and lower a load: below the friction angle the motor has to
 # push the load down.
 
-left.plot([], [], "k.", ms=5, label="closed form")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.0))
+for degrees, run in runs.items():
+    left.plot(run.time, 1e3 * run.q[:, 1], label=f"lead angle {degrees:g}°")
+for degrees, exact in closed.items():
+    height = 1e3 * exact[::30] * np.tan(np.radians(degrees))
+    left.plot(run.time[::30], height, "k.", ms=5, label="closed form" if degrees > 4.0 else "")
 left.set(xlabel="time [s]", ylabel="height of the load [mm]", title="Lift, switch off, turn back")
 left.legend()
 angles = np.radians(np.linspace(0.0, 20.0, 200))

@@ -133,7 +133,7 @@ other.set_ylabel("pendulum [rad]", color="C1")
 other.plot(run.time, run.q[:, 1], color="C1")
 other.set_ylim(-0.8, 0.6)
 right.step(run.time, run.command[:, 0], where="post")
-right.set(xlabel="time [s]", ylabel="force on the cart [N]", title="What it takes")
+right.set(xlabel="time [s]", ylabel="force on the cart [N]", title="Control force")
 
 # %%
 # In motion

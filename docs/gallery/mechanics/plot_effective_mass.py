@@ -100,7 +100,7 @@ for angle in directions:
     sim.step(sim.dynamics.gravity(q) + hand.jacobian(q).T @ u)
     felt.append(sim.dt / (hand.jacobian(sim.state.q) @ sim.state.v @ u))
 said = [1.0 / (u @ mobility(q) @ u) for u in np.stack([np.cos(directions), np.sin(directions)]).T]
-print("felt", *(f"{m:.3f}" for m in felt[:6]), "kg")
+print("simulated", *(f"{m:.3f}" for m in felt[:6]), "kg")
 assert np.abs(np.divide(felt, said) - 1.0).max() <= 1e-6
 
 # %%
@@ -114,10 +114,10 @@ right = figure.add_subplot(1, 2, 2)
 every = np.linspace(0.0, 2.0 * np.pi, 361)
 way = np.stack([np.cos(every), np.sin(every)], axis=1)
 left.plot(every, [1.0 / (u @ mobility(q) @ u) for u in way], label="closed form")
-left.plot(directions, felt, "o", label="felt")
+left.plot(directions, felt, "o", label="simulated")
 left.set_title("Mass of the hand [kg], by direction")
 left.set_rlabel_position(120.0)
-left.legend(loc="upper left", bbox_to_anchor=(-0.35, 0.1))
+left.legend(loc="upper left", bbox_to_anchor=(-0.42, 0.06))
 bends = np.deg2rad(np.linspace(4.0, 176.0, 87))
 masses = np.array([hand.mass_ellipsoid([0.0, bend]).masses for bend in bends])
 right.semilogy(np.degrees(bends), masses[:, 1], label="heaviest direction")

@@ -61,24 +61,19 @@ def grasp(force: float, a: float, duration: float = 0.15):
     return sim.run(duration, tau)
 
 
-worst = 0.0
-figure, (slips, falls) = plt.subplots(1, 2, figsize=(7.2, 3.0))
-for a, color in ((0.0, "C0"), (2.0, "C1")):
-    least = m * (g + a) / (2 * mu)
-    forces = least * np.array([0.2, 0.4, 0.6, 0.8, 0.95, 0.999, 1.001, 1.2])
-    found = []
-    for force in forces:
+least = {a: m * (g + a) / (2 * mu) for a in (0.0, 2.0)}  # [N]
+forces, slides, worst = {}, {}, 0.0
+for a in least:
+    forces[a] = least[a] * np.array([0.2, 0.4, 0.6, 0.8, 0.95, 0.999, 1.001, 1.2])
+    slides[a] = []
+    for force in forces[a]:
         run = grasp(force, a)
-        slid = run.q[:, lift] - run.q[:, box]
+        slide = run.q[:, lift] - run.q[:, box]
         formula = max(0.0, g + a - 2 * mu * force / m) * run.time**2 / 2
-        worst = max(worst, np.abs(slid - formula).max())
-        found.append(slid[-1])
-    print(f"a = {a:g} m/s²: held with {forces[-2]:.4f} N, not with {forces[-3]:.4f} N")
-    assert abs(found[-2]) < 1e-12 < found[-3]
-    every = np.linspace(0.0, 1.2 * least, 200)
-    slides = 1e3 * np.maximum(0.0, g + a - 2 * mu * every / m) * 0.15**2 / 2
-    slips.plot(every, slides, color=color, label=f"lifted with {a:g} m/s²" if a else "held still")
-    slips.plot(forces, 1e3 * np.array(found), "k.", zorder=3)
+        worst = max(worst, np.abs(slide - formula).max())
+        slides[a].append(slide[-1])
+    print(f"a = {a:g} m/s²: held with {forces[a][-2]:.4f} N, not with {forces[a][-3]:.4f} N")
+    assert abs(slides[a][-2]) < 1e-12 < slides[a][-3]
 print(f"largest difference: {worst:.1e} m")
 assert worst <= 1e-8
 
@@ -86,13 +81,19 @@ assert worst <= 1e-8
 # In a figure
 # -----------
 
-slips.plot([], [], "k.", label="simulated")
+figure, (slips, falls) = plt.subplots(1, 2, figsize=(7.2, 3.0))
+for a in least:
+    every = np.linspace(0.0, 1.2 * least[a], 200)
+    formula = np.maximum(0.0, g + a - 2 * mu * every / m) * 0.15**2 / 2
+    slips.plot(every, 1e3 * formula, label=f"lifted with {a:g} m/s²" if a else "held still")
+for a in least:
+    slips.plot(forces[a], 1e3 * np.array(slides[a]), "k.", label="" if a else "simulated")
 slips.set(xlabel="force of a finger [N]", ylabel="sliding after 0.15 s [mm]",
           title="Sliding in the hand")  # fmt: skip
 slips.legend()
 for share in (0.9, 1.1):
-    run = grasp(share * least, a)
-    falls.plot(run.time, 1e3 * run.q[:, box], label=f"box, with {share:g} of the smallest force")
+    run = grasp(share * least[a], a)
+    falls.plot(run.time, 1e3 * run.q[:, box], label=f"box, {share:g} $F_{{\\min}}$")
 falls.plot(run.time, 1e3 * run.q[:, lift], "k:", label="hand")
 falls.set(xlabel="time [s]", ylabel="height [mm]", title="Lifted with 2 m/s²")
 falls.legend()
@@ -102,7 +103,7 @@ falls.legend()
 # ---------
 # With a tenth less than the smallest force.
 
-run = grasp(0.9 * least, a)
+run = grasp(0.9 * least[a], a)
 height, up = run.q[:, box], run.q[:, lift]
 
 

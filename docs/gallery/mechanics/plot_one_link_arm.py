@@ -93,7 +93,7 @@ assert left_over["corrected"] <= 1e-8 and left_over["printed"] > 1.0
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, np.degrees(angle), label="run")
 level = np.degrees(np.arcsin(Q / (m * g * l)))
-left.axhline(level, color="0.5", linestyle=":", label="where it would rest")
+left.axhline(level, color="0.5", linestyle=":", label="static equilibrium")
 left.legend()
 left.set(xlabel="time [s]", ylabel="angle [°]", title="Lifted by 3 N m")
 right.plot(run.time, Q * angle, label="work of the motor")

@@ -155,7 +155,7 @@ for force in ([0.0, -PRESSURE], [3.0, -PRESSURE]):
 # %%
 # In a figure
 # -----------
-# The torques are held for 2 ms, so within a tick the pressure is not exactly what was asked for.
+# The torques are held for 2 ms, between which the pressure is not exactly the commanded one.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, 1e3 * (path[:, 0] - middle), label="pen")

@@ -126,7 +126,7 @@ assert np.abs(sideways + mu * normal)[sliding].max() <= 1e-8
 # %%
 # In a figure
 # -----------
-# At rest the hand pushes with what was asked for. Once it slides it does not: the arm has a mass,
+# At rest the hand pushes with the commanded force. Once it slides it does not: the arm has a mass,
 # and :math:`J^T f_d` does not know the acceleration.
 
 elbow = l1 * np.stack([np.cos(run.q[:, 0]), np.sin(run.q[:, 0])], axis=1)
@@ -135,7 +135,7 @@ tip = elbow + l2 * np.stack([np.cos(both), np.sin(both)], axis=1)
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time[:-1], normal[:-1], label="normal")
 left.plot(run.time[:-1], -sideways[:-1], label="friction")
-left.axhline(20.0, color="0.5", linestyle=":", label="asked for")
+left.axhline(20.0, color="0.5", linestyle=":", label="commanded")
 left.set(xlabel="time [s]", ylabel="force on the table [N]", title="Push, slide, lift")
 left.legend()
 right.plot(run.time, 1e3 * (tip - tip[0]), label=["along", "above"])

@@ -145,7 +145,7 @@ theta, alpha, gamma, d_theta, d_alpha, d_gamma = solve_ivp(
 x2 = -a * np.sin(theta) - l * np.sin(alpha - theta)
 y2 = a * np.cos(theta) - l * np.cos(alpha - theta)
 error = np.abs(throw.q[:, [theta_at, gamma_at, x_at, z_at]].T - [theta, gamma, x2, y2]).max()
-print(f"largest difference until the sling lets go: {error:.1e}")
+print(f"largest difference until the release: {error:.1e}")
 assert error <= 1e-8
 
 dx2 = l * (d_theta - d_alpha) * np.cos(alpha - theta) - a * d_theta * np.cos(theta)
@@ -203,7 +203,7 @@ left.legend(loc="lower center")
 right.plot(throw.time, of_weight, label="weight")
 right.plot(throw.time, corrected - of_weight - of_beam, label="stone")
 right.plot(throw.time, of_beam, label="beam")
-right.set(xlabel="time [s]", ylabel="kinetic energy [J]", title="Until the sling lets go")
+right.set(xlabel="time [s]", ylabel="kinetic energy [J]", title="Until release")
 right.legend()
 
 # %%

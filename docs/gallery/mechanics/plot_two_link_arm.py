@@ -87,7 +87,7 @@ assert np.abs(hands - [0.6, 0.2]).max() <= 1e-12
 # %%
 # The runs and an independent solution
 # ------------------------------------
-# Both arms are let go from the same place of the hand.
+# Both arms are released from the same position of the hand.
 
 
 def weight(q: np.ndarray, g_2: float = g) -> np.ndarray:
@@ -137,8 +137,8 @@ for name, sign, color in (("elbow down", 1.0, "C0"), ("elbow up", -1.0, "C1")):
     right.plot(xs, torques[:, 0], color=color)
     right.plot(xs, torques[:, 1], "--", color=color)
 for line, name in (("-", "shoulder"), ("--", "elbow")):
-    right.plot([], [], line, color="0.5", label=f"drive of the {name}")
-left.axhline(0.2, color="0.6", linestyle=":", label="way of the hand")
+    right.plot([], [], line, color="0.5", label=name)
+left.axhline(0.2, color="0.6", linestyle=":", label="path of the hand")
 left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Two postures", ylim=(-0.25, 0.85))
 left.legend(loc="upper left")
 right.set(

@@ -51,7 +51,7 @@ print((files("arm_sim") / "scenes/lectures/two_mass_arm.yaml").read_text())
 # %%
 # The run and an independent solution
 # -----------------------------------
-# The arm is let go, without torques and friction.
+# The arm is released, without torques and friction.
 
 m1, m2, l1, l2, g = 1.3, 0.7, 0.6, 0.4, 9.81
 sim = Simulator("two_mass_arm", dt=0.01, tolerance=1e-13)
@@ -109,7 +109,7 @@ apart = np.abs(long.q - same.q).max(axis=1)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, run.q, label=[r"$\theta_1$", r"$\theta_2$"])
-left.set(xlabel="time [s]", ylabel="angle [rad]", title="Let go")
+left.set(xlabel="time [s]", ylabel="angle [rad]", title="Released")
 left.legend()
 right.semilogy(long.time, apart, label="of the angles")
 right.semilogy(long.time[1:], np.abs(same.energy - same.energy[0])[1:], label="of the energy")

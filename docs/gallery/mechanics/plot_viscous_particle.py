@@ -109,7 +109,8 @@ pair = [
     )
 ]
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, pair, size=(3.4, 4.6))
+path = np.stack([0.0 * run.time, run.q[:, 0]], axis=1), {"color": "C0"}
+motion = animation(run.time, pair, trail=path, size=(3.4, 4.6))
 plt.show()
 
 # %%

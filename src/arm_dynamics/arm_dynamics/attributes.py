@@ -101,7 +101,9 @@ def check_arguments(whose: object, method: Callable[..., Any], given: Iterable[s
     names = [] if any(x.kind is x.VAR_KEYWORD for x in known) else [x.name for x in known]
     for name in set(given) - set(names) if names else ():
         called = _called(whose, method).removesuffix(".__init__")
-        near = did_you_mean(name, names) or f"; allowed: {known_names(names)}"
+        near = (
+            did_you_mean(name, names) or _hint(whose, name) or f"; allowed: {known_names(names)}"
+        )
         raise UnknownArgument(f"{called} has no argument '{name}'{near}") from None
 
 
@@ -113,14 +115,14 @@ def _lacking(self: Any, name: str) -> Any:
     """The error of an attribute that is missing, as ``__getattr__``."""
     cls, near = type(self), ""
     if name[0] != "_" and not hasattr(cls, name):  # else it is Python's error, or a property's
-        others = {x: "" for x in ELSEWHERE if "." in x}
+        others = {x: "" for x in ELSEWHERE if x.startswith("arm_")}
         for part in reversed(cls._parts if getattr(self, "_sealed", False) else ()):
             others |= dict.fromkeys(dir(getattr(self, part)), f"{part}.")
         near = (
             f"; did you mean '{others[name]}{name}'?"
             if name in others
             else did_you_mean(name, [x for x in dir(self) if x[0] != "_"], others)
-        )
+        ) or _hint(self, name)
     if not near:
         return object.__getattribute__(self, name)
     raise AttributeError(f"{cls.__name__} has no attribute '{name}'{near}", obj=self)
@@ -153,11 +155,15 @@ def not_assignable(what: object, name: str, names: Iterable[str], instead: str) 
 
     ``names`` are attributes that the object has besides those of its class.
     """
-    cls, hints = type(what), dict[str, str]()
-    for keys, text in getattr(cls, "_instead", {}).items():
-        hints |= dict.fromkeys(keys.split(), text)
+    cls, hint = type(what), _hint(what, name)
     known = [other for other in {*dir(cls), *names} if not other.startswith("_")]
     if name in known:
-        return NotAssignable(f"{cls.__name__}.{name} cannot be set; {hints.get(name, instead)}")
-    near = f"; {hints[name]}" if name in hints else did_you_mean(name, known) or f"; {instead}"
+        return NotAssignable(f"{cls.__name__}.{name} cannot be set{hint or f'; {instead}'}")
+    near = hint or did_you_mean(name, known) or f"; {instead}"
     return NotAssignable(f"{cls.__name__} has no attribute '{name}'{near}")
+
+
+def _hint(what: object, name: str) -> str:
+    """What to do instead, as the end of a message."""
+    hints = getattr(type(what), "_instead", {}).items()
+    return next((f"; {text}" for names, text in hints if name in names.split()), "")

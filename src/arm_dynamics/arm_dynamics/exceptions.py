@@ -22,7 +22,7 @@ ELSEWHERE = {
     "mass_matrix": "M H D inertia inertia_matrix crba",
     "coriolis_matrix": "C coriolis",
     "gravity": "G g gravload",
-    "inverse": "rnea id idyn inverse_dynamics nle bias",
+    "inverse": "rne rnea id idyn inverse_dynamics nle bias",
     "forward": "aba fd accel fdyn forward_dynamics",
     "pose": "fkine fk forward_kinematics T",
     "jacobian": "J jac jacob0 frame_jacobian",
@@ -30,9 +30,16 @@ ELSEWHERE = {
     "energy": "T V U kinetic_energy potential_energy",
     "position_lower": "lower lower_limit limits position_limits qlim",
     "viscous": "damping",
+    "coulomb": "frictionloss mu",
+    "friction.coulomb": "frictionloss",
+    "friction.viscous": "damping",
+    "friction": "mu",
+    "sim.dt": "dt timestep time_step step_size Ts",
+    "robot.urdf": "urdf mjcf xml",
     "n": "nq nv dof dofs ndof",
-    "q": "qpos position positions angles theta",
-    "v": "qd dq qdot qvel velocity velocities",
+    "q": "qpos pos position positions angles theta",
+    "position": "q qpos",
+    "v": "qd dq qdot qvel vel velocity velocities",
     "a": "qdd ddq qddot qacc acceleration accelerations",
     "q0": "q qpos position",
     "v0": "v qd qvel velocity",
@@ -117,7 +124,9 @@ class NotWritten(ArmError, OSError):
 
 
 class NoAnswer(ArmError, TimeoutError):
-    """No node offers a service, or it did not answer in time."""
+    """No node offers a service, or it did not answer in time: then it is ``offered``."""
+
+    offered = False
 
 
 class Refused(ArmError):
@@ -172,9 +181,10 @@ def did_you_mean(name: object, names: Iterable[str], whose: Mapping[str, str] = 
     if not isinstance(name, str):
         return ""
     known = {other.casefold(): other for other in names}
+    inner = {x for x in ELSEWHERE if x.split(".")[0] in known}
     whole, others = name.casefold(), [x for x in known if _bare(known[x]) != _bare(name)]
     part = sorted((other for other in others if len(other) > 3 and other in whole), key=len)
-    near = [x for x, y in ELSEWHERE.items() if x in {*known, *whose} and name in y.split()]
+    near = [x for x, y in ELSEWHERE.items() if x in {*inner, *whose} and name in y.split()]
     near = near or get_close_matches(whole, others, 1, _ALMOST) or part[-1:]
     near = near or get_close_matches(whole, others, 1)
     if not near:

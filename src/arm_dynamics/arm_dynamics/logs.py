@@ -51,7 +51,8 @@ class Throttled:
     """A logger for messages that may come a thousand times a second.
 
     A reason is logged once in a period, and at most ``MOST`` reasons are, by the steady clock: a
-    system clock that is set back silences nothing.
+    system clock that is set back silences nothing. While one is repeated in every period, only the
+    first message says what is allowed.
 
     Args:
         log: A node's logger; it needs a line of code for each severity.
@@ -64,26 +65,31 @@ class Throttled:
     ) -> None:
         self._log, self._clock, self._period = log, clock, period
         self._told: dict[str, float] = {}
+        self._latest = "", 0.0
 
     def info(self, text: str, reason: str | None = None) -> None:
         """Log, unless the reason, by default the text without its numbers, is known by now."""
-        if self._is_due(text, reason):
-            self._log.info(text)
+        if due := self._due(text, reason):
+            self._log.info(due)
 
     def warning(self, text: str, reason: str | None = None) -> None:
         """The same as a warning."""
-        if self._is_due(text, reason):
-            self._log.warning(text)
+        if due := self._due(text, reason):
+            self._log.warning(due)
 
     def error(self, text: str, reason: str | None = None) -> None:
         """The same as an error."""
-        if self._is_due(text, reason):
-            self._log.error(text)
+        if due := self._due(text, reason):
+            self._log.error(due)
 
-    def _is_due(self, text: str, reason: str | None) -> bool:
+    def _due(self, text: str, reason: str | None) -> str:
+        """What is to be logged now, empty if nothing."""
         now, why = self._clock(), _NUMBERS.sub("#", text) if reason is None else reason
         recent = {why: at for why, at in tuple(self._told.items()) if now - at < self._period}
         if why in recent or len(recent) >= MOST:
-            return False
+            return ""
         self._told = recent | {why: now}
-        return True
+        before, at = self._latest
+        self._latest = why, now
+        is_stream = why == before and now - at < 2.0 * self._period
+        return text.partition("; allowed: ")[0] if is_stream else text

@@ -23,25 +23,25 @@ template <class Parts> auto named(const Parts& parts, const std::string& name) {
 }
 
 /// Refuse an interface that joints do not have.
-void check_kind(const std::string& joint, const std::string& way, const std::string& kind) {
+void check_kind(const std::string& joint, const std::string& use, const std::string& kind) {
   if (std::find(kNames.begin(), kNames.end(), kind) == kNames.end())
-    throw std::runtime_error("joint '" + joint + "': " + way + " interface '" + kind
+    throw std::runtime_error("joint '" + joint + "': " + use + " interface '" + kind
                              + "'; position, velocity and effort are allowed");
 }
 
 /// A number that a text gives and nothing else.
-double number(const std::string& joint, const char* what, const std::string& text) {
+double number(const std::string& joint, const char* quantity, const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   if (text.empty() || *end || !std::isfinite(value))
-    throw std::runtime_error("joint '" + joint + "': " + what + " '" + text + "'; a finite number is expected");
+    throw std::runtime_error("joint '" + joint + "': " + quantity + " '" + text + "'; a finite number is expected");
   return value;
 }
 
 /// A parameter of the hardware, or a default.
 std::string parameter(const hardware_interface::HardwareInfo& info, const std::string& name, const std::string& otherwise) {
-  const auto found = info.hardware_parameters.find(name);
-  return found == info.hardware_parameters.end() ? otherwise : found->second;
+  const auto entry = info.hardware_parameters.find(name);
+  return entry == info.hardware_parameters.end() ? otherwise : entry->second;
 }
 
 }  // namespace
@@ -134,19 +134,19 @@ void ArmSystem::find_interfaces() {
 void ArmSystem::begin() {
   int code = arm_->begin(nullptr, nullptr);
   arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
-  bool given = false;
+  bool has_start = false;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     const auto& described = *named(info_.joints, arm_->joints()[i]);
     for (int kind : {kPosition, kVelocity}) {
-      const auto found = named(described.state_interfaces, kNames[kind]);
-      if (found == described.state_interfaces.end() || found->initial_value.empty()) continue;
-      state_[kind][i] = number(described.name, kNames[kind], found->initial_value);
-      given = true;
+      const auto interface = named(described.state_interfaces, kNames[kind]);
+      if (interface == described.state_interfaces.end() || interface->initial_value.empty()) continue;
+      state_[kind][i] = number(described.name, kNames[kind], interface->initial_value);
+      has_start = true;
     }
     joints_[i].holds = false;
     joints_[i].last = kNone;
   }
-  if (given && !code) code = arm_->begin(state_[kPosition].data(), state_[kVelocity].data());
+  if (has_start && !code) code = arm_->begin(state_[kPosition].data(), state_[kVelocity].data());
   for (std::size_t i = 0; i < joints_.size() && code; ++i) {
     const auto [lower, upper] = arm_->range(i);
     if (const double q = state_[kPosition][i]; q < lower || q > upper)
@@ -160,8 +160,8 @@ ArmSystem::return_type ArmSystem::perform_command_mode_switch(const std::vector<
   for (Joint& joint : joints_)
     for (int kind = 0; kind < kKinds; ++kind) {
       const auto& name = joint.names[kind];
-      if (std::find(stop.begin(), stop.end(), name) != stop.end()) joint.given[kind] = false;
-      if (std::find(start.begin(), start.end(), name) != start.end()) joint.given[kind] = true;
+      if (std::find(stop.begin(), stop.end(), name) != stop.end()) joint.is_commanded[kind] = false;
+      if (std::find(start.begin(), start.end(), name) != start.end()) joint.is_commanded[kind] = true;
     }
   return return_type::OK;
 }
@@ -180,7 +180,7 @@ bool ArmSystem::follow(std::size_t i) {
   Joint& joint = joints_[i];
   std::array<double, kKinds> value{kNone, kNone, kNone};
   for (int kind = 0; kind < kKinds; ++kind)
-    if (joint.given[kind] && joint.commands[kind])
+    if (joint.is_commanded[kind] && joint.commands[kind])
       value[kind] = joint.commands[kind]->get_optional().value_or(reference_[kind][i]);
   for (int kind = 0; kind < kKinds; ++kind)
     if (std::isinf(value[kind])) {

@@ -22,10 +22,10 @@ using Configuration = controller_interface::InterfaceConfiguration;
 
 /// Some interfaces of every joint.
 Configuration of_all(const std::vector<std::string>& joints, std::initializer_list<const char*> interfaces) {
-  Configuration found{controller_interface::interface_configuration_type::INDIVIDUAL, {}};
+  Configuration configuration{controller_interface::interface_configuration_type::INDIVIDUAL, {}};
   for (const char* interface : interfaces)
-    for (const auto& joint : joints) found.names.push_back(joint + "/" + interface);
-  return found;
+    for (const auto& joint : joints) configuration.names.push_back(joint + "/" + interface);
+  return configuration;
 }
 
 }  // namespace
@@ -70,16 +70,16 @@ void ComputedTorqueController::choose_gains(double bandwidth, double damping_rat
 }
 
 std::vector<hardware_interface::CommandInterface::SharedPtr> ComputedTorqueController::on_export_reference_interfaces_list() {
-  std::vector<hardware_interface::CommandInterface::SharedPtr> found;
+  std::vector<hardware_interface::CommandInterface::SharedPtr> interfaces;
   for (const char* kind : kReferences)
     for (const auto& joint : arm_->joints()) {
       hardware_interface::InterfaceInfo info{};
       info.name = kind;
       info.data_type = "double";
       const hardware_interface::InterfaceDescription described(std::string(get_node()->get_name()) + "/" + joint, info);
-      found.push_back(std::make_shared<hardware_interface::CommandInterface>(described));
+      interfaces.push_back(std::make_shared<hardware_interface::CommandInterface>(described));
     }
-  return found;
+  return interfaces;
 }
 
 ComputedTorqueController::CallbackReturn ComputedTorqueController::on_activate(const rclcpp_lifecycle::State&) {

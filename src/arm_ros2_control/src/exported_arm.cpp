@@ -27,8 +27,8 @@ void ExportedArm::Close::operator()(void* library) const noexcept { dlclose(libr
 
 void ExportedArm::Free::operator()(Simulation* memory) const noexcept { ::operator delete(memory, kAligned); }
 
-template <class Function> void ExportedArm::find(Function*& function, const char* what, bool demanded) {
-  const std::string symbol = name_ + "_" + what;
+template <class Function> void ExportedArm::find(Function*& function, const char* suffix, bool demanded) {
+  const std::string symbol = name_ + "_" + suffix;
   function = reinterpret_cast<Function*>(dlsym(library_.get(), symbol.c_str()));
   if (!function && demanded)
     throw std::runtime_error("library = '" + path_ + "' has no " + symbol

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,15 @@ def legend_outside(figure: Any, below: bool = False) -> None:
         legend.remove()
 
 
+def shown_once(result: Any, figure: Any) -> Any:
+    """The result of a cell of a notebook, which also shows all open figures of pyplot."""
+    from matplotlib import pyplot
+
+    if "inline" in pyplot.get_backend():
+        result._repr_mimebundle_ = lambda **_: pyplot.close(figure)
+    return result
+
+
 def most_moved(q: Array) -> list[int]:
     """Columns of positions, shape (k, n), to draw: all, or as many as there are colours."""
     way = np.ptp(np.nan_to_num(q), axis=0)
@@ -122,17 +132,12 @@ def most_moved(q: Array) -> list[int]:
 
 
 def joint_words(names: Sequence[str]) -> list[str]:
-    """Names in words, as "joint 1", without what all begin or end with up to "_" or "/"."""
+    """Names in words, without what all begin or end with up to "_" or "/"."""
     parts = [re.split("[_/]", name) for name in names]
-    first = last = 0
-    while min(map(len, parts)) > first + 1 and len({part[first] for part in parts}) == 1:
-        first += 1
-    while (
-        min(map(len, parts)) > first + last + 1 and len({part[-1 - last] for part in parts}) == 1
-    ):
-        last += 1
-    words = [" ".join(part[first : len(part) - last]) for part in parts]
-    return [re.sub(r"(?<=[a-z])(?=\d+$)", " ", name) for name in words]
+    kept = min(map(len, parts)) - 1
+    first = min(len(commonprefix(parts)), kept)
+    last = min(len(commonprefix([part[::-1] for part in parts])), kept - first)
+    return [" ".join(part[first : len(part) - last]) for part in parts]
 
 
 def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:
@@ -182,6 +187,7 @@ def animation(
     frames = frames or round(RATE * (time[-1] - time[0]) / speed) + 1
     shown = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int)
     seen = [points.reshape(-1, 2) for points, _ in links] + [path]
+    plt.draw_if_interactive()  # loads the backend, which may set rcParams to stay
     with mpl.rc_context(STYLE | {"figure.constrained_layout.use": True}):
         fig, plane = plt.subplots(figsize=size, dpi=FILM_DPI)
         plane.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]", title=title)
@@ -208,7 +214,7 @@ def animation(
     film = FuncAnimation(fig, show, frames=shown.tolist(), interval=apart)
     film._draw_was_started = True  # no warning if it stays unused, as in a script without a screen
     mpl.rcParams["animation.html"] = "jshtml"  # a notebook shows it as a film
-    return film
+    return shown_once(film, fig)
 
 
 def fill_with(axes: Any, points: Array) -> None:

@@ -82,6 +82,8 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
         raise InvalidInput(
             f"control = {control!r}: a function of the state, a controller, or numbers of shape "
             f"({n},) or (steps, {n}) are expected"
+            + "; ClosedLoop(scene, 'NAME') makes controllers by name"
+            * isinstance(control, str)
         )
     table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:

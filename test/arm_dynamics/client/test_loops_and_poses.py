@@ -238,7 +238,7 @@ def test_the_command_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
     shown = arm(*FIND, given)
     assert shown.exit_code == 1
     assert re.search(r"0 .* yes .*\n *1 .* no ", shown.output)
-    assert "Error: 1 of 2 poses of frame 'panda_hand' cannot be reached" in shown.output
+    assert "error: 1 of 2 poses of frame 'panda_hand' cannot be reached" in shown.output
     plain = arm(*FIND, given, "--json")
     assert plain.exit_code == 1
     said = json.loads(plain.output)

@@ -167,7 +167,8 @@ def test_made_by_name_they_hold_any_arm(name: str, robot_name: str) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"bandwidth": 1e308}, "bandwidth = 1e.308; allowed: 0 to 3141.59"),
+        ({"bandwidth": 1e308}, "bandwidth = 1e.308; allowed: 0 to 432 between nodes"),
+        ({"bandwidth": 5000.0}, r"late; otherwise 0 to 3141.59 \(rad/s"),
         ({"stiffness": [50.0, -1.0]}, r"stiffness = \[50.0, -1.0\]; allowed: 0 to 1e.06"),
         ({"bandwidth": True}, "bandwidth = True: real numbers are expected"),
         ({"damping_ratio": [1, 101]}, r"damping_ratio = \[1, 101\]; allowed: 0 to 100"),

@@ -170,6 +170,7 @@ def test_only_what_is_asked_for_is_built(
     batch = states(dyn, MANY, rng)
     with caplog.at_level(logging.INFO):
         dyn.forward(*(x[: MANY - 1] for x in batch))
+        assert not dyn.spring(*batch[:2]).any()  # it has none
         assert not caplog.messages
         for _ in range(2):
             dyn.forward(*batch)

@@ -53,6 +53,8 @@ def test_every_method_refuses(value: object) -> None:
     ):
         with pytest.raises(InvalidInput):
             call()
+    with pytest.raises(TypeError):
+        dyn.friction(GOOD, GOOD)  # q and v, as of every other method
 
 
 @pytest.mark.parametrize("terms", [-1, 32, 255, 1.5, "gravity", None])

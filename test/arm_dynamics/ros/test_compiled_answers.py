@@ -359,7 +359,7 @@ def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None
         pair.led(20, rng)
         values = pair.fast.diagnostics()[0].values
         assert values["answered in C"] == pair.in_c > 10
-        assert values["answered in Python"] == "states that are not ordinary"
+        assert values["answered in Python"] == "few states, as after a change"
         assert 0.0 < values["answer in C [µs]"] <= values["longest answer in C [µs]"] < 1e7
         assert values["rate [Hz]"] > 0.0 and values["last state [s]"] < 5.0
         by_hand = pair.slow.diagnostics()[0].values

@@ -98,8 +98,8 @@ def test_a_controller_reports_errors_since_the_last_report(ros: Ros) -> None:
     status = found(node)
     assert status.level == WARN
     for words in (
-        "1 joint states ignored: 7 bytes are not a JointState",
-        "1 goals refused",
+        "1 joint state ignored: 7 bytes are not a JointState",
+        "1 goal refused",
         "time or the arm jumped; the arm was held at its position",
         "torque clipped at the effort limit: ",
     ):

@@ -54,8 +54,9 @@ def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
 BAD_AT_START = [
     ({"number": 3.0}, "'number' is 3.0; allowed: 0 to 2"),
     ({"number": -0.1}, "'number' is -0.1; allowed: 0 to 2"),
-    ({"number": "much"}, "'number' is 'much'; allowed: a number with a decimal point"),
-    ({"number": 1}, "'number' is 1; allowed: a number with a decimal point, as in 5.0"),
+    ({"number": "much"}, "'number' is 'much'; allowed: a number"),
+    ({"number": True}, "'number' is True; allowed: a number"),
+    ({"number": 3}, "'number' is 3.0; allowed: 0 to 2"),
     ({"fixed": 1}, "'fixed' is 1; allowed: true or false"),
     ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
     ({"color": 3}, "'color' is 3; allowed: text"),
@@ -82,6 +83,15 @@ def test_one_number_will_do_for_a_list(ros: Ros, value: Any) -> None:
     other = ros.add(Holder)
     assert change(other, gains=value).successful
     assert other.params.gains == [2]
+
+
+def test_a_whole_number_will_do_for_a_number(ros: Ros) -> None:
+    assert ros.add(Holder, number=2).params == Some(number=2.0)
+    other = ros.add(Holder)
+    assert change(other, number=2).successful
+    assert type(other.params.number) is float
+    assert not change(other, number=3).successful
+    assert not change(other, number=True).successful
 
 
 BAD_CHANGES = [

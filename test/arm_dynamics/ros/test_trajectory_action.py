@@ -329,7 +329,7 @@ BAD = {
     "no waypoint lies in the future": stamped(to(0.1, 0.1), 0.5),
     "stamps of the same clock": stamped(to(0.1, 0.1), 3700.0),
     "'shoulder' would leave its position limit at 7.63": to(3.2, 0.0, time=9.0),
-    "'elbow' would leave its velocity limit at 0.": to(0.0, 2.0, time=0.3),
+    "rad/s and 2 % more (limit_margin)": to(0.0, 2.0, time=0.3),
     "'shoulder' would leave its effort limit at 0.": to(0.6, 0.0, time=0.2),
 }  # fmt: skip
 

@@ -28,7 +28,7 @@ def test_an_older_pydantic_is_named_with_its_place_and_the_remedy(
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (
-        f"Error: pydantic {version} of '{tmp_path}/pydantic.py' is too old; 2.6 or newer is "
+        f"error: pydantic {version} of '{tmp_path}/pydantic.py' is too old; 2.6 or newer is "
         "expected: pip install 'pydantic>=2.6' (in a workspace on Ubuntu 24.04 with --target "
         "install/arm_dynamics/lib/python3.12/site-packages)\n"
     )

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which joint breaks which limit, when, and by how much."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,17 @@ def test_how_far_a_joint_goes_is_that_of_the_whole_trajectory(sign: float) -> No
     way = spline([Waypoint(float(k), q, still, still) for k, q in enumerate(places)])
     bounds = Bounds(limits(lower=[-9, -1], upper=[9, 1]))
     assert f"and reach {1.7 * sign:.4g}; allowed: {sign:.4g}" in complaint(bounds, way)
+
+
+def test_units_and_margin_are_named() -> None:
+    typed = replace(limits(velocity=[9, 0.4]), joint_types=("revolute", "prismatic"))
+    assert complaint(Bounds(typed, margin=0.02), rest_to_rest(0, 1)).endswith(
+        "and reach 0.9375 m/s; allowed: 0.4 m/s and 2 % more (limit_margin)"
+    )
+    typed = replace(limits(upper=[0.5, 9]), joint_types=("revolute", "prismatic"))
+    assert complaint(Bounds(typed, margin=0.02), rest_to_rest(1, 0)).endswith(
+        "and reach 1 rad; allowed: 0.5 rad"
+    )
 
 
 def test_the_moment_counts_from_when_the_caller_starts_to_count() -> None:
@@ -118,8 +131,9 @@ def test_how_far_a_torque_goes_is_that_of_the_whole_trajectory(sign: float, marg
     first, joint = np.argwhere(beyond)[0]
     most = torque[np.argmax(abs(torque[:, joint])), joint]
     assert abs(most) > 1.2 * abs(torque[first, joint])
-    limit = np.copysign(ARM.model.effort_limit[joint] * (1.0 + margin), most)
+    limit = np.copysign(ARM.model.effort_limit[joint], most)
     assert f"'{ARM.joint_names[joint]}' would leave its effort limit" in said
+    said = said.removesuffix(" and 10 % more (limit_margin)")
     reach, allowed = (float(part.split()[-1]) for part in said.split("; allowed:"))
     assert reach == pytest.approx(most, rel=2e-3) and allowed == pytest.approx(limit, rel=1e-3)
 

@@ -41,7 +41,7 @@ def test_joints_of_a_path_may_be_at_their_limits_and_not_beyond(
     task: TaskSpace, joint: str, off: float, lower: float, upper: float
 ) -> None:
     """A billionth of a radian or metre is rounding; limits at zero, where it is exact."""
-    place = task.model.joint_names.index(joint)
+    place, unit = task.model.joint_names.index(joint), "m" if joint == "slide" else "rad"
     q = np.array([0.1, -0.1, 0.1, 100.0])
     q[place] = 1e-9 * off
     check_limits(task, q, 0.25)
@@ -49,14 +49,14 @@ def test_joints_of_a_path_may_be_at_their_limits_and_not_beyond(
     with pytest.raises(Unreachable) as caught:
         check_limits(task, q, 0.25)
     assert str(caught.value) == (
-        f"at 25.0% of the path joint '{joint}' would be at {q[place]:.6g}; "
-        f"allowed: {lower:g} to {upper:g}"
+        f"at 25.0% of the path joint '{joint}' would be at {q[place]:.6g} {unit}; "
+        f"allowed: {lower:g} to {upper:g} {unit}"
     )
     assert caught.value.residual == 1.001e-9
 
 
 def test_of_several_joints_the_one_farthest_beyond_is_named(task: TaskSpace) -> None:
-    with pytest.raises(Unreachable, match="joint 'outer' would be at -3; allowed: -2.6 to 0"):
+    with pytest.raises(Unreachable, match="joint 'outer' would be at -3 rad; allowed: -2.6 to 0"):
         check_limits(task, np.array([2.7, -3.0, 0.3, 0.0]), 1.0)
-    with pytest.raises(Unreachable, match="joint 'slide' would be at 0.5; allowed: 0 to 0.25"):
+    with pytest.raises(Unreachable, match="joint 'slide' would be at 0.5 m; allowed: 0 to 0.25"):
         check_limits(task, np.array([2.7, -2.7, 0.5, 0.0]), 1.0)

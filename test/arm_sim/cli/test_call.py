@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,8 @@ from forging import running
 from typist import Typist, answer
 
 import models
+from arm_dynamics.exceptions import NoAnswer
+from arm_dynamics.ros.common.caller import Caller
 from arm_dynamics.task_space import TaskSpace
 
 pytestmark = pytest.mark.ros
@@ -158,3 +161,13 @@ def test_points_from_a_file(arm: Any, tmp_path: Path) -> None:
     assert (
         len(answer(arm("inverse-dynamics", "--position", f"@{file}", "--json"))["effort"]) == 300
     )
+
+
+def test_a_node_that_is_there_but_silent_need_not_be_started(
+    arm: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silence = NoAnswer("/sim/reset exists but did not answer")
+    silence.offered = True
+    monkeypatch.setattr(Caller, "ask", Mock(side_effect=silence))
+    said = arm("reset").output
+    assert "did not answer\n  --node selects another node" in said and "SCENE" not in said

@@ -90,7 +90,7 @@ def test_a_full_disk_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     with suppress(OSError), Path("/dev/full").open("w") as full:  # closing it fails, too
         with redirect_stdout(full), pytest.raises(SystemExit):
             main(["urdf", "two_link"])
-    assert capsys.readouterr().err == "Error: the output: No space left on device\n"
+    assert capsys.readouterr().err == "error: the output: No space left on device\n"
 
 
 def test_files_of_the_suite_are_read_in_an_ascii_locale(tmp_path: Path) -> None:
@@ -248,9 +248,7 @@ def test_demo_motion_suits_every_robot(robot: str, duration: float) -> None:
     assert np.all((q >= model.position_lower - 1e-9) & (q <= model.position_upper + 1e-9))
     speed = (np.abs(v) / model.velocity_limit).max()
     effort = (np.abs(dynamics.inverse(q, v, a)) / model.effort_limit).max()
-    np.testing.assert_allclose(
-        [motion.speed_share, motion.effort_share], [speed, effort], rtol=0.01
-    )
+    assert motion.effort_share == pytest.approx(effort, rel=0.01)
     assert speed <= 0.71 and effort <= 0.81
     assert np.ptp(q, axis=0).max() > 0.01
     np.testing.assert_allclose(q[-1], q[0], atol=1e-9)
@@ -420,7 +418,7 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
     assert wrong.exit_code == 2 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
     assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
     assert (
-        "Error: no window: Matplotlib has no display; the figure is in 'both.png'" in window.output
+        "error: no window: Matplotlib has no display; the figure is in 'both.png'" in window.output
     )
 
 
@@ -456,3 +454,9 @@ def test_hardware_is_added_to_a_description(
     for library in ("none.so", str(tmp_path)):
         wrong = run("urdf", "two_link", "--ros2-control", "effort", "--library", library)
         assert wrong.exit_code == 2 and library in wrong.output
+
+
+def test_an_argument_typed_as_an_option_is_named() -> None:
+    said = run("call", "step", "--steps", "10").output
+    assert "\nerror: '--steps' is an argument: type its value" in said
+    assert "\nerror: No such option '--nonsense'" in run("--nonsense").output

@@ -15,7 +15,7 @@ from rich.console import Console
 
 import models
 from arm_sim.cli.demo.course import _follow, _report
-from arm_sim.cli.demo.observer import _FIELDS, Observations, Observer
+from arm_sim.cli.demo.observer import _FIELDS, Observations, Observer, _Query
 from arm_sim.cli.demo.processes import DemoFailed
 from arm_sim.cli.demo.report import complaints, draw, numbers, remarks
 
@@ -39,8 +39,8 @@ def seen(**changed: Any) -> Observations:
     energy[:, 3], energy[:, 4], energy[:, 5] = [0.0, 5.0, 3.0], [0.0, 1.0, 2.0], [0.0, 1e-6, -2e-6]
     parts: dict[str, Any] = {
         "time": TIME, "reference": reference, "position": reference - error, "error": error,
-        "effort": TORQUE, "asked_time": TIME[::2], "asked_effort": TORQUE[::2] + [0.0, -0.2],
-        "asked_for": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]), "energy": energy,
+        "effort": TORQUE, "query_time": TIME[::2], "query_effort": TORQUE[::2] + [0.0, -0.2],
+        "query_command": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]), "energy": energy,
     }  # fmt: skip
     return Observations(**parts | changed)
 
@@ -72,7 +72,7 @@ def test_numbers_are_those_of_the_motion() -> None:
 
 def test_without_answers_there_are_no_numbers_of_the_service() -> None:
     nothing = np.zeros((0, 2))
-    unasked = seen(asked_effort=nothing, asked_for=nothing, latencies=np.zeros(0))
+    unasked = seen(query_effort=nothing, query_command=nothing, latencies=np.zeros(0))
     n = SimpleNamespace(**told(unasked))
     assert n.questions == 0
     assert np.isnan([n.service_p50, n.service_p99, n.service_max, n.torque_difference]).all()
@@ -91,7 +91,7 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
         np.testing.assert_array_equal(error.lines[k].get_ydata(), observed.error[:, k])
         np.testing.assert_array_equal(torque.lines[k].get_ydata(), observed.effort[:, k])
         circles = torque.lines[2 + k]
-        assert set(circles.get_ydata()) < set(observed.asked_effort[:, k])
+        assert set(circles.get_ydata()) < set(observed.query_effort[:, k])
         assert 45 <= len(circles.get_xdata()) < 2 * 45 + 1
         colors = {axis.lines[k].get_color() for axis in figure.axes}
         assert colors == {circles.get_markeredgecolor()}  # of one joint
@@ -140,8 +140,8 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
 
     observer.start = 2_000_000_000
     observer._states = [state(s) for s in (1.9, 2.0, 2.5, 3.25)]
-    observer._questions = [
-        (observer._states[k], 0.01 * k, SimpleNamespace(success=ok, effort=[k, -k]))
+    observer._queries = [
+        _Query(observer._states[k], 0.01 * k, SimpleNamespace(success=ok, effort=[k, -k]))
         for k, ok in ((1, True), (2, False), (3, True))
     ]
     parts = "kinetic", "potential", "total", "input", "dissipated", "balance"
@@ -150,9 +150,9 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     np.testing.assert_allclose(found.time, [0.0, 0.5, 1.25])
     for k, name in enumerate(("reference", "position", "error", "effort")):
         np.testing.assert_array_equal(getattr(found, name), [[2.0, k], [2.5, k], [3.25, k]])
-    np.testing.assert_allclose(found.asked_time, [0.0, 1.25])
-    np.testing.assert_array_equal(found.asked_effort, [[1, -1], [3, -3]])
-    np.testing.assert_array_equal(found.asked_for, [[2.0, 3], [3.25, 3]])
+    np.testing.assert_allclose(found.query_time, [0.0, 1.25])
+    np.testing.assert_array_equal(found.query_effort, [[1, -1], [3, -3]])
+    np.testing.assert_array_equal(found.query_command, [[2.0, 3], [3.25, 3]])
     np.testing.assert_allclose(found.latencies, [0.01, 0.03])
     np.testing.assert_array_equal(found.energy, [np.arange(6.0)])
     assert observer.now() == pytest.approx(1.25)

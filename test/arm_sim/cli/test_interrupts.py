@@ -50,7 +50,7 @@ def test_a_command_that_listens_ends_after_the_message_it_receives() -> None:
 
     with interruptible(), Listener() as listener:
         publisher = listener.publisher(JOINT_STATES, topic)
-        listener.hear(JOINT_STATES, topic, interrupted)
+        listener.subscribe(JOINT_STATES, topic, interrupted)
         assert listener.until(lambda: publisher.get_subscription_count() > 0, 10.0)
         publisher.publish(JOINT_STATES.type())
         with pytest.raises(KeyboardInterrupt):

@@ -120,7 +120,7 @@ def of_python(call: str) -> str:
     }  # fmt: skip
     if "motion" in call:
         names["motion"] = sim.run(0.005)
-    with pytest.raises((ArmError, OSError)) as caught:
+    with pytest.raises((ArmError, OSError, AttributeError)) as caught:
         eval(call, names)
     return told(caught.value)
 

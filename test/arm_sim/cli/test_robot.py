@@ -170,7 +170,7 @@ REFUSED = {
     ("set", "controller", "bandwidth", "3000"): "refused: .* sensible: at most 239 rad/s",
     ("set", "controller", "friction", "perhaps"): "refused: ",
     ("set", "controller", "controller", "os:system"): "refused: .*when the node is started",
-    ("set", "controller", "switch_time", "1"): "refused: ",
+    ("set", "controller", "switch_time", "1"): "restart controller with --ros-args -p switch_ti",
     ("set", "controller", "bandwidth", "{a: 1}"): "not a parameter value",
     ("get", "controller", "q"): "has no parameter 'q'",
     ("get", "controller", "kp"): "'kp'; did you mean 'bandwidth'[?] allowed: ",
@@ -205,12 +205,12 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     seen = WatchedArm("/joint_states")
     for _ in range(101):
         now[0] += 0.004
-        seen.hear_state(JointState(name=["a", "b"], position=[1.0, -0.0]))
+        seen.on_state(JointState(name=["a", "b"], position=[1.0, -0.0]))
     assert seen.rate == pytest.approx(250.0) and seen.remarks() == []
     assert seen.rows()[1][:2] == ("b", 0.0) and math.isnan(seen.rows()[0][3])
     status = DiagnosticStatus(level=DiagnosticStatus.WARN, name="sim: x", message="oh")
     status.values = [KeyValue(key="at stops", value="a")]
-    seen.reports.hear(DiagnosticArray(status=[status]))
+    seen.reports.on_diagnostics(DiagnosticArray(status=[status]))
     now[0] += 2.0
     assert seen.rate == 0.0
     assert seen.remarks() == [
@@ -229,10 +229,10 @@ def test_states_are_shown_as_a_table_a_line_or_json(monkeypatch: pytest.MonkeyPa
         now[0] += 0.002
         state = JointState(name=["a", "b"], position=[1.0, -1e-7], velocity=[-2.5, 0.25])
         state.header.stamp.sec, state.header.stamp.nanosec = 3, 250_000_000
-        seen.hear_state(state)
+        seen.on_state(state)
     status = DiagnosticStatus(level=DiagnosticStatus.OK, name="sim: x", message="all is well")
     status.values = [KeyValue(key="held", value="b"), KeyValue(key="at stops", value="none")]
-    seen.reports.hear(DiagnosticArray(status=[status]))
+    seen.reports.on_diagnostics(DiagnosticArray(status=[status]))
     assert _line(seen) == "3.250 a=1.00000 b=0.00000; sim: x: held: b"
     assert json.loads(_json(seen)) == {
         "time": 3.25, "rate": pytest.approx(500.0), "remarks": ["sim: x: held: b"],
@@ -255,14 +255,14 @@ class Interrupted:
     errors = ["controller: controller: two nodes publish /joint_states"]
 
     def __init__(self, node: str, timeout: float) -> None:
-        self.words = node  # which says here why
+        self.outcome = node  # which is here the cause
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None: ...
 
-    def meet(self) -> None: ...
+    def wait_for_state(self) -> None: ...
 
     def begin(self, send: object) -> str:
         return "following 1 points for 1.000 s"
@@ -417,7 +417,7 @@ class Short(Interrupted):
     replaced = False
 
     def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
-        return "elbow", float(self.words)
+        return "elbow", float(self.outcome)
 
 
 @pytest.mark.parametrize(("error", "code"), [("0.01", 0), ("0.011", 1), ("nan", 1)])
@@ -502,7 +502,7 @@ def test_go_names_the_one_cause(
     reported: list[DiagnosticStatus], nodes: list[str], publishers: int, said: str
 ) -> None:
     reports = Reports()
-    reports.hear(DiagnosticArray(status=reported))
+    reports.on_diagnostics(DiagnosticArray(status=reported))
     controller = Left(nodes, publishers, reports)
     assert controller._cause().startswith(said)
     assert [line.partition(": ")[0] for line in controller.errors] == [

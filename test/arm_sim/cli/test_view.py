@@ -22,6 +22,7 @@ from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.view import command, live
 from arm_sim.cli.view.command import Size
 from arm_sim.exceptions import ViewError
+from arm_sim.view.charts import Sample
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
 from arm_sim.view.server import close_server, open_server
@@ -42,13 +43,13 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_scenes_are_to_be_touched_side_by_side(shown: dict[str, Any]) -> None:
-    command.shown(["two_link", str(models.SCENES / "pendulum.yaml")], *HERE)
+    command.page_of(["two_link", str(models.SCENES / "pendulum.yaml")], *HERE)
     assert shown["name"] == ["two_link", "pendulum"]
     assert [simulator.n for simulator in shown["what"]] == [2, 1]
 
 
 def test_pictures_of_a_scene_are_of_a_motion(shown: dict[str, Any]) -> None:
-    command.shown(["two_link"], *HERE, motion=(0.2, "weight"))
+    command.page_of(["two_link"], *HERE, motion=command.Motion(0.2, "weight"))
     (film,) = shown["what"]
     assert film.time[-1] == pytest.approx(0.2)
     np.testing.assert_allclose(film.q, np.tile(film.q[0], (201, 1)), atol=1e-9)
@@ -59,7 +60,7 @@ def test_an_arm_without_mass_is_shown(
 ) -> None:
     text = re.sub("<inertial>.*?</inertial>", "", TWO_LINK.read_text(), flags=re.DOTALL)
     (tmp_path / "arm.urdf").write_text(text)
-    command.shown([str(tmp_path / "arm.urdf")], *HERE)
+    command.page_of([str(tmp_path / "arm.urdf")], *HERE)
     (simulator,) = shown["what"]
     assert simulator.joint_names == ("shoulder", "elbow")
     simulator.set_state([0.3, 0.2], [0.0, 0.0])
@@ -69,7 +70,7 @@ def test_an_arm_without_mass_is_shown(
 
 def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:
     run = Simulator("two_link").run(0.1)
-    command.shown([str(run.save(tmp_path / "run.mcap"))], *HERE)
+    command.page_of([str(run.save(tmp_path / "run.mcap"))], *HERE)
     np.testing.assert_array_equal(shown["what"][0].q, run.q)
 
 
@@ -77,8 +78,8 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     table = tmp_path / "robot.csv"
     table.write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
     with pytest.raises(ViewError, match=r"robot.csv' contains no scene.*name it by --scene"):
-        command.shown([str(table)], *HERE)
-    command.shown([str(table)], *HERE, scene="two_link")
+        command.page_of([str(table)], *HERE)
+    command.page_of([str(table)], *HERE, scene="two_link")
     np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 
@@ -105,7 +106,9 @@ class Pages:
         self.asked: list[Any] = []
 
     def shown(self, *asked: Any) -> Pages:
-        self.asked.append(("shown", *asked))
+        *given, on_progress = asked
+        on_progress("drawing the page")
+        self.asked.append(("shown", *given))
         return self
 
     def __enter__(self) -> Pages:
@@ -132,7 +135,7 @@ class Pages:
 @pytest.fixture
 def pages(monkeypatch: pytest.MonkeyPatch) -> Pages:
     made = Pages()
-    monkeypatch.setattr(command, "shown", made.shown)
+    monkeypatch.setattr(command, "page_of", made.shown)
     return made
 
 
@@ -194,13 +197,13 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         with Listener() as listener:
             arm = live.RunningArm(listener, "")
-            model = arm.meet(None)
+            model = arm.connect(None)
             assert model.joint_names == ("shoulder",)
             news = heard(arm, listener)
             np.testing.assert_array_equal(news[1], [0.4])
             assert arm.newest() is None  # nothing is told twice
             with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
-                arm.meet(SCENE)
+                arm.connect(SCENE)
 
 
 class Deaf:
@@ -209,7 +212,7 @@ class Deaf:
     def __init__(self) -> None:
         self.heard: dict[str, Any] = {}
 
-    def hear(self, topic: Any, name: str, called: Any, **_: Any) -> None:
+    def subscribe(self, topic: Any, name: str, called: Any, **_: Any) -> None:
         self.heard[name] = called
 
     def until(self, condition: Any, timeout: float) -> bool:
@@ -234,12 +237,12 @@ def test_news_are_those_of_the_scene_in_its_order() -> None:
         return arm.newest()
 
     with pytest.raises(ViewError, match="no joint states on /left/arm/joint_states"):
-        arm.meet(SCENE)
+        arm.connect(SCENE)
     listener.heard[f"{prefix}joint_states"](
         serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
     )
-    assert arm.meet(SCENE).joint_names == ("shoulder", "elbow")
-    stamp, q, torque, error, energy = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
+    assert arm.connect(SCENE).joint_names == ("shoulder", "elbow")
+    stamp, q, (torque, error, energy) = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
     assert (stamp, q.tolist(), torque.tolist()) == (7.5, [0.1, 0.2], [1.0, 2.0])
     assert np.isnan([*error, *energy]).all()  # unknown
     listener.heard[f"{prefix}controller/state"](
@@ -248,7 +251,7 @@ def test_news_are_those_of_the_scene_in_its_order() -> None:
     listener.heard[f"{prefix}sim/energy"](
         SimpleNamespace(kinetic=1.0, potential=2.0, total=3.0, input=4.0, dissipated=5.0)
     )
-    _, _, torque, error, energy = tell(position=[9.0, 0.4, 0.3])
+    _, _, (torque, error, energy) = tell(position=[9.0, 0.4, 0.3])
     assert np.isnan(torque).all() and np.isnan(error[0]) and error[1] == 0.5
     assert energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert arm.newest() is None
@@ -276,27 +279,28 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         actors = [DrawnArm(server, model, name) for name in ("left", "right")]
         q, effort, error, energy = np.array([0.1, 0.2]), np.ones(2), 2 * np.ones(2), np.arange(5.0)
         times = 100.0, 100.5, 107.0, 106.5  # the last one of a run that began again
-        left: Any = Telling(*((t, q, effort * t, error * t, energy * t) for t in times))
+        left: Any = Telling(*((t, q, Sample(effort * t, error * t, energy * t)) for t in times))
         right: Any = Telling()
         listener: Any = Deaf()
         page = live.Follower(server, actors, [left, right], listener)
         assert page._status.content == "waiting"
         for _ in times[:2]:
             page._update(0.1)
-        curves = page._charts._charts._curves
+        curves = page._charts._charts
         for title, values in (("torque [N m]", effort), ("error [rad]", error),
                               ("energy [J]", energy)):  # fmt: skip
-            time, rows = curves[f"left: {title}"]
+            chart = curves[f"left: {title}"]
+            time, rows = chart.time, chart.values
             np.testing.assert_array_equal(time, [0.0, 0.5])  # since the first news
             np.testing.assert_array_equal(rows, np.outer([100.0, 100.5], values))
-            assert not len(curves[f"right: {title}"][0])
+            assert not len(curves[f"right: {title}"].time)
         assert page._status.content == "left: t = 0.50 s\n\nright: t = 0.00 s, no data yet"
         expected = actors[0].marker.at(Instant(q)).position
         for frame, place in zip(actors[0]._joints.values(), expected, strict=True):
             np.testing.assert_array_equal(frame.position, place)
         for _ in times[2:]:
             page._update(0.1)
-        np.testing.assert_array_equal(curves["left: torque [N m]"][0], [0.0])
+        np.testing.assert_array_equal(curves["left: torque [N m]"].time, [0.0])
         monkeypatch.setattr(live, "OLD", -1.0)
         page._report("no luck")
         assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")
@@ -311,10 +315,10 @@ def test_a_description_of_another_robot_is_named() -> None:
     arm = live.RunningArm(listener, "")
     listener.heard["/joint_states"](serialize_message(JointState(name=["wrist"])))
     with pytest.raises(ViewError, match="no robot description on /robot_description for"):
-        arm.meet(None)
+        arm.connect(None)
     listener.heard["/robot_description"](SimpleNamespace(data=TWO_LINK.read_text()))
     with pytest.raises(ViewError, match="none of its joints shoulder, elbow, but wrist"):
-        arm.meet(None)
+        arm.connect(None)
 
 
 @ros

@@ -18,12 +18,11 @@ from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
 from arm_sim.recording.files.messages import joint_state_layout
 from arm_sim.recording.files.reader import read_bag
-from arm_sim.recording.files.writer import new_file, where
+from arm_sim.recording.files.writer import new_file, place_of
 from arm_sim.simulation.runtime_changes import external_change
 
 ROWS = ("time", "q", "v", "z", "command", "local_error", "time_stepped", "p")
 KINDS = ("run.mcap", "run")
-ARCHIVES = Path(__file__).with_name("archives")  # written before, when recordings were saved so
 
 
 def changed_run() -> Recording:
@@ -185,7 +184,6 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("run.npz", b"PK\x03\x04 no archive", "damaged"),
         ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
         ("run.db3", b"SQLite format 3\0 but not really", "damaged"),
         ("run.csv", b"time,position.a\n0,x\n", "row 2, column 'position.a' = 'x': allowed: a fi"),
@@ -200,44 +198,10 @@ def test_what_is_no_recording_is_refused(
         Recording.load(tmp_path / name)
 
 
-def test_an_archive_of_before_is_read_and_converted(tmp_path: Path) -> None:
-    run = Recording.load(ARCHIVES / "simulated.npz")
-    again = Recording.load(run.save(tmp_path / "run.mcap"))
-    assert run.scene is not None and run.scene.sensors is not None and run.scene == again.scene
-    assert [jump.row for jump in run.jumps] == [jump.row for jump in again.jumps] == [5, 10, 15]
-    assert run.hold is not None and run.hold[:4].tolist() == [0, 1, 1, 2]
-    np.testing.assert_array_equal(again.measured.v, run.measured.v)
-    for part in (*ROWS, "hold", "balance"):
-        np.testing.assert_array_equal(getattr(again, part), getattr(run, part))
-    of_robot = Recording.load(ARCHIVES / "robot.npz")
-    assert of_robot.events[0].text == "file: said by the driver"
-    again = Recording.load(of_robot.save(tmp_path / "robot.csv"))
-    np.testing.assert_array_equal(again.q[:, 0], np.cos(0.02 * np.arange(10)))
-    assert np.isnan(again.v).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"q": np.zeros((7, 2))}, r"its arrays have \{'time': 21, 'q': 7, .* equal numbers"),
-        ({"v": np.zeros((21, 3))}, r"v has shape \(21, 3\); 2 columns are expected"),
-        ({"about": np.array("{}")}, r"and is not a recording: KeyError\('joint_names'\)"),
-    ],
-)
-def test_an_archive_that_does_not_fit_together_is_refused(
-    changes: dict[str, Any], said: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "run.npz"
-    with np.load(ARCHIVES / "simulated.npz") as archive:
-        np.savez(path, **{**archive, **changes})
-    with pytest.raises(InvalidInput, match=said):
-        Recording.load(path)
-
-
 def test_what_does_not_exist_is_an_error_of_ours(tmp_path: Path) -> None:
     for kind in (ArmError, FileNotFoundError):
-        with pytest.raises(kind, match="no recording '.*none.npz'"):
-            Recording.load(tmp_path / "none.npz")
+        with pytest.raises(kind, match="no recording '.*none.mcap'"):
+            Recording.load(tmp_path / "none.mcap")
 
 
 def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path: Path) -> None:
@@ -253,7 +217,7 @@ def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path
         with pytest.raises(kind, match="there is no folder '.*nowhere'"):
             recording.save(path)
     with pytest.raises(FileNotFoundError, match="there is no folder '.*nowhere'"):
-        where(path)  # for nodes, before anything is recorded
+        place_of(path)  # for nodes, before anything is recorded
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]
 
 

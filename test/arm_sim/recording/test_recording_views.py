@@ -28,13 +28,10 @@ def no_window(monkeypatch: pytest.MonkeyPatch) -> object:
     pyplot.close("all")
 
 
-def test_its_text_is_a_few_lines(run: Recording) -> None:
+def test_its_text_is_a_few_lines_and_columns_have_names(run: Recording) -> None:
     lines = repr(run).splitlines()
     assert 3 <= len(lines) <= 6 and "500 time steps, 0 to 0.5 s" in lines[0]
     assert all(name in repr(run) for name in run.joint_names) and "rk4" in repr(run)
-
-
-def test_columns_have_names(run: Recording) -> None:
     columns = run.to_dict()
     first = run.joint_names[0]
     assert len(columns) == 1 + 3 * len(run.joint_names)
@@ -57,6 +54,17 @@ def test_without_a_display_no_window_opens_and_that_is_told(
     assert caplog.messages == 2 * [
         "no window: Matplotlib has no display; the figure's savefig('motion.png') writes a file"
     ]
+
+
+def test_a_notebook_shows_a_figure_and_a_film_once(
+    run: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "inline")
+    for result in (run.plot(), run.animate()):
+        assert (
+            pyplot.get_fignums() and result._repr_mimebundle_(include=None, exclude=None) is None
+        )
+    assert not pyplot.get_fignums()
 
 
 def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:
@@ -83,7 +91,8 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
     assert "<video" in film._repr_html_() or "<img" in film._repr_html_()
     with Image.open(tmp_path / "a.gif") as image:
         assert (image.n_frames, image.info["duration"]) == (4, 30)  # [ms]
-    _, links, clock = film._func(3)
+    _, ground, links, clock = film._func(3)
+    np.testing.assert_array_equal(ground.get_xydata()[[0, 1, 3, 4], 0], [0.0, 0.0, 0.0, 0.35])
     assert clock.get_text() == "0.09 s"
     crank, rocker = run.q[-1, 0], run.q[-1, 2]
     points = links.get_xydata()
@@ -92,10 +101,31 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
         assert np.nanmin(np.linalg.norm(points - end, axis=1)) < 1e-9
 
 
-def test_a_second_recording_is_laid_over_the_first_dashed(run: Recording) -> None:
-    figure = run.plot(run, joints=run.joint_names[:1])
-    drawn = [line for line in figure.axes[1].lines if len(line.get_xdata()) > 2]
-    assert [line.get_linestyle() for line in drawn] == ["-", "--"]
+@pytest.mark.filterwarnings("error")
+def test_a_film_shows_the_plane_of_a_contact() -> None:
+    contact = {"type": "contact", "frame": "tip", "plane": {"point": [0.0, 0.0, -0.3]}}
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    sim = Simulator(scene | {"constraints": [contact]})
+    _, _, edge, _, _ = sim.run(0.05).animate()._func(0)
+    np.testing.assert_allclose(edge.get_ydata(), [-0.3, -0.3])
+    assert edge.get_label() == "plane of contact" and np.ptp(edge.get_xdata()) > 0.5
+
+
+def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
+    sim = Simulator("pendulum")
+    sim.reset([0.0])
+    resting = sim.run(0.1)
+    sim.set_state([1.0], [0.0])
+    swing = sim.run(0.7)  # continues
+    figure = resting.plot(swing, swing.part(range(300)))
+    assert figure.axes[-1].get_xlim() == (0.0, 0.8)
+    (legend,) = figure.legends
+    assert [text.get_text()[-1] for text in legend.texts] == ["g", "1", "2", "3"]  # swing
+    assert [line.get_linestyle() for line in figure.axes[1].lines] == ["-", "--", ":"]
+    shown = [text.get_text() for text in figure.axes[-1].get_legend().texts]
+    assert shown == ["T, kinetic", "V, potential", "T + V"]
+    _, whole, part = (line.get_ydata() for line in figure.axes[-1].lines[2::3])
+    np.testing.assert_array_equal(part, whole[:300])
 
 
 def test_joints_that_are_not_there_are_named(run: Recording) -> None:

@@ -183,7 +183,7 @@ def test_two_arms_are_led_each_in_its_namespace(
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         with Listener() as listener:
             for arm, heard in states.items():
-                listener.hear(CONTROLLER_STATE, f"/{arm}/controller/state", heard.append)
+                listener.subscribe(CONTROLLER_STATE, f"/{arm}/controller/state", heard.append)
             assert listener.until(lambda: all(states.values()), 40.0), listener.nodes()
     for heard in states.values():
         assert list(heard[0].joint_names) == ["shoulder", "elbow"]

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sim and controller in lockstep: the same bits, whatever messages are lost."""
 
+import threading
 import time
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Ros
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -15,7 +18,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros import ControllerNode
-from arm_dynamics.ros.interfaces import PAUSE, RESET, RESET_COUNTERS
+from arm_dynamics.ros.common.caller import Caller
+from arm_dynamics.ros.common.executor import spin
+from arm_dynamics.ros.interfaces import PAUSE, RESET, RESET_COUNTERS, STEP
 from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop
 from arm_sim.ros import SimNode
@@ -127,7 +132,7 @@ def test_a_state_is_published_again_once_for_each_time_of_waiting(ros: Ros) -> N
     assert found.values == {"asked again": 2, "ignored": 1, "partner gone": False}
     said = found.message(sim)
     assert (said.level, said.message) == (
-        DiagnosticStatus.WARN, "2 states had to be published again",
+        DiagnosticStatus.WARN, "2 states published again",
     )  # fmt: skip
 
 
@@ -202,6 +207,25 @@ def test_after_a_reset_the_first_state_is_answered_again(ros: Ros) -> None:
     assert sim.simulator.arm.step_count == 0
     answer(sim, 0)
     assert sim.simulator.arm.step_count == 1
+
+
+def test_services_are_answered_while_the_pair_runs_as_fast_as_it_can(ros: Ros) -> None:
+    scene, options = models.scene("two_link"), {"context": ros.context}
+    sim = SimNode(scene, parameter_overrides=[Parameter("lockstep", value=True)], **options)
+    controller = ControllerNode(scene, own_thread=True, **options)
+    over = threading.Event()
+    thread = threading.Thread(target=spin, args=(sim, over.is_set))
+    thread.start()
+    try:
+        ros.spin_until(lambda: sim.simulator.arm.step_count > 3000)
+        with closing(Caller(5.0, ros.domain)) as caller:
+            response = caller.ask("sim", STEP, STEP.type.Request(steps=5), repeatable=False)
+    finally:
+        over.set()
+        thread.join()
+        controller.destroy_node()
+        sim.destroy_node()
+    assert "running" in response.message
 
 
 def test_privileges_that_are_not_granted_are_reported(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node records itself; topics are recorded and played."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
 from std_msgs.msg import Float64MultiArray
 
+import models
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
@@ -50,6 +52,20 @@ def test_our_definitions_are_those_that_are_installed(kind: str) -> None:
 
     ours, theirs = messages.definition(kind), definition_of(kind)
     assert bare(ours) == bare(theirs)
+
+
+def test_where_and_how_much_is_recorded_is_logged(
+    ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    values = {"realtime": False, "record": str(tmp_path / "run.mcap")}
+    options = [Parameter(name, value=value) for name, value in values.items()]
+    scene = models.scene("two_link")
+    node = SimNode(scene, context=ros.context, parameter_overrides=options)
+    ticks(node, 3)
+    node.destroy_node()
+    said = capfd.readouterr().err
+    assert f"recording to {tmp_path}/run.mcap\n" in said
+    assert re.search(f"recorded 3 time steps .0 lost., [1-9][0-9]+ bytes, to {tmp_path}/run.mcap", said)
 
 
 def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path) -> None:
@@ -120,8 +136,8 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     found = finding.message(node)
     assert (found.level, found.message) == (
         DiagnosticStatus.ERROR,
-        "2 ticks are not in the recording: the disk is full; 3 ticks and messages are not in the "
-        "recording: the disk is full; recording stopped",
+        "2 time steps not in the recording: the disk is full; 3 messages not in the recording: "
+        "the disk is full; recording stopped",
     )
 
 

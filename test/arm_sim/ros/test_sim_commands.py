@@ -170,7 +170,7 @@ def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
         ({"name": list(NAMES), "position": [1.0]}, "position has 1 numbers for 2 joints"),
         ({"name": list(NAMES), "velocity": [np.inf, 1.0]}, "is inf; allowed: finite numbers"),
         ({"name": list(NAMES)}, "effort has 0 numbers"),
-        ({}, "are missing"),
+        ({}, "it names no joints; allowed: shoulder, elbow"),
     ],
 )
 def test_bad_commands_are_passed_over(

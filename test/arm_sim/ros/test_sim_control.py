@@ -80,7 +80,7 @@ def test_bad_wrenches_are_passed_over(
     node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
     assert node.engine.pushed_frames == ()
-    assert "1 wrenches ignored" in finding(node, "commands").message
+    assert "1 wrench message ignored" in finding(node, "commands").message
 
 
 # --- payload and friction ----------------------------------------------------------------------
@@ -220,7 +220,8 @@ def test_ticks_that_are_late_show_once(ros: Ros, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(node.loop, "report", lambda: report)
     found = finding(node, "loop")
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "3 time steps began after the next one was due; 1 dropped",
+        DiagnosticStatus.WARN,
+        "3 time steps began after the next one was due; 1 time step dropped",
     )  # fmt: skip
     assert values(found) == {
         "rate [Hz]": "500", "ticks": "2000", "missed": "3", "dropped": "1",
@@ -244,7 +245,7 @@ def test_joints_at_their_stops_and_ticks_of_first_order_show(ros: Ros) -> None:
     assert (told["at stops"], told["error estimate"]) == ("elbow -2.5", "0.00025")
     assert told["time-stepped ticks"] == "4"
     assert (found.level, found.message) == (
-        DiagnosticStatus.WARN, "4 time steps were of first order: too many events",
+        DiagnosticStatus.WARN, "4 time steps of first order: too many events",
     )  # fmt: skip
     assert finding(node, "simulation").message == "ok"
 
@@ -406,4 +407,4 @@ def test_counters_are_reset(ros: Ros) -> None:
     assert counts() == [0, 0, 0, 0, 0]
     assert "passed over" not in finding(node, "commands").message
     node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
-    assert "1 commands ignored" in finding(node, "commands").message
+    assert "1 command ignored" in finding(node, "commands").message

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import POINTS, Charts, RollingCharts
+from arm_sim.view.charts import POINTS, RollingCharts, Sample, add_charts
 
 
 def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
@@ -31,15 +31,15 @@ def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
 def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: Any) -> None:
     time, names = np.arange(4.0), ("hip", "knee")
     rows = np.column_stack([time, 10.0 * time])
-    charts = Charts(server, {"torque [N m]": names, "error [rad]": names})
-    charts.draw("torque [N m]", time, 1.0 + rows)
-    (plot, text), (_, empty) = charts._handles.values()
+    chart, empty = add_charts(server, {"torque [N m]": names, "error [rad]": names}).values()
+    chart.draw(time, 1.0 + rows)
+    plot, text = chart.plot, chart.legend
     assert ">4<" in text.content and ">31<" in text.content  # the last ones
-    assert empty.content.count("–") == 2
+    assert empty.legend.content.count("–") == 2
     assert plot.data[0].tolist() == time.tolist()
     assert [curve.tolist() for curve in plot.data[1:3]] == (1.0 + rows).T.tolist()
     for now, values in ((2.0, ">3<"), (1.5, ">2<"), (-1.0, ">1<"), (9.0, ">4<")):
-        charts.read(now)
+        chart.read(now)
         assert values in text.content
 
 
@@ -48,12 +48,12 @@ def test_rolling_plots_forget_what_is_old_and_leave_out_what_is_unknown(server: 
     rolling = RollingCharts(server, {"arm": ("hip",)}, ("total",), memory=1.0, sampled=0.1)
     for k in range(200):
         energy = np.array([np.nan if k < 150 else k])
-        rolling.add("arm", 0.01 * k, lambda k=k, e=energy: (np.array([k]), np.zeros(1), e))
+        rolling.add("arm", 0.01 * k, lambda k=k, e=energy: Sample(np.array([k]), np.zeros(1), e))
     assert rolling.draw() and not rolling.draw(60.0)
-    total, _, torque = (plot for plot, _ in rolling._charts._handles.values())
+    total, _, torque = (chart.plot for chart in rolling._charts.values())
     np.testing.assert_allclose(torque.data[0], 1.0 + 0.1 * np.arange(10))
     np.testing.assert_allclose(torque.data[1], 100.0 + 10.0 * np.arange(10))
     np.testing.assert_allclose(total.data[0], 1.5 + 0.1 * np.arange(5))
     rolling.clear("arm")
     rolling.draw()
-    assert "–" in rolling._charts._handles["torque [N m]"][1].content
+    assert "–" in rolling._charts["torque [N m]"].legend.content

@@ -17,7 +17,8 @@ import models
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.drawn_arm import KEPT, DrawnArm, _cones, _glb, lay_ground
-from arm_sim.view.interactive import Interactive, InteractiveArm
+from arm_sim.view.interactive import Interactive
+from arm_sim.view.interactive_arm import InteractiveArm
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import METAL, PIVOT, RAIL, Visual, visuals_of
 
@@ -74,7 +75,7 @@ def test_contacts_are_drawn_with_their_cones(server: Any) -> None:
     np.testing.assert_array_equal(instant.contacts[0, :2], [force.point, force.force])
     np.testing.assert_allclose(instant.contacts[0, 2], [0.0, 0.0, contact.sticking], atol=1e-12)
     actor.draw(instant)
-    cone = actor._marks["friction cones"]
+    cone = actor._marks["friction cones"].handle
     assert force.normal > 0.0 and cone.visible
     actor.show("friction cones", False)
     assert not cone.visible
@@ -123,7 +124,7 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
     model = Simulator("spring_balanced_arm").model
     actor = DrawnArm(server, model, "arm")
     marks = actor.draw(Instant(model.q0))
-    springs, path = actor._marks["springs"], actor._marks["path"]
+    springs, path = actor._marks["springs"].handle, actor._marks["path"].handle
     assert springs.visible and len(marks.springs)
     np.testing.assert_allclose(springs.points[0, 0], marks.springs[0, 0], rtol=1e-6)
     assert not path.visible
@@ -138,7 +139,7 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
         assert not line.visible
         actor.show(kind, True)
         assert line.visible
-    actor.forget_way()
+    actor.clear_path()
     assert not path.visible
     actor.draw(Instant(q), leave_path=True)
     assert not path.visible  # a point is no path
@@ -149,7 +150,7 @@ def test_what_is_over_is_not_drawn_when_its_kind_is_shown_again(server: Any) -> 
     sim.run(0.2)
     instant, actor = InteractiveArm(sim).instant(), DrawnArm(server, sim.model, "arm")
     actor.draw(instant)
-    arrows = actor._marks["contact forces"]
+    arrows = actor._marks["contact forces"].handle
     assert arrows.visible
     actor.draw(replace(instant, contacts=instant.contacts[:0]))
     assert not arrows.visible
@@ -162,9 +163,9 @@ def test_both_paths_are_hidden_as_one_kind(server: Any) -> None:
     actor = DrawnArm(server, Simulator("two_link").model, "arm")
     actor.show("path", False)
     actor.show_path(np.eye(3))
-    assert not actor._marks["whole path"].visible
+    assert not actor._marks["whole path"].handle.visible
     actor.show("path", True)
-    assert actor._marks["whole path"].visible and not actor._marks["path"].visible
+    assert actor._marks["whole path"].handle.visible and not actor._marks["path"].handle.visible
 
 
 def test_joints_at_their_stops_are_marked(server: Any) -> None:

@@ -8,14 +8,8 @@ import pytest
 
 from arm_sim import Simulator
 from arm_sim.view.drawn_arm import DrawnArm
-from arm_sim.view.interactive import (
-    ENERGIES,
-    NOTHING,
-    SLIDERS,
-    WEIGHT,
-    Interactive,
-    InteractiveArm,
-)
+from arm_sim.view.interactive import Interactive
+from arm_sim.view.interactive_arm import ENERGIES, NOTHING, SLIDERS, WEIGHT, InteractiveArm
 from arm_sim.view.marks import Marker
 
 
@@ -67,7 +61,7 @@ def test_its_energies_are_those_of_a_recording() -> None:
     other = Simulator("motor_pendulum")
     other.reset(start.q, start.v, start.z)
     recorded = other.run(0.2, np.array(commands))
-    account = dict(zip(ENERGIES, rig.curves()[2].tolist(), strict=True))
+    account = dict(zip(ENERGIES, rig.sample().energies.tolist(), strict=True))
     for name, expected in {
         "kinetic": recorded.kinetic, "potential": recorded.potential, "total": recorded.energy,
         "supplied": recorded.supplied, "lost": recorded.lost, "balance": recorded.balance,
@@ -76,7 +70,7 @@ def test_its_energies_are_those_of_a_recording() -> None:
     assert account["lost"] > 1e-3
     theirs = sim.run(0.1, [5.0])  # somebody else moves it: the account begins again
     rig.tick()
-    lost = rig.curves()[2][ENERGIES.index("lost")]
+    lost = rig.sample().energies[ENERGIES.index("lost")]
     assert 0.0 < lost < 0.1 * theirs.lost[-1]  # that of a single tick
 
 
@@ -112,19 +106,19 @@ def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) ->
     assert (left.state.step, right.state.step) == (50, 100)
     assert bench._status.content == "t = 0.100 s, paused"
     kinds = "energy [J]", "error [rad]", "torque [N m]"
-    curves = bench._charts._charts._curves
+    curves = bench._charts._charts
     assert list(curves) == [f"{name}: {kind}" for name in ("left", "right") for kind in kinds]
-    _, error, torque = (curves[f"left: {kind}"][1] for kind in kinds)
+    _, error, torque = (curves[f"left: {kind}"].values for kind in kinds)
     np.testing.assert_allclose(torque[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)
     assert not error.any()  # nothing is to be followed
     bench.choose(SLIDERS)
     for rig in bench.rigs:
         rig.target += 0.1
     bench.step(31)
-    np.testing.assert_array_equal(curves["left: error [rad]"][1][-1], bench.rigs[0].error)
+    np.testing.assert_array_equal(curves["left: error [rad]"].values[-1], bench.rigs[0].error)
     assert bench.rigs[0].error.all()
     bench.reset()
-    assert left.state.step == right.state.step == 0 and not len(curves["left: torque [N m]"][0])
+    assert left.state.step == right.state.step == 0 and not len(curves["left: torque [N m]"].time)
 
 
 @pytest.mark.group("view")

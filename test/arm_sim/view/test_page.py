@@ -13,7 +13,8 @@ from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.view import show
-from arm_sim.view.interactive import NOTHING, Interactive
+from arm_sim.view.interactive import Interactive
+from arm_sim.view.interactive_arm import NOTHING
 from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave

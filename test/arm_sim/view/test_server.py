@@ -11,7 +11,8 @@ import rich
 
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures, show
-from arm_sim.view.server import PORT, address, close_server, open_server, refusal
+from arm_sim.view.same_origin import refusal
+from arm_sim.view.server import PORT, address, close_server, open_server
 
 
 def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -24,7 +25,7 @@ NAME = socket.gethostname()
 
 
 @pytest.mark.parametrize(
-    ("asked", "origin", "host", "let_in"),
+    ("requested", "origin", "host", "let_in"),
     [
         ("127.0.0.1:8080", None, "127.0.0.1", True),  # no browser
         ("127.0.0.1:8080", "http://127.0.0.1:8080", "127.0.0.1", True),
@@ -48,9 +49,9 @@ NAME = socket.gethostname()
     ],
 )
 def test_pages_of_other_sites_are_refused(
-    asked: str | None, origin: str | None, host: str, let_in: bool
+    requested: str | None, origin: str | None, host: str, let_in: bool
 ) -> None:
-    assert (refusal(asked, origin, host) == "") is let_in
+    assert (refusal(requested, origin, host) == "") is let_in
 
 
 def test_without_a_browser_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

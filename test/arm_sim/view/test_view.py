@@ -103,12 +103,11 @@ def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
     run = Simulator("two_link").run(0.3, [1.0, 0.0])
     with show(run, run, port=0, name=["one", "other"]) as page:
         assert isinstance(page, Player)
-        curves = page._charts._curves
-    time, torque = curves["one: torque [N m]"]
-    np.testing.assert_array_equal(time, run.time)
-    np.testing.assert_array_equal(torque, run.tau)
-    names = page._charts._names["other: energy [J]"]
-    energy = dict(zip(names, curves["other: energy [J]"][1].T, strict=True))
+        curves = page._charts
+    torque, energies = curves["one: torque [N m]"], curves["other: energy [J]"]
+    np.testing.assert_array_equal(torque.time, run.time)
+    np.testing.assert_array_equal(torque.values, run.tau)
+    energy = dict(zip(energies.names, energies.values.T, strict=True))
     np.testing.assert_allclose(energy["total"], energy["kinetic"] + energy["potential"])
     total, flows = energy["total"], energy["supplied"] - energy["lost"] + energy["balance"]
     np.testing.assert_allclose(total - flows, total[0], rtol=1e-12)

@@ -35,9 +35,9 @@ COMMANDS = commands(main)
 
 def refusal(*words: str) -> str:
     done = CliRunner().invoke(main, words)
-    assert done.exit_code == 2 and done.output.count("Error: ") == 1, done.output
+    assert done.exit_code == 2 and done.output.count("error: ") == 1, done.output
     assert isinstance(done.exception, SystemExit)
-    return " ".join(done.output.partition("Error: ")[2].split())
+    return " ".join(done.output.partition("error: ")[2].split())
 
 
 def wrong(kind: click.ParamType) -> Iterator[tuple[str, str]]:

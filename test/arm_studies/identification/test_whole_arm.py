@@ -294,7 +294,7 @@ def test_scaled_efforts_are_named_with_both_explanations():
     """Bodies of another density explain a scale as well, so that a scene is written."""
     tau = two_link()[5]
     result = identify(*spoilt(tau=tau * 0.4))
-    told = [note for note in result.notes if "scaled" in note]
+    told = [note for note in result.notes if "are scaled" in note]
     assert [note.partition(":")[0] for note in told] == ["'shoulder'", "'elbow'"]
     for note in told:
         assert "either their gain or unit" in note and "or the nominal scene lacks" in note
@@ -314,6 +314,8 @@ def test_rows_that_lack_something_cost_only_themselves():
     few = rng.random(len(t)) < 0.05
     tau = tau + 0.02 * tau.std(axis=0) * rng.normal(size=tau.shape)
     whole = identify(*spoilt(tau=tau))
+    turns = whole.torques.v[1:] * whole.torques.v[:-1] < 0.0
+    assert turns.any() and np.isnan(whole.torques.predicted[1:][turns]).all()
     for key, values in (("tau", tau), ("q", q)):
         holed = values.copy()
         holed[few, 1] = np.nan

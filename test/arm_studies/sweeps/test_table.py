@@ -104,7 +104,7 @@ def test_figures_of_a_sweep_show_each_group_over_each_number(tmp_path: Path) -> 
     )
     axes = np.reshape(scatter.axes, (2, 2))
     assert [axis.get_xlabel() for axis in axes[1]] == [
-        "gravity scale", "elbow: friction, viscous\n[N m s/rad]"
+        "gravity scale", "elbow viscous friction\n[N m s/rad]"
     ]  # fmt: skip
     assert [axis.get_ylabel() for axis in axes[:, 0]] == [
         "RMS tracking error\n[rad]", "work of the drives\n[J]"

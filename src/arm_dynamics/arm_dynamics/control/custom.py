@@ -82,6 +82,8 @@ def load_controller(name: str) -> Maker:
 def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     """Construct a user-defined controller with those of the offered arguments that it takes."""
     name = label(maker)
+    if not callable(maker):
+        raise InvalidInput(f"controller = {maker!r}: a name or a class is expected")
     try:
         parameters = inspect.signature(maker).parameters.values()
         named = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]

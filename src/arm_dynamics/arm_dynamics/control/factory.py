@@ -104,9 +104,11 @@ class Settings:
     def __post_init__(self) -> None:
         """Refuse settings that are invalid for every controller."""
         positive("control_period", self.dt)
-        fastest = np.pi / self.dt
-        _within("bandwidth", self.bandwidth, fastest, "rad/s, half a turn in a control period")
+        fastest, rate = np.pi / self.dt, "rad/s, half a turn in a control period"
         _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly decay")
+        late = float(largest_delay(1.0, 2.0 * np.min(self.damping_ratio), 1.0)) / (1.5 * self.dt)
+        between = f"0 to {late:.3g} between nodes, where torques act a period late; otherwise "
+        _within("bandwidth", self.bandwidth, fastest, rate, between)
         if len({np.size(self.bandwidth), np.size(self.damping_ratio), 1}) == 3:
             raise InvalidInput(
                 f"bandwidth = {self.bandwidth!r}, damping_ratio = {self.damping_ratio!r}; "
@@ -123,11 +125,11 @@ class Settings:
             raise InvalidInput(f"task_axes: {error}") from None
 
 
-def _within(name: str, value: ArrayLike, most: float, why: str) -> None:
+def _within(name: str, value: ArrayLike, most: float, why: str, first: str = "") -> None:
     """Refuse numbers that are not finite, below zero or above ``most``."""
     given = numbers(name, value)
     if given.ndim > 1 or np.any(given < 0.0) or np.any(given > most):
-        raise InvalidInput(f"{name} = {value!r}; allowed: 0 to {most:.6g} ({why})")
+        raise InvalidInput(f"{name} = {value!r}; allowed: {first}0 to {most:.6g} ({why})")
 
 
 def make_controller(

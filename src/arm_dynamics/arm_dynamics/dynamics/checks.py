@@ -80,7 +80,7 @@ def check_constrained(dynamics: Dynamics, acceleration: Acceleration) -> float:
     A = np.array([row.jacobian[kept] for row in rows])
     drift = np.array([row.drift[kept] for row in rows])
     # A gear's loss depends on the drive's torque, not on what the constraints leave of it.
-    friction = dynamics.friction(v, sliding(v), q, tau)
+    friction = dynamics.friction(v, direction=sliding(v), q=q, load=tau)
     lacking, unmoved = (
         tau - friction - dynamics.inverse(q, v, way, terms=Term.ALL ^ Term.FRICTION)
         for way in (a, np.zeros_like(q))

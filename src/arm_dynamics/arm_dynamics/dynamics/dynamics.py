@@ -22,7 +22,7 @@ from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
-from arm_dynamics.exceptions import InvalidInput, degrees_meant
+from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
@@ -122,6 +122,8 @@ class Dynamics:
         "joints: {'*': {friction: {viscous: …}}}",
         "mass masses inertia payload payloads": "build another Dynamics, of a scene with "
         "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …}}",
+        "gravity": "build another Dynamics, of a scene with gravity: [x, y, z]",
+        "latex symbolic sympy": f"{ARM} export SCENE writes its equations, as C",
         "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "
         "under(external)",
     }
@@ -376,10 +378,6 @@ class Dynamics:
             check_regular(M, self.joint_names)
             self._regular = True
 
-    def _friction(self, q: Array, v: Array) -> Array:
-        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
-        return torques
-
     @cached_property
     def constrained(self) -> Constrained:
         """Dynamics with the bilateral constraints: names, multipliers, closed states."""
@@ -425,12 +423,14 @@ class Dynamics:
         """
         call: PythonCall = self._calls[table.SPRING]
         state = q, self._still if v is None else v
-        found = call(*state)
-        return self._answer(table.SPRING, state, (), call) if found is None else found
+        if (torques := call(*state)) is not None:
+            return torques
+        return self._answer(table.SPRING, state, (), call, None if self.model.springs else _zero)
 
     def friction(
         self,
         v: ArrayLike,
+        *,  # q before v, as everywhere else, is no direction
         direction: ArrayLike | None = None,
         q: ArrayLike | None = None,
         load: ArrayLike | None = None,
@@ -456,7 +456,10 @@ class Dynamics:
             state = self._still if q is None else q, v
             if (found := call(*state)) is not None:
                 return found
-            return self._answer(table.FRICTION, state, (), call, self._friction)
+            return self._answer(
+                table.FRICTION, state, (), call,
+                lambda q, v: self.steady_friction(v, np.sign(v), q, 0.0 * v),
+            )  # fmt: skip
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,
@@ -496,8 +499,11 @@ def _chosen(terms: Term | int) -> Array:
             f"terms = {terms!r}; allowed: a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, "
             "FRICTION 8, SPRING 16"
         )
-    bits = int(terms)
-    return np.array([float(bool(bits & int(term))) for term in Term])
+    return np.array([float(bool(terms & term)) for term in Term])
+
+
+def _zero(q: Array, v: Array) -> Array:
+    return np.zeros(np.broadcast(q, v).shape)
 
 
 def model_of(dynamics: Any) -> ArmModel:

@@ -9,7 +9,7 @@ from typing import get_args
 
 from pydantic_core import ErrorDetails
 
-from arm_dynamics.exceptions import choices, did_you_mean, known_names, plain
+from arm_dynamics.exceptions import choices, known_names, plain
 from arm_dynamics.scene.imperfections import ALL
 from arm_dynamics.scene.types import Part
 
@@ -82,8 +82,7 @@ def complaint(
     where = ".".join(map(str, place)) or file
     fields, value = fields_at(error["loc"][:-1], whole, tagged), plain(repr(error["input"]))
     if error["type"] == "extra_forbidden":
-        inner = {"viscous": "friction."} if "friction" in fields else {}
-        allowed = known_names(fields) + did_you_mean(place[-1], fields, inner)
+        allowed = choices(place[-1], fields)
         return f"{file}: unknown key '{where}' = {value}; allowed here: {allowed}"
     if error["type"] == "missing":
         return f"{file}: '{where}' is missing; it is required"

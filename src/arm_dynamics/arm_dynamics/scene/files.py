@@ -45,11 +45,11 @@ def find_scene(name: str, folder: Path) -> Path:
     known = ready_scenes()
     files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf", ".xacro")]
     ready = known if Path(name).suffix in ("", _SUFFIX) else []
-    guess = did_you_mean(name, [*files, *ready]) or did_you_mean(Path(name).stem, ready) or "."
-    listed = "" if Path(name).suffix else f" Ready scenes: {known_names(known, 60)}"
+    guess = did_you_mean(name, [*files, *ready]) or did_you_mean(Path(name).stem, ready)
+    listed = "." if Path(name).suffix else f". Ready scenes: {known_names(known, 60)}"
     raise SceneError(
-        f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name{guess}"
-        f"{listed}"
+        f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name"
+        f"{guess or listed}"
     )
 
 

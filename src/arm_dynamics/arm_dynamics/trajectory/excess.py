@@ -86,10 +86,13 @@ class Bounds:
         if not found:
             return
         first = min(found, key=lambda x: x.time)
-        name = self.limits.name(first.joint)
+        name, unit = self.limits.name(first.joint), self.limits.unit(first.joint, first.quantity)
+        wider = self.margin if first.quantity != "position" else 0.0
+        more = f" and {100.0 * wider:.3g} % more (limit_margin)" if wider else ""
         raise InvalidInput(
             f"joint '{name}' would leave its {first.quantity} limit at {first.time + late:.3f} s "
-            f"and reach {first.most:.4g}; allowed: {first.limit:.4g}"
+            f"and reach {first.most:.4g}{unit}; allowed: {first.limit / (1.0 + wider):.4g}{unit}"
+            f"{more}"
         )
 
     def factor(self, trajectory: Trajectory) -> float:
@@ -136,7 +139,7 @@ class Bounds:
 
     def _jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
         """Velocities that jump between segments, which no acceleration allows."""
-        bound = self.limits.acceleration
+        bound = self._wide.acceleration
         if not np.isfinite(bound).any():
             return
         ends = trajectory.at_shares(np.array([0.0, 1.0]))[:, 1]  # velocities, (w − 1, n, 2)

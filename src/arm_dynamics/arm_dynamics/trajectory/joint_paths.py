@@ -23,7 +23,7 @@ from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
-from arm_dynamics.trajectory.reference import Reference, Trajectory
+from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory
 from arm_dynamics.trajectory.time_scaling import Capacity, slowdown, torque_limits
 from arm_dynamics.trajectory.timing import Timing
 
@@ -196,9 +196,10 @@ def check_limits(task: TaskSpace, q: Array, u: float) -> None:
     beyond = np.maximum(model.position_lower - q, q - model.position_upper)
     joint = np.argmax(beyond)
     if beyond[joint] > 1e-9:
+        unit = Limits.of(model).unit(int(joint), "position")
         raise Unreachable(
             f"at {u:.1%} of the path joint '{model.joint_names[joint]}' would be at "
-            f"{q[joint]:.6g}; allowed: {model.position_lower[joint]:.6g} to "
-            f"{model.position_upper[joint]:.6g}",
+            f"{q[joint]:.6g}{unit}; allowed: {model.position_lower[joint]:.6g} to "
+            f"{model.position_upper[joint]:.6g}{unit}",
             float(beyond[joint]),
         )

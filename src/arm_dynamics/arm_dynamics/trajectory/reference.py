@@ -15,6 +15,12 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.quintics import knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.trajectory_library import library
 
+_UNITS = {
+    "position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s²", "m/s²"),
+    "effort": ("N m", "N"), "voltage": ("V", "V"),
+}  # fmt: skip
+"""Units of joints that turn and that slide."""
+
 
 @sealed
 @dataclass(frozen=True, slots=True)
@@ -121,6 +127,7 @@ class Limits:
         lower: Lowest position in [rad], shape (n,).
         upper: Highest position in [rad], shape (n,).
         joint_names: Names for error messages; numbers are used when empty.
+        joint_types: As of ``ArmModel``, for units in these; none are written when empty.
     """
 
     velocity: Array
@@ -128,6 +135,7 @@ class Limits:
     lower: Array
     upper: Array
     joint_names: tuple[str, ...] = ()
+    joint_types: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, model: ArmModel, acceleration: float = np.inf) -> Limits:
@@ -146,11 +154,19 @@ class Limits:
             model.position_lower,
             model.position_upper,
             model.joint_names,
+            model.joint_types,
         )
 
     def name(self, joint: int) -> str:
         """Return the name of joint number ``joint`` for a message."""
         return self.joint_names[joint] if self.joint_names else f"number {joint}"
+
+    def unit(self, joint: int, quantity: str) -> str:
+        """Return the unit of a joint's quantity after a space, for a message."""
+        if not self.joint_types:
+            return ""
+        slides = self.joint_types[joint] == "prismatic"
+        return " " + _UNITS[quantity][slides]
 
 
 @frozen

@@ -20,6 +20,7 @@ from arm_dynamics.arrays import Array, each, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.trajectory.reference import Limits
 
 BETWEEN = 1e-5
 """Fraction of a limit by which a quantity may exceed its largest value at the points found by
@@ -168,10 +169,10 @@ class Strain:
         (quantity, joint), limit = self._capacity.columns[column], self._capacity.limits[column]
         dynamics, need = self._capacity.dynamics, float(shares[i, column] * limit)
         parts = "weight, springs" if dynamics.model.springs else "weight"
-        volts = " V" if quantity == "voltage" else ""
+        unit = Limits.of(dynamics.model).unit(joint, quantity)
         return Unreachable(
             f"{parts} and dry friction of joint '{dynamics.joint_names[joint]}' take "
-            f"{need:.4g}{volts} along the motion at any pace; its limit is {limit:.4g}{volts}",
+            f"{need:.4g}{unit} along the motion at any pace; its limit is {limit:.4g}{unit}",
             max(0.0, need - allowed * limit),
         )
 

@@ -257,7 +257,8 @@ def _check_positions(q: Array, start: Array, limits: Limits) -> None:
     if np.all(beyond <= 1e-9):
         return
     i, joint = np.unravel_index(np.argmax(beyond), beyond.shape)
+    unit = limits.unit(int(joint), "position")
     raise InvalidInput(
-        f"the trajectory takes joint {limits.name(int(joint))} to {q[i, joint]:.6g}; allowed: "
-        f"{limits.lower[joint]:.6g} to {limits.upper[joint]:.6g}"
+        f"the trajectory takes joint {limits.name(int(joint))} to {q[i, joint]:.6g}{unit}; "
+        f"allowed: {limits.lower[joint]:.6g} to {limits.upper[joint]:.6g}{unit}"
     )

@@ -52,7 +52,7 @@ private:
     std::array<std::string, kKinds> names;
     std::array<State, kKinds> states;
     std::array<Command, kKinds> commands;
-    std::array<bool, kKinds> given{};
+    std::array<bool, kKinds> is_commanded{};
     bool holds = false;        // without a command, at `held`
     double held = 0.0;         // in [rad] or [m]
     double last = 0.0;         // position commanded in the period before, NaN for none

@@ -65,7 +65,7 @@ private:
   };
 
   /// The function `NAME_what`; null if there is none and it is not demanded.
-  template <class Function> void find(Function*& function, const char* what, bool demanded = true);
+  template <class Function> void find(Function*& function, const char* suffix, bool demanded = true);
 
   std::string path_, name_;
   std::unique_ptr<void, Close> library_;

@@ -124,8 +124,9 @@ def _always(simulator: Simulator) -> Parts:
     if compiled.energy_account.may_make_ticks_again:
         yield "energy account", compiled.energy_account.prepare
     yield "check by a second run", lambda: compiled.witness.stepper
-    if job := preparation(make_controller("computed_torque", _controlled(simulator))):
-        yield "computed torque", job
+    control = make_controller("computed_torque", _controlled(simulator))
+    if compile_law := preparation(control):
+        yield "computed torque", compile_law
 
 
 def _of_batches(simulator: Simulator) -> Parts:
@@ -138,8 +139,9 @@ def _of_batches(simulator: Simulator) -> Parts:
     still = np.zeros_like(q)
     for entry in TERMS:
         if not entry.which and entry is not FRICTION:  # which takes no code
-            given = [q if x == "q" else still for x in entry.asks]
-            yield f"batches of {entry.title()}", partial(getattr(dynamics, entry.asked), *given)
+            arguments = [q if x == "q" else still for x in entry.asks]
+            method = getattr(dynamics, entry.asked)
+            yield f"batches of {entry.title()}", partial(method, *arguments)
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
 
 
@@ -152,19 +154,20 @@ def _controlled(simulator: Simulator) -> Dynamics:
 
 
 def _of_controllers(
-    simulator: Simulator, wanted: bool, task_frame: str | None, task_axes: str
+    simulator: Simulator, in_joint_space: bool, task_frame: str | None, task_axes: str
 ) -> Parts:
     """Controllers by name, with each combination of settings that changes their code."""
     from arm_dynamics.control import NAMES, Settings, make_controller, preparation
     from arm_dynamics.control.factory import IN_TASK_SPACE
 
     task = {"frame": task_frame or "", "axes": task_axes}
-    names = [name for name in NAMES if (task_frame if name in IN_TASK_SPACE else wanted)]
-    for name, *used in product(names, (False, True), (0.0, 1.0), (0.0, 1.0)):
-        more = dict(zip(("friction", "observer", "damping"), used, strict=True))
-        control = make_controller(name, _controlled(simulator), Settings(**task, **more))
-        if job := preparation(control):
-            yield ", ".join([name, *(key for key, value in more.items() if value)]), job
+    names = [name for name in NAMES if (task_frame if name in IN_TASK_SPACE else in_joint_space)]
+    for name, friction, observer, damping in product(names, (False, True), (0.0, 1.0), (0.0, 1.0)):
+        options = {"friction": friction, "observer": observer, "damping": damping}
+        control = make_controller(name, _controlled(simulator), Settings(**task, **options))
+        if compile_law := preparation(control):
+            active = (option for option, value in options.items() if value)
+            yield ", ".join([name, *active]), compile_law
 
 
 def _of_derivatives(simulator: Simulator) -> Parts:

@@ -12,45 +12,50 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import click
 
-from arm_sim.cli.output import examples
+from arm_sim.cli.output import as_called, examples
 
 _ARGUMENT = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
 
 class _Command(click.Command):
-    """Its parameters are read off its function when they are first asked for.
+    """Its parameters are derived from its function at their first use, after ``first``."""
 
-    Args:
-        first: Makes parameters that come before these.
-        settings: Those of a click.Command.
-    """
-
-    def __init__(self, first: Callable[[], list[click.Parameter]], **settings: Any) -> None:
+    def __init__(self, first: Sequence[click.Parameter], **settings: Any) -> None:
         self._first, self._params = first, None
         super().__init__(**settings)
 
     @property
     def params(self) -> list[click.Parameter]:
         if self._params is None:
-            self._params = [*self._first(), *_parameters(self.callback)]
+            self._params = [*self._first, *_parameters(self.callback)]
         return self._params
 
     @params.setter
-    def params(self, given: object) -> None:
-        """Click sets what it was given: none."""
+    def params(self, value: object) -> None:
+        """Click sets an empty list."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, or fail with how to type an argument that was typed as an option."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            arguments = (x for x in self.params if isinstance(x, click.Argument))
+            if error.option_name not in (option_name(x.name) for x in arguments):
+                raise
+            ctx.fail(f"'{error.option_name}' is an argument: type its value without a name")
 
 
 def command(
     *lines: str,
     name: str | None = None,
-    first: Callable[[], list[click.Parameter]] = list,
+    first: Sequence[click.Parameter] = (),
     **settings: Any,
 ) -> Callable[[Callable[..., Any]], click.Command]:
     """Make a command of a function.
@@ -58,40 +63,40 @@ def command(
     Args:
         lines: Examples of the command.
         name: What is typed; by default the function's name.
-        first: Makes parameters that come before those of the function.
+        first: Parameters that come before those of the function.
         settings: Settings of click's context.
     """
 
-    def made(function: Callable[..., Any]) -> click.Command:
+    def decorator(function: Callable[..., Any]) -> click.Command:
         return _Command(
             first,
             name=name or function.__name__.replace("_", "-"),
             context_settings=settings,
             callback=function,
-            help=inspect.getdoc(function).partition("\n\nArgs:")[0],
+            help=as_called(inspect.getdoc(function).partition("\n\nArgs:")[0]),
             epilog=examples(*lines),
         )
 
-    return made
+    return decorator
 
 
 def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
     """The arguments and options of a function, without those that collect any others."""
-    arguments = inspect.getdoc(function).partition("\n\nArgs:")[2]
+    arguments = as_called(inspect.getdoc(function).partition("\n\nArgs:")[2])
     about = {name: re.sub(r"\n *", " ", text) for name, text in _ARGUMENT.findall(arguments)}
     hints = get_type_hints(function, include_extras=True)
     return [
-        _parameter(given, hints[name], about.get(name, ""))
-        for name, given in inspect.signature(function).parameters.items()
-        if given.kind not in (given.VAR_POSITIONAL, given.VAR_KEYWORD)
+        _parameter(parameter, hints[name], about.get(name, ""))
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     ]
 
 
-def _parameter(given: inspect.Parameter, hint: Any, about: str) -> click.Parameter:
+def _parameter(parameter: inspect.Parameter, hint: Any, about: str) -> click.Parameter:
     kind, marks, many = _unwrapped(hint)
     types = [mark for mark in marks if isinstance(mark, click.ParamType)]
     texts = [mark for mark in marks if isinstance(mark, str)]
-    settings: dict[str, Any] = {"required": given.default is given.empty}
+    settings: dict[str, Any] = {"required": parameter.default is parameter.empty}
     for mark in marks:
         if isinstance(mark, dict):
             settings |= mark
@@ -99,18 +104,18 @@ def _parameter(given: inspect.Parameter, hint: Any, about: str) -> click.Paramet
         settings["is_flag"] = True
     else:
         settings["type"] = types[0] if types else _click_type(kind)
-        if given.default not in (given.empty, None, ()):
-            settings["default"] = given.default
-    if given.kind is not given.KEYWORD_ONLY:
+        if parameter.default not in (parameter.empty, None, ()):
+            settings["default"] = parameter.default
+    if parameter.kind is not parameter.KEYWORD_ONLY:
         placeholder = texts[0] if texts else None
         return click.Argument(
-            [given.name], nargs=-1 if many else 1, metavar=placeholder, **settings
+            [parameter.name], nargs=-1 if many else 1, metavar=placeholder, **settings
         )
     named = [text for text in texts if text.startswith("--")]
     helps = [about, *(text for text in texts if not text.startswith("--"))]
-    option, _, placeholder = (named[0] if named else option_name(given.name)).partition(" ")
+    option, _, placeholder = (named[0] if named else option_name(parameter.name)).partition(" ")
     return click.Option(
-        [option, given.name], help=next(filter(None, helps), None), multiple=many,
+        [option, parameter.name], help=next(filter(None, helps), None), multiple=many,
         metavar=placeholder or None, show_default="default" in settings, **settings,
     )  # fmt: skip
 

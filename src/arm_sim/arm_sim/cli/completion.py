@@ -18,44 +18,48 @@ from click.shell_completion import (
 
 from arm_dynamics.exceptions import choices
 from arm_sim.cli.command import command
+from arm_sim.cli.output import as_called
 
 VARIABLE = "_ARM_COMPLETE"
-ALSO = "ARM_COMMANDS"  # set by the script ./arm to its own commands
+OF_SCRIPT = "ARM_COMMANDS"  # set by the script ./arm to its own commands
 
 
 class Commands(click.Group):
     """A group that suggests similar commands, and completes those of ./arm."""
+
+    def __init__(self, help: str = "", **settings: Any) -> None:
+        super().__init__(help=as_called(help), **settings)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the group's own options, or say which commands have an unknown one."""
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            having = [
+            owners = [
                 name
                 for name, one in sorted(self.commands.items())
                 if any(error.option_name in parameter.opts for parameter in one.params)
             ]
-            if not having:
+            if not owners:
                 raise
-            ctx.fail(f"option '{error.option_name}' goes behind its command: {', '.join(having)}")
+            ctx.fail(f"option '{error.option_name}' goes behind its command: {', '.join(owners)}")
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find a command, or fail with a list of the commands."""
         if args and args[0][:1].isalpha() and args[0] not in self.commands:
-            known = [*self.list_commands(ctx), *self._others(ctx)]
-            ctx.fail(f"unknown command '{args[0]}'; allowed: {choices(args[0], known, 60)}")
+            names = [*self.list_commands(ctx), *self._of_script(ctx)]
+            ctx.fail(f"unknown command '{args[0]}'; allowed: {choices(args[0], names, 60)}")
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Commands with this prefix."""
-        others = [CompletionItem(x) for x in self._others(ctx) if x.startswith(incomplete)]
-        return super().shell_complete(ctx, incomplete) + others
+        names = [CompletionItem(x) for x in self._of_script(ctx) if x.startswith(incomplete)]
+        return super().shell_complete(ctx, incomplete) + names
 
-    def _others(self, ctx: click.Context) -> list[str]:
-        return os.environ.get(ALSO, "").split() if ctx.parent is None else []
+    def _of_script(self, ctx: click.Context) -> list[str]:
+        return os.environ.get(OF_SCRIPT, "").split() if ctx.parent is None else []
 
 
 class SceneType(click.ParamType):
@@ -69,10 +73,10 @@ class SceneType(click.ParamType):
         """Ready scenes, and scene files and URDFs in this folder; else any file."""
         from arm_dynamics.scene.files import ready_scenes
 
-        here = (path.name for path in Path.cwd().glob("*") if path.suffix in (".yaml", ".urdf"))
-        names = [*ready_scenes(), *sorted(here)]
-        offered = [CompletionItem(name) for name in names if name.startswith(incomplete)]
-        return offered or [CompletionItem(incomplete, type="file")]
+        files = (path.name for path in Path.cwd().glob("*") if path.suffix in (".yaml", ".urdf"))
+        names = [*ready_scenes(), *sorted(files)]
+        matches = [CompletionItem(name) for name in names if name.startswith(incomplete)]
+        return matches or [CompletionItem(incomplete, type="file")]
 
 
 SCENE = SceneType()

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -72,9 +73,9 @@ def describe(
     out = console()
     if details and simulator:  # the comment that begins a file, such as where its numbers are from
         text = find_scene(scene, Path.cwd()).read_text(encoding="utf-8", errors="replace")
-        comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
-        if said := " ".join(line.lstrip("# ") for line in comment):
-            out.print(f"\n{said}", style="dim", markup=False, highlight=False)
+        lines = takewhile(lambda line: line.startswith("#"), text.splitlines())
+        if comment := " ".join(line.lstrip("# ") for line in lines):
+            out.print(f"\n{comment}", style="dim", markup=False, highlight=False)
     _show_robot(out, model)
     _show_joints(out, model)
     if simulator:
@@ -88,7 +89,7 @@ def _robot(model: ArmModel) -> dict[str, Any]:
     columns = _columns(model)
     joints = [
         {"name": name, "type": model.joint_types[i], "command_unit": model.command_unit[i]}
-        | {key: values[i] for key, _, values in columns}
+        | {column.key: column.values[i] for column in columns}
         for i, name in enumerate(model.joint_names)
     ]
     return {
@@ -100,24 +101,33 @@ def _robot(model: ArmModel) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _columns(model: ArmModel) -> list[tuple[str, str, Array]]:
-    """Numbers of the joints, each with its name in JSON and its heading."""
+class _Column(NamedTuple):
+    """Numbers of the joints."""
+
+    key: str  # in JSON
+    heading: str
+    values: Array
+    write: Callable[[float, int], str] = number
+    optional: bool = False  # left out of the table if all are zero
+
+
+def _columns(model: ArmModel) -> list[_Column]:
     friction = model.friction
     return [
-        ("start", "start", model.q0),
-        ("lower", "lower", model.position_lower),
-        ("upper", "upper", model.position_upper),
-        ("velocity_limit", "speed\nlimit", model.velocity_limit),
-        ("effort_limit", "effort\nlimit", model.effort_limit),
-        ("viscous", "viscous\nfriction", model.viscous),
-        ("coulomb", "Coulomb\nfriction", friction.coulomb.mean),
-        ("armature", "armature", model.armature),
-        ("static", "static\nfriction", friction.static.mean),
+        _Column("start", "start", model.q0),
+        _Column("lower", "lower", model.position_lower, limit),
+        _Column("upper", "upper", model.position_upper, limit),
+        _Column("velocity_limit", "speed\nlimit", model.velocity_limit, limit),
+        _Column("effort_limit", "effort\nlimit", model.effort_limit, limit),
+        _Column("viscous", "viscous\nfriction", model.viscous, optional=True),
+        _Column("coulomb", "Coulomb\nfriction", friction.coulomb.mean, optional=True),
+        _Column("armature", "armature", model.armature, optional=True),
+        _Column("static", "static\nfriction", friction.static.mean, optional=True),
     ]
 
 
 def _motion(simulator: Simulator) -> dict[str, Any]:
-    """What computes its motion, likewise."""
+    """What computes its motion, for --json."""
     plan, choice = simulator.plan, simulator.choice
     return {
         "dt": choice.dt, "integrator": choice.method.name, "tolerance": choice.tolerance,
@@ -154,19 +164,16 @@ def _show_robot(out: Console, model: ArmModel) -> None:
 def _show_joints(out: Console, model: ArmModel) -> None:
     import numpy as np
 
-    names, friction = model.joint_names, model.friction
-    columns = {heading: values for _, heading, values in _columns(model)}
+    names, friction, columns = model.joint_names, model.friction, _columns(model)
     if (friction.static.mean == friction.coulomb.mean).all():
-        del columns["static\nfriction"]
-    absent = [x for x in columns if x.endswith(("friction", "armature")) and not columns[x].any()]
-    for heading in absent:
-        del columns[heading]
-    write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
+        columns = [column for column in columns if column.key != "static"]
+    absent = [x.heading for x in columns if x.optional and not x.values.any()]
+    columns = [column for column in columns if column.heading not in absent]
     rows = [
-        (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
+        (name, model.joint_types[i], *(x.write(x.values[i], 4) for x in columns))
         for i, name in enumerate(names)
     ]
-    say(table(("joint", "type", *columns), rows, text=(0, 1)))
+    say(table(("joint", "type", *(x.heading for x in columns)), rows, text=(0, 1)))
     if absent:
         out.print(f"all zero: {', '.join(absent)}".replace("\n", " "), style="dim")
     turning = "rad, rad/s, N m, viscous friction N m s/rad, armature kg m²"
@@ -186,10 +193,10 @@ def _show_joints(out: Console, model: ArmModel) -> None:
                 "the joints that they follow they allow no motion")  # fmt: skip
     outside = (model.q0 < model.position_lower) | (model.position_upper < model.q0)
     at_stop = model.stops.touched(model.q0) & ~outside
-    for what, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
+    for place, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
         if joints.any():
             named = ", ".join(np.array(names)[joints])
-            _remark(out, f"starts {what}:", f"{named}; a scene's initial.position changes that")
+            _remark(out, f"starts {place}:", f"{named}; a scene's initial.position changes that")
 
 
 def _show_drives(model: ArmModel) -> None:

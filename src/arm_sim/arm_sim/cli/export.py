@@ -28,7 +28,6 @@ def export(
     fmu: bool = False,
     frames: Annotated[tuple[str, ...], "--frame FRAME"] = (),
     derivatives: bool = False,
-    single: Annotated[bool, "--float", {"hidden": True}] = False,
 ) -> None:
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
@@ -44,13 +43,10 @@ def export(
         fmu: Also make functional mock-up units, by FMI 3.0 and 2.0.
         frames: Also export pose and Jacobian of this frame; may be repeated.
         derivatives: Also export derivatives of the dynamics, and of the time step.
-        single: Gone: code is in double precision.
     """
-    if single:
-        raise click.UsageError("--float is gone, all code is in double precision: leave it out")
     from arm_sim.export import DERIVATIVES, TERMS
-    from arm_sim.export import export as exported
+    from arm_sim.export import export as export_library
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
-    click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")
+    library = export_library(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
+    click.echo(f"{library.folder}: library '{library.name}', {len(library.files)} files")

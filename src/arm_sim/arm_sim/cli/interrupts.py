@@ -15,7 +15,7 @@ from arm_dynamics.starting import SIGNALS, end_when_interrupted
 NODES = ("sim", "dynamics", "controller")
 interrupted: list[int] = []
 """Signals that have interrupted a command."""
-_before: dict[int, Any] = {}
+_original_handlers: dict[int, Any] = {}
 _INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -38,18 +38,19 @@ def begin() -> None:
 
     A node handles signals itself as soon as it runs, and ends in the same way until then.
     """
-    is_node = sys.argv[1:2] and sys.argv[1] in NODES
-    if not is_node:
-        _before.update({number: signal.getsignal(number) for number in SIGNALS})
-    end_when_interrupted(*(() if is_node else (1, "\nAborted!\n")))
+    if sys.argv[1:2] and sys.argv[1] in NODES:
+        end_when_interrupted()
+        return
+    _original_handlers.update({number: signal.getsignal(number) for number in SIGNALS})
+    end_when_interrupted(1, "\nAborted!\n")
 
 
-def begun() -> None:
+def handle_in_command() -> None:
     """From now on, interruptions are handled by the command."""
-    for number, handler in _before.items():
-        heard = handler is signal.default_int_handler
-        signal.signal(number, _interrupt if heard else handler)
-    _before.clear()
+    for number, handler in _original_handlers.items():
+        is_default = handler is signal.default_int_handler
+        signal.signal(number, _interrupt if is_default else handler)
+    _original_handlers.clear()
 
 
 def _interrupt(number: int, frame: Any) -> None:

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import IO, Any
 
 import click
 
@@ -17,7 +20,7 @@ from arm_sim.cli.completion import Commands, completion
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.export import export
-from arm_sim.cli.interrupts import begun, interrupted
+from arm_sim.cli.interrupts import handle_in_command, interrupted
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import as_called, examples, print_anything, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
@@ -36,17 +39,6 @@ SECTIONS = {
 """The commands of the simulator by subject, as the help of the script ./arm lists them."""
 
 
-class _Formatter(click.HelpFormatter):
-    """Writes the command as it is called here."""
-
-    def getvalue(self) -> str:
-        return as_called(super().getvalue())
-
-
-class _Context(click.Context):
-    formatter_class = _Formatter
-
-
 class Suite(Commands):
     """A group whose commands report errors of the suite as one line.
 
@@ -55,12 +47,9 @@ class Suite(Commands):
     """
 
     def __init__(self, sections: Mapping[str, Sequence[click.Command]], **settings: Any) -> None:
-        every = [command for section in sections.values() for command in section]
-        super().__init__(commands=every, **settings)
+        commands = [command for section in sections.values() for command in section]
+        super().__init__(commands=commands, **settings)
         self._sections = sections
-        of_groups = [x for one in every for x in getattr(one, "commands", {}).values()]
-        for command in (self, *every, *of_groups):
-            command.context_class = _Context
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by subject, each with its first sentence in full."""
@@ -70,33 +59,53 @@ class Suite(Commands):
                     [(str(x.name), x.get_short_help_str(limit=1000)) for x in commands]
                 )
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the group's own options."""
+        with _spelled_as_by_nodes():
+            return super().parse_args(ctx, args)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
-        begun()
+        handle_in_command()
         print_anything()
-        try:
-            with progress_on_stderr():
-                return super().invoke(ctx)
-        except ImportError as error:
-            if interrupted:
-                raise click.Abort from None
-            package = str(error.name).split(".")[0]
-            if not (isinstance(error, ModuleNotFoundError) and _OF_ROS.fullmatch(package)):
-                raise
-            raise click.ClickException(
-                f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "
-                "Kilted and the built workspace; the script arm of the project's folder sets both "
-                "up, or source the workspace's install/setup.bash"
-            ) from error
-        except OSError as error:
-            what = f"'{error.filename}'" if error.filename else "the output"
-            said = f"{what}: {error.strerror}" if error.strerror else str(error)
-            raise click.ClickException(said) from error
-        except ArmError as error:
-            raise click.ClickException(as_called(str(error))) from None
-        except click.ClickException as error:
-            error.message = as_called(error.message)
-            raise
+        with _spelled_as_by_nodes():
+            try:
+                with progress_on_stderr():
+                    return super().invoke(ctx)
+            except ImportError as error:
+                if interrupted:
+                    raise click.Abort from None
+                package = str(error.name).split(".")[0]
+                if not (isinstance(error, ModuleNotFoundError) and _OF_ROS.fullmatch(package)):
+                    raise
+                raise click.ClickException(
+                    f"Python cannot find the module '{error.name}': this command needs ROS 2 "
+                    "Jazzy or Kilted and the built workspace; the script arm of the project's "
+                    "folder sets both up, or source the workspace's install/setup.bash"
+                ) from error
+            except OSError as error:
+                subject = f"'{error.filename}'" if error.filename else "the output"
+                message = f"{subject}: {error.strerror}" if error.strerror else str(error)
+                raise click.ClickException(message) from error
+            except ArmError as error:
+                raise click.ClickException(str(error)) from None
+
+
+@contextmanager
+def _spelled_as_by_nodes() -> Iterator[None]:
+    """Errors are printed as ``error: …``, with the command as it is called here."""
+
+    def show(error: click.ClickException, file: IO[Any] | None = None) -> None:
+        shown_by_click = io.StringIO()
+        type(error).show(error, shown_by_click)
+        text = as_called(shown_by_click.getvalue())
+        click.echo(re.sub("(?m)^Error: ", "error: ", text, count=1), file, nl=False, err=True)
+
+    try:
+        yield
+    except click.ClickException as error:
+        error.show = partial(show, error)  # type: ignore[method-assign]
+        raise
 
 
 _OF_ROS = re.compile(r"rclpy|ament_\w+|rosidl_\w+|rpyutils|\w+_(msgs|srvs|interfaces)")

@@ -46,14 +46,15 @@ def sim(
     Args:
         report: At the end, write timing statistics of the loop to this file.
     """
+    click.echo("starting the simulator …", err=True)  # before imports and compilers take seconds
     from arm_sim.ros import SimNode
 
-    made = _run(SimNode, scene, rest, with_parent)
-    if report is not None and made is not None:
-        loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}
-        trip = asdict(made.inputs.round_trip.histogram.percentiles())
+    node = _run(SimNode, scene, rest, with_parent)
+    if report is not None and node is not None:
+        loop = {**asdict(node.loop.report()), "bars": node.loop.lateness.bars()}
+        trip = asdict(node.inputs.round_trip.histogram.percentiles())
         content = {"loop": loop, "round_trip": trip}
-        if (recorder := made.recorder) is not None:
+        if (recorder := node.recorder) is not None:
             content["recording"] = recorder.report()
         report.write_text(json.dumps(content), encoding="utf-8")
 
@@ -68,6 +69,7 @@ def dynamics(
 
     Without SCENE it waits for a URDF on the topic robot_description.
     """
+    click.echo("starting the dynamics node …", err=True)
     from arm_dynamics.ros import DynamicsNode
 
     _run(DynamicsNode, scene, rest, with_parent)
@@ -88,12 +90,15 @@ def controller(
     subscribes to joint_states and controller/joint_trajectory and publishes joint_commands. Its
     scene may differ from the simulator's, to study model errors.
     """
+    click.echo("starting the controller …", err=True)
     from arm_dynamics.ros import ControllerNode
 
     _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
 
 
-def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
+def _run(
+    make: Callable[..., Any], scene: str | None, rest: tuple[str, ...], with_parent: bool
+) -> Any:
     """Run one node; return it after a clean end, else exit with its status."""
     from rclpy.parameter import Parameter
 
@@ -109,8 +114,8 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         if os.getppid() != parent:
             sys.exit(1)
-    chosen = [Parameter("scene", value=scene)] if scene else []
-    status, node = run_node(partial(kind, parameter_overrides=chosen), rest)
+    overrides = [Parameter("scene", value=scene)] if scene else []
+    status, node = run_node(partial(make, parameter_overrides=overrides), rest)
     if status:
         sys.exit(status)
     return node
@@ -119,7 +124,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
 def run_node(
     make: Callable[..., Any],
     words: Sequence[str] = (),
-    done: Callable[[Any], bool] = lambda node: False,
+    is_done: Callable[[Any], bool] = lambda node: False,
 ) -> tuple[int, Any]:
     """Run a node in this process until it is done.
 
@@ -128,11 +133,11 @@ def run_node(
     """
     from arm_dynamics.ros.common.executable import run
 
-    made: list[Any] = []
+    nodes: list[Any] = []
 
-    def make_one(**context: Any) -> Any:
-        made.append(make(**context))
-        return made[0]
+    def make_and_keep(**context: Any) -> Any:
+        nodes.append(make(**context))
+        return nodes[0]
 
-    status = run(make_one, list(words), lambda: done(made[0]))
-    return status, made[0] if made else None
+    status = run(make_and_keep, list(words), lambda: is_done(nodes[0]))
+    return status, nodes[0] if nodes else None

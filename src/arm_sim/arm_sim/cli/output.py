@@ -36,9 +36,8 @@ def as_called(text: str) -> str:
 
 def examples(*lines: str) -> str:
     """Examples at the end of a command's help, which are never re-wrapped."""
-    return "\b\n" + "\n".join(
-        ["Example:" if len(lines) == 1 else "Examples:", *(f"  {x}" for x in lines)]
-    )
+    title = "Example:" if len(lines) == 1 else "Examples:"
+    return as_called("\n".join(["\b", title, *(f"  {line}" for line in lines)]))
 
 
 def console() -> Console:
@@ -73,41 +72,42 @@ class _StderrHandler(logging.Handler):
             self.handleError(record)
 
 
-_tasks: list[Callable[[], str]] = []  # what is being done, the innermost last
+_tasks: list[Callable[[], str]] = []  # that the command waits for, the innermost last
 
 
 @contextmanager
-def waiting(what: str | Callable[[], str], *, in_lines: bool = False) -> Iterator[None]:
-    """Say on a terminal, after two seconds, what the command waits for and how long.
+def waiting(task: str | Callable[[], str], *, in_lines: bool = False) -> Iterator[None]:
+    """Print on a terminal, before two seconds have passed, what the command waits for.
 
     Args:
-        what: The text, or what returns the present one.
-        in_lines: Whether to say it without a terminal, too, in a line every two seconds.
+        task: The text, or a function that returns the present one.
+        in_lines: Also print it without a terminal, in lines, each after twice the time.
     """
-    _tasks.append(what if callable(what) else lambda: what)
-    done, shown = Event(), sys.stderr.isatty()
-    if (shown or in_lines) and len(_tasks) == 1:
-        teller = Thread(target=_tell, args=(done, sys.stderr, shown), daemon=True)
-    else:
-        teller = Thread()
-    teller.start()
+    _tasks.append(task if callable(task) else lambda: task)
+    end, in_place = Event(), sys.stderr.isatty()
+    report = _report if (in_place or in_lines) and len(_tasks) == 1 else None
+    reporter = Thread(target=report, args=(end, sys.stderr, in_place), daemon=True)
+    reporter.start()
     try:
         yield
     finally:
-        done.set()
-        teller.join()
+        end.set()
+        reporter.join()
         _tasks.pop()
 
 
-def _tell(done: Event, stream: TextIO, in_place: bool) -> None:
-    begin, pause, last = monotonic(), 0.75 * PATIENCE, ""
-    while not done.wait(pause):
+def _report(end: Event, stream: TextIO, in_place: bool) -> None:
+    """Print the innermost task until the end; lines at growing intervals fill no log."""
+    begin, pause, erase = monotonic(), 0.5 * PATIENCE, ""
+    while not end.wait(pause):
         text = f"{_tasks[-1]()} … {monotonic() - begin:.0f} s"
         if in_place:
-            last, pause = "\r\033[K", 0.5
-            text = f"{last}{text[: get_terminal_size().columns - 1]}"
+            erase, pause = "\r\033[K", 0.5
+            text = f"{erase}{text[: get_terminal_size().columns - 1]}"
+        else:
+            pause *= 2.0
         print(text, end="" if in_place else "\n", file=stream, flush=True)
-    print(last, end="", file=stream, flush=True)
+    print(erase, end="", file=stream, flush=True)
 
 
 @contextmanager
@@ -118,14 +118,14 @@ def progress(
     refresh: bool = False,
     **task: Any,
 ) -> Iterator[Callable[..., object]]:
-    """Show progress by a bar on a terminal, which is told description, completed and total.
+    """Show progress by a bar on a terminal; yields a function that updates it.
 
     Args:
         stream: Where to show it.
-        otherwise: What is told without a terminal.
+        otherwise: Receives the updates without a terminal.
         columns: Columns of the bar; by default its text, the bar and a percentage.
-        refresh: Draw it when it is told something, not from a thread of its own.
-        task: What is told at first.
+        refresh: Draw it at each update, not from a thread of its own.
+        task: First update: description, completed, total.
     """
     if not stream.isatty():
         yield otherwise
@@ -134,12 +134,11 @@ def progress(
     from rich.progress import BarColumn, Progress, TaskProgressColumn
 
     columns = columns or ("{task.description}", BarColumn(), TaskProgressColumn())
-    shown = Progress(
+    with Progress(
         *columns, console=Console(file=stream), transient=True, auto_refresh=not refresh
-    )
-    with shown:
-        shown_task = shown.add_task(**{"description": "", "total": None, **task})
-        yield lambda **told: shown.update(shown_task, refresh=refresh, **told)
+    ) as display:
+        task_id = display.add_task(**{"description": "", "total": None, **task})
+        yield lambda **changes: display.update(task_id, refresh=refresh, **changes)
 
 
 def to_json(facts: Mapping[str, Any], indent: int | None = None) -> str:
@@ -161,7 +160,7 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Log no warnings: the command prints what they say itself."""
+    """Log no warnings, as the command prints their content itself."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -171,7 +170,7 @@ def quiet() -> Iterator[None]:
 
 
 def checked(recording: Recording) -> str:
-    """What a second run says of a motion, without warnings, and shown as it waits."""
+    """The verdict of a second run, without warnings, and with progress."""
     with waiting("checking by a second run"), quiet():
         return recording.verdict
 
@@ -184,12 +183,12 @@ def table(
     from rich.markup import escape
     from rich.table import Table
 
-    made = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    grid = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for i, column in enumerate(columns):
-        made.add_column(escape(column), justify="left" if i in text else "right", no_wrap=True)
+        grid.add_column(escape(column), justify="left" if i in text else "right", no_wrap=True)
     for row in rows:
-        made.add_row(*map(escape, row))
-    return made
+        grid.add_row(*map(escape, row))
+    return grid
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
@@ -205,14 +204,14 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
     return grid
 
 
-def show(out: Console, made: Table) -> None:
+def show(out: Console, grid: Table) -> None:
     """Print a table; on a narrow terminal its lines wrap, but no number is truncated."""
     from rich.console import Console
 
-    needed = out.measure(made, options=out.options.update(max_width=10_000)).maximum
+    needed = out.measure(grid, options=out.options.update(max_width=10_000)).maximum
     if needed > out.width:
         out = Console(width=needed, highlight=False, emoji=False)
-    out.print(made)
+    out.print(grid)
 
 
 def say(*parts: Any) -> None:
@@ -223,6 +222,12 @@ def say(*parts: Any) -> None:
             show(out, part)
         else:
             out.print(str(part), markup=False)
+
+
+def shortened(value: Any) -> str:
+    """A text, or a value as JSON, of at most 60 characters."""
+    text = value if isinstance(value, str) else to_json(value)
+    return text if len(text) <= 60 else text[:59] + "…"
 
 
 def number(value: Any, digits: int = 6) -> str:

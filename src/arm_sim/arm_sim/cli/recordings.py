@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -58,7 +59,7 @@ def plot(
     with waiting(f"reading {recording}"):
         loaded = [Recording.load(path, topic=topic) for path in (recording, *others)]
         if scene:
-            loaded = [made if made.origin else made.of(scene) for made in loaded]
+            loaded = [run if run.origin else run.of(scene) for run in loaded]
         figure = loaded[0].plot(*loaded[1:], joints=joints)
     out = out or Path(f"{recording.stem or recording.name}.png")
     warn_if_replaced(out)
@@ -100,17 +101,16 @@ def record(
     from arm_sim.ros.record.topics import TopicRecorder
 
     path = out or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}.mcap")
-    end = None if duration is None else monotonic() + duration
+    end = monotonic() + (duration or math.inf)
 
     def make(**kwargs: Any) -> Any:
         node = TopicRecorder(path, topics, **kwargs)
         click.echo(f"recording to {path}", err=True)
         return node
 
-    def done(node: Any) -> bool:
-        return (end is not None and monotonic() > end) or bool(node.thread.failure)
-
-    status, node = run_node(make, done=done)
+    status, node = run_node(
+        make, is_done=lambda node: monotonic() > end or bool(node.thread.failure)
+    )
     if node is not None:
         _show_topics(node.count)
         for topic, lost in node.gaps.items():
@@ -133,11 +133,11 @@ def _repair(cut: Path, out: Path) -> None:
     from arm_sim.recording.files.repair import repair
 
     with waiting(f"repairing {cut}"):
-        found = repair(cut, out)
-    for damage in dict.fromkeys(found.damage):
+        result = repair(cut, out)
+    for damage in dict.fromkeys(result.damage):
         click.echo(f"{cut}: {damage}", err=True)
-    _show_topics(found.count)
-    click.echo(f"attachments and metadata: {', '.join(found.kept) or 'none'}")
+    _show_topics(result.count)
+    click.echo(f"attachments and metadata: {', '.join(result.extras) or 'none'}")
     click.echo(str(out))
 
 
@@ -185,26 +185,26 @@ def replay(
         _play(recording, names, 1.0 if rate is None else rate)
         return
     if names or rate is not None:
-        which = "--topic" if names else "--rate"
-        raise click.UsageError(f"{which} is allowed with --topics only")
+        option = "--topic" if names else "--rate"
+        raise click.UsageError(f"{option} is allowed with --topics only")
     from arm_sim import Recording
-    from arm_sim.replay import replay as again
+    from arm_sim.replay import replay as replayed
 
     with waiting(f"replaying {recording}"):
-        loaded = Recording.load(recording)
-        found = None if check else again(loaded, scene, integrator, tolerance)
-    if found is None:
-        passed, lines = loaded.trusted, [_checked(loaded)]
+        original = Recording.load(recording)
+        result = None if check else replayed(original, scene, integrator, tolerance)
+    if result is None:
+        passed, lines = original.trusted, [_checked(original)]
         facts = {
-            "trusted": passed, "doubt": loaded.doubt,
-            "error": loaded.error.max(axis=0), "how": loaded.second_run.how,
+            "trusted": passed, "doubt": original.doubt,
+            "error": original.error.max(axis=0), "how": original.second_run.how,
         }  # fmt: skip
     else:
-        passed, (lines, facts) = found.equal, _compared(loaded, found)
+        passed, (lines, facts) = result.equal, _compared(original, result)
         if not as_json:
-            lines.append(_checked(found.recording))
+            lines.append(_checked(result.recording))
     if out is not None:
-        lines.append(found.recording.save(out))
+        lines.append(result.recording.save(out))
     if as_json:
         click.echo(to_json(facts))
     else:
@@ -212,27 +212,27 @@ def replay(
     sys.exit(0 if passed else 1)
 
 
-def _compared(loaded: Recording, found: Replay) -> tuple[list[str], dict[str, Any]]:
-    """What a replay says of a recording, in lines and as JSON."""
+def _compared(original: Recording, result: Replay) -> tuple[list[str], dict[str, Any]]:
+    """The comparison of a recording with its replay, in lines and as JSON."""
     import numpy as np
 
-    largest = float(np.nanmax(found.apart)) if len(found.apart) else 0.0
-    notes = [event.text for event in loaded.events if event.text.startswith("file: ")]
-    lines = notes if found.equal else [repr(loaded)]  # the replayed one is shown in any case
-    for name in found.other_versions:
+    largest = float(np.nanmax(result.apart)) if len(result.apart) else 0.0
+    notes = [event.text for event in original.events if event.text.startswith("file: ")]
+    lines = notes if result.equal else [repr(original)]  # the replayed one is shown in any case
+    for name in result.other_versions:
         lines.append(f"{name} has another version here; last bits may differ")
-    if found.equal:
-        lines.append(f"{len(loaded) - 1} time steps replayed, every state bit-identical")
-    if found.first is not None:
-        lines.append(f"first difference: {found.first}")
+    if result.equal:
+        lines.append(f"{len(original) - 1} time steps replayed, every state bit-identical")
+    if result.first is not None:
+        lines.append(f"first difference: {result.first}")
         lines.append(f"positions differ by {largest:.3g} rad or m at most")
-    if found.failure:
-        lines.append(f"the replay ends early: {found.failure}")
+    if result.failure:
+        lines.append(f"the replay ends early: {result.failure}")
     return lines, {
-        "equal": found.equal, "ticks": len(loaded) - 1,
-        "first_difference": None if found.first is None else str(found.first),
-        "largest": largest, "failure": found.failure or None,
-        "other_versions": found.other_versions, "trusted": found.recording.trusted,
+        "equal": result.equal, "ticks": len(original) - 1,
+        "first_difference": None if result.first is None else str(result.first),
+        "largest": largest, "failure": result.failure or None,
+        "other_versions": result.other_versions, "trusted": result.recording.trusted,
     }  # fmt: skip
 
 
@@ -254,7 +254,7 @@ def _play(path: Path, names: tuple[str, ...], rate: float) -> None:
         player.start(rate)
         return player
 
-    status, player = run_node(make, done=lambda node: bool(node.done))
+    status, player = run_node(make, is_done=lambda node: bool(node.done))
     if player is not None:
         click.echo(f"{player.published} messages published")
     sys.exit(status)

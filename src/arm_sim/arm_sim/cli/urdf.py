@@ -92,8 +92,7 @@ def with_hardware(
         for state in STATES:
             interface = ElementTree.SubElement(joint, "state_interface", name=state)
             if state == "position":
-                ElementTree.SubElement(interface, "param", name="initial_value").text = repr(
-                    float(start)
-                )
+                initial = ElementTree.SubElement(interface, "param", name="initial_value")
+                initial.text = repr(float(start))
     ElementTree.indent(tag)
     return ElementTree.tostring(robot, encoding="unicode")

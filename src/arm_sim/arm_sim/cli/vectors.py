@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from arm_dynamics.exceptions import choices
+from arm_sim.cli.output import shortened
 
 HOW = 'e.g. "0, 0.5, -1", "elbow=0.5 wrist=-1", "[[0, 1], [2, 3]]" for two points, or @FILE'
 
@@ -58,15 +59,15 @@ class VectorType(click.ParamType):
     ) -> Vector:
         """Parse an argument, or fail with a usage error."""
         try:
-            found = value if isinstance(value, Vector) else parse(value)
+            vector = value if isinstance(value, Vector) else parse(value)
         except OSError as error:
             self.fail(f"'{error.filename}': {error.strerror}; {HOW}", param, ctx)
         except ValueError as error:
             self.fail(f"{error}; {HOW}", param, ctx)
         count = self._row.partition(" ")[0]
-        if count and [str(len(row)) for row in found.rows] != [count]:
+        if count and [str(len(row)) for row in vector.rows] != [count]:
             self.fail(f"{value!r}; {self._row}", param, ctx)
-        return found
+        return vector
 
 
 def parse(text: str) -> Vector:
@@ -99,7 +100,8 @@ def parse(text: str) -> Vector:
             named[name] = _number(value)
         return Vector((), named)
     if len({len(line) for line in lines}) > 1:
-        raise ValueError(f"{_short(text)} does not have the same number of values on every line")
+        problem = "does not have the same number of values on every line"
+        raise ValueError(f"{shortened(text)!r} {problem}")
     return Vector(tuple(tuple(map(_number, line)) for line in lines), {}, len(lines) > 1)
 
 
@@ -109,13 +111,13 @@ def _structured(text: str) -> Vector:
     try:
         data = yaml.safe_load(text)
     except yaml.YAMLError:
-        raise ValueError(f"{_short(text)} is neither JSON nor YAML") from None
+        raise ValueError(f"{shortened(text)!r} is neither JSON nor YAML") from None
     if isinstance(data, dict):
         return Vector((), {str(name): _number(value) for name, value in data.items()})
     nested = any(isinstance(row, list) for row in data)
     rows = data if nested else [data]
     if not rows or not all(isinstance(row, list) and len(row) == len(rows[0]) for row in rows):
-        raise ValueError(f"{_short(text)} is not a list of numbers, nor lists of one length")
+        raise ValueError(f"{shortened(text)!r} is not a list of numbers, nor lists of one length")
     return Vector(tuple(tuple(map(_number, row)) for row in rows), {}, nested)
 
 
@@ -126,7 +128,3 @@ def _number(value: Any) -> float:
         return float(value)
     except (TypeError, ValueError):
         raise ValueError(f"{value!r} is not a number") from None
-
-
-def _short(text: str) -> str:
-    return repr(text if len(text) < 60 else text[:57] + "…")

@@ -47,7 +47,9 @@ REFUSALS = {value: name for name, value in Header(
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
-    "BEGINS_ON_BOUNDARY": "{} is on the boundary between two modes at its beginning",
+    "BEGINS_ON_BOUNDARY": (
+        "{} is on the boundary between two modes at its beginning, as at rest and about to slide"
+    ),
     "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
     "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
     "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
@@ -193,7 +195,7 @@ class EventfulTicks:
             names = names[2 * len(self._plant.points) :]
         guards = ", ".join(names[i] for i in places[:count])
         message = UNKNOWN if reason == "GRAZES" and not guards else MESSAGES[reason].format(guards)
-        raise NotDifferentiable(f"linearize: {message}")
+        raise NotDifferentiable(f"linearize: {message}; side=1 or side=-1 takes one side of it")
 
     def _callbacks(self, engine: Compiled) -> Helpers:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""

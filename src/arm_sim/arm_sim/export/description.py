@@ -79,10 +79,10 @@ description `@URDF@`, from whose numbers it was made, has a licence of its own.
 
 def about(name: str, model: ArmModel) -> str:
     """The first comment of the library's files."""
-    made = ", ".join(f"{key} {version}" for key, version in versions().items() if key != "machine")
+    tools = ", ".join(f"{name} {v}" for name, v in versions().items() if name != "machine")
     return (
         f"{name}: the dynamics of robot '{model.pin.name}', made by arm_sim {__version__}\n"
-        f"({made}).\nSPDX-License-Identifier: Apache-2.0"
+        f"({tools}).\nSPDX-License-Identifier: Apache-2.0"
     )
 
 
@@ -96,14 +96,14 @@ def readme(library: Library) -> str:
         f"Made by arm_sim {__version__} from `{SCENE_FILE}` and `{URDF_FILE}`, which say the rest "
         "about the scene.\n"
     )
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    tools = ", ".join(f"{name} {version}" for name, version in versions().items())
     parts = (
         intro,
         _joints(model),
         _functions(library),
         *([_ticks(model, tick)] if tick else []),
         _BUILD + _BITS,
-        f"## Versions\n\narm_sim {__version__}, {made}.\n",
+        f"## Versions\n\narm_sim {__version__}, {tools}.\n",
         _LICENCE,
     )
     return "\n".join(parts).replace("@NAME@", library.name).replace("@URDF@", URDF_FILE)
@@ -144,14 +144,14 @@ def _ticks(model: ArmModel, tick: Tick) -> str:
     choice = tick.simulator.choice
     units = ", ".join(dict.fromkeys(model.command_unit))
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
-    said = _TICKS.format(
+    text = _TICKS.format(
         dt=choice.dt, method=choice.method.name, control=control, units=units,
         states=tick.simulator.arm.plant.nx,
     )  # fmt: skip
-    said += _SERVO if "_sim_servo" in tick.declarations else ""
-    said += _SLOPES if tick.differentiable else "" if choice.tolerance is None else _NO_SLOPES
+    text += _SERVO if "_sim_servo" in tick.declarations else ""
+    text += _SLOPES if tick.differentiable else "" if choice.tolerance is None else _NO_SLOPES
     numbers = zip(tick.parameters, tick.simulator.arm.plant.parameters.nominal, strict=False)
     rows = [f"| `{name}` | {value:.17g} |\n" for name, value in numbers]
     if not rows:
-        return said
-    return f"{said}\n| parameter of `@NAME@_sim_set` | in the scene |\n|---|---|\n{''.join(rows)}"
+        return text
+    return f"{text}\n| parameter of `@NAME@_sim_set` | in the scene |\n|---|---|\n{''.join(rows)}"

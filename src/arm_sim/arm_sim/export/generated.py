@@ -60,9 +60,9 @@ def static_functions(functions: Sequence[ca.Function]) -> str:
     Required definitions: ``casadi_real`` and ``casadi_int``, and the elementary functions of
     ``codegen/native/scalar.h``.
     """
-    found = dict(_definitions(generate(functions)))
-    kept = _reachable(found, [function.name() for function in functions])
-    return "\n".join(_static(text) for name, text in found.items() if name in kept)
+    definitions = dict(_definitions(generate(functions)))
+    kept = _reachable(definitions, [function.name() for function in functions])
+    return "\n".join(_static(text) for name, text in definitions.items() if name in kept)
 
 
 def without_unused(source: str) -> str:
@@ -85,9 +85,9 @@ def prefixed(source: str, prefix: str) -> str:
     names |= set(_TYPE.findall(source)) | set(_DEFINED.findall(source))
     for enumerators in _ENUM.findall(source):
         names |= set(re.findall(r"\b[^\W\d]\w*", _COMMENT.sub("", enumerators)))
-    own = re.compile(rf"\b(?:{'|'.join(sorted(names))})\b")
+    own_name = re.compile(rf"\b(?:{'|'.join(sorted(names))})\b")
     pieces = _COMMENT.split(source)  # every other one is a comment
-    pieces[::2] = [own.sub(lambda word: prefix + word[0], code) for code in pieces[::2]]
+    pieces[::2] = [own_name.sub(lambda word: prefix + word[0], code) for code in pieces[::2]]
     return "".join(pieces)
 
 
@@ -103,18 +103,18 @@ class _Part:
 
 def _parts(source: str) -> list[_Part]:
     """All parts that may be left out, none inside another."""
-    found, end = list[_Part](), 0
+    parts, end = list[_Part](), 0
     matches = [
         (match, _NAME.findall(match[1].replace("__attribute__((", ""))[0])
         for match in _STATIC_FUNCTION.finditer(source)
     ]
     for pattern in (_STATIC_TABLE, _MACRO):
         matches += [(match, match[1]) for match in pattern.finditer(source)]
-    for match, name in sorted(matches, key=lambda one: one[0].start()):
+    for match, name in sorted(matches, key=lambda pair: pair[0].start()):
         if match.start() >= end:
             end = match.end()
-            found.append(_Part(name, match.start(), end, Counter(_words(match[0]))))
-    return found
+            parts.append(_Part(name, match.start(), end, Counter(_words(match[0]))))
+    return parts
 
 
 def _words(source: str) -> list[str]:
@@ -139,12 +139,12 @@ def _definitions(source: str) -> Iterator[tuple[str, str]]:
 
 def _reachable(definitions: Mapping[str, str], names: Sequence[str]) -> set[str]:
     """The definitions that some need, themselves included."""
-    found, left = set[str](), list(names)
+    reached, left = set[str](), list(names)
     while left:
-        if (name := left.pop()) not in found:
-            found.add(name)
+        if (name := left.pop()) not in reached:
+            reached.add(name)
             left += definitions.keys() & set(_WORD.findall(definitions[name]))
-    return found
+    return reached
 
 
 def _static(text: str) -> str:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,24 +15,36 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.figures import animation
+from arm_sim.recording.files.writer import check_folder
 from arm_sim.recording.motion import RecordedMotion
 
 
 def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: float) -> Any:
     """See ``Recording.animate``."""
     if path is not None and path.suffix != ".gif":
-        raise InvalidInput(f"'{path}': unknown format of films; allowed: .gif")
+        instead = f"animate().save('{path.name}') makes films of other formats, by ffmpeg"
+        raise InvalidInput(f"'{path}': unknown format of films; allowed: .gif; {instead}")
+    if path is not None:
+        check_folder(path)
     if not (rate > 0.0 and speed > 0.0):
         raise InvalidInput(f"rate = {rate}, speed = {speed}; allowed: more than 0")
     pace = max(round(100.0 / rate), 1) / 100.0  # [s], a GIF counts hundredths of a second
     time = np.arange(recording.time[0], recording.time[-1] + 1e-9, speed * pace)
     states = recording.q[np.searchsorted(recording.time, time - 1e-9)]
-    points = np.array([list(_sticks(recording.dynamics.model, q)) for q in states])
-    spread = np.nanmax(points, axis=(0, 1)) - np.nanmin(points, axis=(0, 1))
-    plane = np.sort(np.argsort(spread, kind="stable")[1:])
+    shapes = [_shapes(recording.dynamics.model, q) for q in states]
+    ground, arm, surfaces = map(np.array, zip(*shapes, strict=True))
+    points = np.hstack([ground, arm])
+    low, high = np.nanmin(points, axis=(0, 1)), np.nanmax(points, axis=(0, 1))
+    plane = np.sort(np.argsort(high - low, kind="stable")[1:])
+    middle, half = (low + high)[plane] / 2, 0.6 * max(high - low)
+    edges = [_edge(surfaces[:, i][..., plane], middle, half) for i in range(surfaces.shape[1])]
     film = animation(
-        time, [(points[..., plane], {"label": "arm"})], speed=speed, frames=len(time),
-        trail=(points[:, -2, plane], {"label": "path"}), axes="".join("xyz"[i] for i in plane),
+        time,
+        [(ground[..., plane], {"color": "0.6"}),
+         *((edge, {"color": "0.6", "marker": "", "label": "plane of contact"}) for edge in edges),
+         (arm[..., plane], {"label": "arm"})],
+        speed=speed, frames=len(time),
+        trail=(arm[:, -2, plane], {"label": "path"}), axes="".join("xyz"[i] for i in plane),
     )  # fmt: skip
     if path is not None:
         warn_if_replaced(path)
@@ -41,16 +52,34 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     return film
 
 
-def _sticks(model: ArmModel, q: Array) -> Iterator[Array]:
-    """For each joint its way from the one before, and to the end of a last body; then NaN."""
-    tree, data = model.pin, model.pin.createData()
+def _shapes(model: ArmModel, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
+    """Polylines of the ground and of the arm, and a point and the normal of each plane.
+
+    For each joint its way from the one before, and to the end of a last body; then NaN.
+    """
+    tree, data, gap = model.pin, model.pin.createData(), np.full(3, np.nan)
     pin.forwardKinematics(tree, data, model.configuration(q))
+    ground, arm = list[Array](), list[Array]()
     for joint in range(1, tree.njoints):
-        here = data.oMi[joint]
-        yield from (data.oMi[tree.parents[joint]].translation, here.translation)
+        here, parent = data.oMi[joint], tree.parents[joint]
+        (arm if parent else ground).extend([data.oMi[parent].translation, here.translation, gap])
         if joint not in tree.parents:
-            yield here.act(_end(model, joint))
-        yield np.full(3, np.nan)
+            arm += [here.translation, here.act(_end(model, joint)), gap]
+    surfaces = []
+    for surface in dict.fromkeys(contact.plane for _, contact in model.scene.contacts):
+        frame = model.frame(surface.frame)
+        place, normal = data.oMi[frame.parentJoint] * frame.placement, np.array(surface.normal)
+        across = place.rotation @ normal / np.linalg.norm(normal)
+        surfaces.append(np.array([place.act(np.array(surface.point)), across]))
+    return ground, arm, surfaces
+
+
+def _edge(surface: Array, middle: Array, half: float) -> Array:
+    """A plane, seen from its edge; NaN where it is seen otherwise."""
+    point, (x, z) = surface[:, 0], surface[:, 1].T
+    along = np.where(np.hypot(x, z) > 0.99, (-z, x), np.nan).T
+    near = point + along * ((middle - point) * along).sum(axis=1, keepdims=True)
+    return np.stack([near - half * along, near + half * along], axis=1)
 
 
 def _end(model: ArmModel, joint: int) -> Array:

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +142,3 @@ class Contents:
     def __len__(self) -> int:
         """Number of recorded states."""
         return len(self.time)
-
-    def fields(self) -> dict[str, Any]:
-        """Every attribute by its name."""
-        return {item.name: getattr(self, item.name) for item in fields(Contents)}

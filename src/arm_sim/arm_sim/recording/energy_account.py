@@ -146,7 +146,7 @@ class EnergyAccount:
         again = self._not_smooth(x) | self._not_smooth(after)
         flows = np.empty((len(u), 2))
         if again.any():
-            parts = self._made_again(x[again], u[again], p[again]).T
+            parts = self._repeated(x[again], u[again], p[again]).T
             supplied, lost, friction, outside, contacts, impacts = parts
             heat = lost + friction + contacts + impacts
             flows[again] = np.stack([supplied + outside, heat], axis=1)
@@ -174,7 +174,7 @@ class EnergyAccount:
 
         In [J], shape (k, 2); arguments as those of ``flows``.
         """
-        return self._made_again(x, u, p)[:, [5, 4]]
+        return self._repeated(x, u, p)[:, [5, 4]]
 
     def turnover(self, x: Array, after: Array, p: Array) -> float:
         """Largest kinetic energy that a change of the velocities in one tick moves, in [J].
@@ -193,7 +193,7 @@ class EnergyAccount:
         n = self._plant.model.n
         return np.split(x, (n, 2 * n), axis=1)
 
-    def _made_again(self, x: Array, u: Array, p: Array) -> Array:
+    def _repeated(self, x: Array, u: Array, p: Array) -> Array:
         """The energies of ``FLOWS``, and losses in impacts, of each tick, shape (k, 6)."""
         begin = np.hstack([x, np.zeros((len(x), len(FLOWS)))])
         after, lost = self._ledger.each(begin, u, p, ticks=1)

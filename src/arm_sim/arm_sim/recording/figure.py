@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import cycle, pairwise
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_sim.figures import COLORS, STYLE, WIDTH, joint_words, legend_outside, most_moved, units
+from arm_sim import figures
 from arm_sim.recording.motion import RecordedMotion
 
 QUANTITIES = {
@@ -22,8 +22,10 @@ QUANTITIES = {
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
-_APART = 5e-3  # of what a panel shows: curves that are closer to each other coincide
+_APART = 5e-3  # of the range of a panel: curves that are closer to each other coincide
 _ENERGY = "energy [J]"
+_ACCOUNT = ("T, kinetic", "V, potential", "T + V", "work", "heat", "residual")
+_ENERGY_COLORS = (*figures.COLORS[:2], "#000000", *figures.COLORS[2:])
 NO_WINDOW = "no window: Matplotlib has no display"
 LONG = 60_001  # rows up to which the energy account repeats ticks for curves
 
@@ -38,68 +40,74 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     from matplotlib import pyplot
 
     names, first = _joints(recordings, joints), recordings[0]
-    short, panels = joint_words(names), dict[str, list[list[_Curve]]]()
+    words, panels = figures.joint_words(names), dict[str, list[list[_Curve]]]()
+    drawn = [*zip(names, words, cycle(figures.COLORS), strict=False)]
     types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
     for part, (attribute, *unit) in QUANTITIES.items():
         arrays: list[Array] = [getattr(one, attribute) for one in recordings]
         if part == "position" or any(np.nan_to_num(array).any() for array in arrays):
-            panels[f"{part} [{units(types, *unit)}]"] = [
+            panels[f"{part} [{figures.units(types, *unit)}]"] = [
                 [
-                    (label, array[:, one.joint_names.index(name)], color)
-                    for name, label, color in zip(names, short, cycle(COLORS), strict=False)
+                    (word, array[:, one.joint_names.index(name)], color)
+                    for name, word, color in drawn
                 ]
                 for one, array in zip(recordings, arrays, strict=True)
             ]
-    if any(energies := [list(_energies(one)) for one in recordings]):
+    if any(energies := _energies(recordings)):
         panels[_ENERGY] = energies
-    with mpl.rc_context(STYLE):
+    pyplot.draw_if_interactive()  # loads the backend, which may set rcParams to stay
+    with mpl.rc_context(figures.STYLE | {"axes.xmargin": 0.0}):
         figure, axes = pyplot.subplots(
             len(panels), 1, sharex=True, squeeze=False, layout="constrained",
-            figsize=(WIDTH, 1.7 * len(panels) + 0.5),
+            figsize=(figures.WIDTH, 1.7 * len(panels) + 0.5),
         )  # fmt: skip
         for axis, (title, of_each) in zip(axes[:, 0], panels.items(), strict=True):
+            labelled = next(curves for curves in of_each if curves)
             for recording, curves, line in zip(recordings, of_each, cycle(_LINES), strict=False):
                 for label, values, color in curves:
                     curve = thinned(recording.time, values[:, None], _POINTS)
-                    axis.plot(*curve, line, color=color, label=label if line == "-" else None)
+                    shown = label if curves is labelled else None
+                    axis.plot(*curve, line, color=color, label=shown)
             axis.set_ylabel(title)
             _marks(axis, first)
+        for i, line in enumerate(_LINES[: len(recordings)] if len(recordings) > 1 else (), 1):
+            axes[0, 0].plot([], [], line, color="0.4", label=f"recording {i}")
         if _ENERGY in panels:
             axes[-1, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=6)
-        legend_outside(figure)
-        axes[-1, 0].set(xlabel="time [s]", xlim=first.time[[0, -1]] if len(first) > 1 else None)
+        figures.legend_outside(figure)
+        axes[-1, 0].set(xlabel="time [s]")
         figure.align_ylabels()
     if pyplot.get_backend().lower() == "agg":  # it would show nothing, without a word
         figure.canvas.manager.show = lambda: _log.warning(
             "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
         )
-    return figure
+    return figures.shown_once(figure, figure)
 
 
-def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[str]:
+def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> list[str]:
     """Joints to draw: the requested ones, else all that every recording has."""
     for other in recordings:
         if not isinstance(other, RecordedMotion):
             raise InvalidInput(f"plot: {other!r} is no recording; plot(joints=[…]) chooses joints")
         if not len(other):
             raise InvalidInput("plot: a recording without states has nothing to draw")
-    if isinstance(asked, str):
-        raise InvalidInput(f"joints = '{asked}'; a list of names is expected, ['{asked}']")
+    if isinstance(requested, str):
+        raise InvalidInput(f"joints = '{requested}'; a list of names is expected, ['{requested}']")
     shared = [
         name for name in recordings[0].joint_names
         if all(name in recording.joint_names for recording in recordings)
     ]  # fmt: skip
     if not shared:
-        told = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
-        raise InvalidInput(f"the recordings share no joint: {told}")
-    if unknown := [name for name in asked if name not in shared]:
+        joints = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
+        raise InvalidInput(f"the recordings share no joint: {joints}")
+    if unknown := [name for name in requested if name not in shared]:
         raise InvalidInput(
             f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
         )
-    if asked:
-        return list(asked)
+    if requested:
+        return list(requested)
     columns = [recordings[0].joint_names.index(name) for name in shared]
-    return [shared[i] for i in most_moved(recordings[0].q[:, columns])]
+    return [shared[i] for i in figures.most_moved(recordings[0].q[:, columns])]
 
 
 def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -128,29 +136,39 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
     return np.array(times), np.array(rows)
 
 
-def _energies(recording: RecordedMotion) -> Iterator[_Curve]:
-    """Energies with their colours: none that is zero, and one for all that coincide."""
+def _energies(recordings: Sequence[RecordedMotion]) -> list[list[_Curve]]:
+    """Energies of each: none that is zero in all, and one for those that coincide in all.
+
+    Potential energies are counted from the least of all recordings.
+    """
+    accounts = [_account(one) for one in recordings]
+    if not (known := [account for account in accounts if len(account)]):
+        return []
+    least, count = min(account[1].min() for account in known), min(map(len, known))
+    for account in known:
+        account[1:3] -= least
+    whole = np.hstack([account[:count] for account in known])
+    apart = _APART * np.ptp(whole, axis=1).max()
+    rest = [i for i in range(count) if abs(whole[i]).max() > apart]
+    of_each: list[list[_Curve]] = [[] for _ in accounts]
+    while rest:
+        alike = [i for i in rest if abs(whole[i] - whole[rest[0]]).max() <= apart]
+        label, color = " = ".join(_ACCOUNT[i] for i in alike), _ENERGY_COLORS[rest[0]]
+        for curves, account in zip(of_each, accounts, strict=True):
+            curves += [(label, values, color) for values in account[rest[0] : rest[0] + 1]]
+        rest = [i for i in rest if i not in alike]
+    return of_each
+
+
+def _account(recording: RecordedMotion) -> Array:
+    """Rows of ``_ACCOUNT``, work and heat if they are cheap to compute; none if unknown."""
     if recording.of_robot or recording.origin is None:
-        return
-    curves, colors = _account(recording), (*COLORS[:2], "#000000", *COLORS[2:])
-    apart = _APART * max((np.ptp(values) for _, values in curves if len(values)), default=0.0)
-    rest = [(*curve, color) for curve, color in zip(curves, colors, strict=False)]
-    while rest := [one for one in rest if abs(one[1]).max(initial=0.0) > apart]:
-        alike = [one for one in rest if abs(one[1] - rest[0][1]).max() <= apart]
-        yield " = ".join(label for label, _, _ in alike), rest[0][1], rest[0][2]
-        rest = [one for one in rest[1:] if abs(one[1] - alike[0][1]).max() > apart]
-
-
-def _account(recording: RecordedMotion) -> list[tuple[str, Array]]:
-    """Energies, that of rest from its least; work and heat, if they are cheap to compute."""
+        return np.empty((0, len(recording)))
     rest = recording.energy - recording.kinetic
-    rest = rest - rest.min(initial=np.inf)
-    found = [("T, kinetic", recording.kinetic), ("V, potential", rest),
-             ("T + V", recording.kinetic + rest)]  # fmt: skip
-    if recording.account.makes_ticks_again(recording.x) and len(recording) > LONG:
-        return found
-    return [*found, ("work", recording.supplied), ("heat", recording.lost),
-            ("residual", recording.balance)]  # fmt: skip
+    rows = [recording.kinetic, rest, recording.kinetic + rest]
+    if not recording.account.makes_ticks_again(recording.x) or len(recording) <= LONG:
+        rows += [recording.supplied, recording.lost, recording.balance]
+    return np.array(rows)
 
 
 def _marks(axis: Any, recording: RecordedMotion) -> None:

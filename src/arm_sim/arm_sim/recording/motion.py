@@ -53,27 +53,27 @@ class RecordedMotion(Contents):
     @property
     def plant(self) -> Plant:
         """The scene's equation of motion."""
-        return self._known.plant
+        return self._physics.plant
 
     @property
     def account(self) -> EnergyAccount:
         """Computes the energy account on demand."""
-        return self._known.energy_account
+        return self._physics.energy_account
 
     @property
     def dynamics(self) -> Dynamics:
         """The arm's dynamics at the end of the run."""
-        return self._known.present.tuned(self.p[-1])
+        return self._physics.present.tuned(self.p[-1])
 
     @property
-    def _known(self) -> Physics:
+    def _physics(self) -> Physics:
         if self.physics is None:
             raise InvalidInput(
                 "the recording has no scene, which this needs; load it with one: "
                 "Recording.load(path, scene=…)"
             )
-        known: Physics = self.physics
-        return known
+        physics: Physics = self.physics
+        return physics
 
     # --- derived quantities --------------------------------------------------------------------
 
@@ -169,8 +169,8 @@ class RecordedMotion(Contents):
         """
         changed = self.energy - self._energy_before
         if self.hold is not None:  # brakes absorb the kinetic energy
-            taken = self.hold[:-1] == BRAKES
-            changed[1:][taken] += (self._energy_before[1:] - self.energy[:-1])[taken]
+            braked = self.hold[:-1] == BRAKES
+            changed[1:][braked] += (self._energy_before[1:] - self.energy[:-1])[braked]
         return np.cumsum(changed)
 
     @cached_property
@@ -207,7 +207,7 @@ class RecordedMotion(Contents):
         steps = np.diff(self.time) / self.account.choice.dt
         if np.delete(abs(steps - 1.0) > 1e-6, [row - 1 for row in self.gaps]).any():
             raise InvalidInput("part of a recording: its error is not known, but that of all is")
-        return self._known.witness.run(self, self._control)
+        return self._physics.witness.run(self, self._control)
 
     @cached_property
     def _control(self) -> Control | None:
@@ -269,7 +269,7 @@ class RecordedMotion(Contents):
         run = self.second_run
         if run.how == WINDOWS:
             return 1.0
-        nudged = self._known.witness.run(self, self._control, NUDGE)
+        nudged = self._physics.witness.run(self, self._control, NUDGE)
         n = len(self.joint_names)
         return float(np.nanmax(abs(nudged.x - run.x)[: row + 1, :n], initial=0.0) / NUDGE)
 
@@ -281,21 +281,22 @@ class RecordedMotion(Contents):
         Args:
             rows: Indices of the states, shape (k,), or a mask of all of them.
         """
-        here = np.asarray(rows if np.size(rows) else np.zeros(0, dtype=int))
-        count, mask = len(self.time), here.dtype == bool
-        if here.dtype.kind not in "iub" or here.ndim != 1 or (mask and len(here) != count):
+        selection = np.asarray(rows if np.size(rows) else np.zeros(0, dtype=int))
+        count, mask = len(self.time), selection.dtype == bool
+        valid = selection.ndim == 1 and selection.dtype.kind in "iub"
+        if not valid or (mask and len(selection) != count):
             raise InvalidInput(f"rows = {rows!r}; indices or a mask of {count} are expected")
-        ends = np.flatnonzero(here) if mask else here
-        if len(ends) and not -count <= ends.min() <= ends.max() < count:
+        indices = np.flatnonzero(selection) if mask else selection
+        if len(indices) and not -count <= indices.min() <= indices.max() < count:
             raise InvalidInput(
-                f"rows from {ends.min()} to {ends.max()}; the recording has {count} states"
+                f"rows from {indices.min()} to {indices.max()}; the recording has {count} states"
             )
-        states = ("time", "q", "v", "z", "command", "local_error", "time_stepped", "p")
-        chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
-        hold = None if self.hold is None else self.hold[here]
-        seen = self.measured
-        measured = seen and Measured.of(np.hstack([seen.q, seen.v, seen.effort])[here])
-        return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=measured)
+        names = ("time", "q", "v", "z", "command", "local_error", "time_stepped", "p")
+        arrays: dict[str, Any] = {name: read_only(getattr(self, name)[indices]) for name in names}
+        hold = None if self.hold is None else self.hold[indices]
+        x = self.measured
+        measured = x and Measured.of(np.hstack([x.q, x.v, x.effort])[indices])
+        return replace(self, **arrays, hold=hold, jumps=(), gaps=(), measured=measured)
 
     @cached_property
     def _flows(self) -> Array:

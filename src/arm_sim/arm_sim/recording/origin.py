@@ -90,6 +90,6 @@ class Origin:
                 f"{', '.join(METHODS)} and a time above zero"
             )
         head = "version of "
-        told = {k.removeprefix(head): v for k, v in about.items() if k.startswith(head)}
+        versions = {k.removeprefix(head): v for k, v in about.items() if k.startswith(head)}
         given = about.get("commands") == GIVEN
-        return cls(scene, integrator, dt, precise, about.get("source", ""), given, told)
+        return cls(scene, integrator, dt, precise, about.get("source", ""), given, versions)

@@ -56,10 +56,9 @@ class Recording(RecordedMotion):
         """Read a recording: one of ours, a bag of a robot, or a table.
 
         Args:
-            path: A file of ``save``, or of before (``.npz``); a bag of ROS 2 (``.mcap``, ``.db3``
-                or a folder of them) with joint states; or a ``.csv`` with columns ``time`` and
-                ``position.NAME``, ``velocity.NAME``, ``effort.NAME``, or from ``ros2 topic echo
-                --csv``.
+            path: A file of ``save``; a bag of ROS 2 (``.mcap``, ``.db3`` or a folder of them) with
+                joint states; or a ``.csv`` with columns ``time`` and ``position.NAME``,
+                ``velocity.NAME``, ``effort.NAME``, or from ``ros2 topic echo --csv``.
             scene: For a recording without one: anything ``load_scene`` accepts.
             topic: Topic of the joint states, if a bag has several.
 
@@ -73,7 +72,7 @@ class Recording(RecordedMotion):
 
         contents = files.load(path, topic)
         physics = None if contents.origin is None else Physics(contents.origin)
-        loaded = cls(**contents.fields(), physics=physics)
+        loaded = cls(**vars(contents), physics=physics)
         return loaded if scene is None else loaded.of(scene)
 
     def of(self, scene: Any) -> Self:
@@ -117,17 +116,17 @@ class Recording(RecordedMotion):
         parts = {"position": self.q, "velocity": self.v, "effort": self.tau}
         if not self.of_robot and self.plant.torques is not None:
             parts["command"] = self.command
-        found = {"time": self.time}
+        columns = {"time": self.time}
         for part, array in parts.items():
-            found |= {f"{part}.{name}": array[:, i] for i, name in enumerate(self.joint_names)}
+            columns |= {f"{part}.{name}": array[:, i] for i, name in enumerate(self.joint_names)}
         laws = self.plant.laws.names if self.z.shape[1] else ()
-        return found | {f"state.{name}": self.z[:, i] for i, name in enumerate(laws)}
+        return columns | {f"state.{name}": self.z[:, i] for i, name in enumerate(laws)}
 
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
         """Draw positions, velocities, torques and energies, unless they are zero all the time.
 
-        The potential energy is drawn from its least value; work and heat are those of the energy
-        balance.
+        Potential energies are counted from the least of all recordings; work and heat are those of
+        the energy balance.
 
         Args:
             *others: Recordings to draw over this one, dashed.
@@ -173,16 +172,16 @@ class Recording(RecordedMotion):
         raise not_copied(self, "save(path) and Recording.load(path) pass it on")
 
     def __repr__(self) -> str:
-        """A summary: duration, origin, events, and the verdict, if it has been asked for."""
+        """A summary: duration, origin, events, and the verdict, if it is computed."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
         lines = [f"{max(len(self) - 1, 0)} time steps, {span}", joints, *self._origin_texts()]
-        for count, what in (
-            (len(self.jumps), "changes between time steps"), (len(self.events), "events"),
-            (len(self.gaps), "gaps: time steps are missing"),
+        for items, name in (
+            (self.jumps, "changes between time steps"), (self.events, "events"),
+            (self.gaps, "gaps: time steps are missing"),
         ):  # fmt: skip
-            if count:
-                lines.append(f"{count} {what}")
+            if items:
+                lines.append(f"{len(items)} {name}")
         lines += [event.text for event in self.events if event.text.startswith("file: ")]
         return "<Recording: " + "\n  ".join(lines) + ">"
 
@@ -196,5 +195,5 @@ class Recording(RecordedMotion):
         control = "" if origin.tolerance is None else f", tolerance {origin.tolerance:g}"
         source = f" of {origin.source}" if origin.source else ""
         method = f"{origin.integrator}, dt {origin.dt:g} s{control}{source}"
-        known = "second_run" in vars(self)
-        return [method, self.verdict if known else "not checked yet: trusted does it"]
+        checked = "second_run" in vars(self)
+        return [method, self.verdict if checked else "not checked yet: trusted does it"]

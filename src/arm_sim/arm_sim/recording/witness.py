@@ -106,20 +106,21 @@ class Witness:
             control: The controller, if it can be evaluated again.
             nudge: Added to the position of every joint at the start in [rad] or [m].
         """
-        given = motion.origin is not None and motion.origin.given
-        how = CLOSED if control else WHOLE if given else WINDOWS
+        commands_given = motion.origin is not None and motion.origin.given
+        open_loop = WHOLE if commands_given else WINDOWS
+        how = CLOSED if control else open_loop
         step = max(1, round(WINDOW / self._first.dt)) if how == WINDOWS else CHUNK
         n, x, ended, stepper = len(motion.joint_names), motion.x, motion.ended, self.stepper
         there, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))
-        placed = (x != ended).any(axis=1)  # states that were set, rather than reached
-        placed[[0, *motion.gaps]] = True
+        was_set = (x != ended).any(axis=1)  # states that were not reached by a tick
+        was_set[[0, *motion.gaps]] = True
         there[0], free = x[0], _free(motion)
         there[0, :n] += nudge
         stepper.restart()
         spans = list(_spans(motion, step))[::-1]
         while spans:
             row, end = spans.pop()
-            if placed[row]:
+            if was_set[row]:
                 state, error = x[row] if row else there[0], np.zeros(2 * n)
             elif how == WINDOWS or not free[row - 1]:
                 off = abs(there[row] - ended[row])[: 2 * n]
@@ -130,13 +131,13 @@ class Witness:
                 continue
             stepper.p[:], state = motion.p[row], state.copy()
             if control is None:
-                done = _under(stepper, state, motion.command[row:end], out)
+                ticks = _under(stepper, state, motion.command[row:end], out)
             else:
-                done = _controlled(stepper, state, control, row, motion.command.shape[1], out)
+                ticks = _controlled(stepper, state, control, row, motion.command.shape[1], out)
             if how == WINDOWS and end - row > 1 and self._separate(ended[row + 1 : end + 1], out):
                 middle = (row + end) // 2
                 spans += [(middle, end), (row, middle)]
-            elif done < end - row and how != WINDOWS:
+            elif ticks < end - row and how != WINDOWS:
                 break
         choice = self.choice
         means = (
@@ -169,9 +170,10 @@ def _under(stepper: Stepper, state: Array, commands: Array, out: Array) -> int:
     """Advance in place under commands, and write the states after them; return their number."""
     rows = np.repeat(commands, FINER, axis=0)
     trace = np.empty((len(rows), len(state)))
-    done = stepper.roll(state, rows, trace, np.empty_like(rows), np.empty((len(rows), 2))) // FINER
-    out[:done] = trace[FINER - 1 : done * FINER : FINER]
-    return done
+    steps = stepper.roll(state, rows, trace, np.empty_like(rows), np.empty((len(rows), 2)))
+    ticks = steps // FINER
+    out[:ticks] = trace[FINER - 1 : ticks * FINER : FINER]
+    return ticks
 
 
 def _controlled(
@@ -209,12 +211,14 @@ def doubt(
         return ""
     row = int(beyond.argmax())
     column = int(size[row].argmax())
-    what = f"joint '{motion.joint_names[column % n]}' at {motion.time[row]:.6g} s"
+    place = f"joint '{motion.joint_names[column % n]}' at {motion.time[row]:.6g} s"
     if np.isinf(error[row, column]):
-        return f"not trustworthy: {what}: a second run ({run.means}) cannot be computed from there"
+        return (
+            f"not trustworthy: {place}: a second run ({run.means}) cannot be computed from there"
+        )
     quantity = "speed" if column >= n else "position"
     text = (
-        f"not trustworthy: {quantity} of {what} is off by {size[row, column]:.1e} of 1 + |x|, "
+        f"not trustworthy: {quantity} of {place} is off by {size[row, column]:.1e} of 1 + |x|, "
         f"allowed {allowed[row]:.1e}, by a second run {run.how} ({run.means})"
     )
     stepped = int(motion.time_stepped[row] - motion.time_stepped[0])

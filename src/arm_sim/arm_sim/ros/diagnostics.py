@@ -67,8 +67,8 @@ class SimDiagnostics:
             "driven by": params.tick_source,
             "messages": "in C", "ticks made": "in C",
         }  # fmt: skip
-        self.growth.warn(finding, report.missed, "time steps began after the next one was due")
-        self.growth.warn(finding, report.dropped, "dropped")
+        self.growth.warn(finding, report.missed, "time step", "began after the next one was due")
+        self.growth.warn(finding, report.dropped, "time step", "dropped")
         for refusal in self.refused_privileges:
             finding.add(WARN, refusal)
         return finding
@@ -95,11 +95,11 @@ class SimDiagnostics:
             finding.add(WARN, f"commands stopped: {in_force(policy)}")
         elif stopped:
             finding.add(WARN, "commands stopped, and have resumed")
-        late = "time steps with an old command: the middleware has to catch up"
-        self.growth.warn(finding, slot.extended, late)
+        late = "with an old command: the middleware has to catch up"
+        self.growth.warn(finding, slot.extended, "time step", late)
         finding.add(WARN, self.lateness.message)
-        self.growth.warn(finding, inputs.refused, "commands ignored")
-        self.growth.warn(finding, inputs.refused_wrenches, "wrenches ignored")
+        self.growth.warn(finding, inputs.refused, "command", "ignored")
+        self.growth.warn(finding, inputs.refused_wrenches, "wrench message", "ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
             finding.add(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
@@ -123,8 +123,8 @@ class SimDiagnostics:
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
-        piled_up = "time steps were of first order: too many events"
-        self.growth.warn(finding, state.time_stepped, piled_up)
+        piled_up = "of first order: too many events"
+        self.growth.warn(finding, state.time_stepped, "time step", piled_up)
         if self.outputs.clock is not None:
             finding.add(ERROR, self.outputs.clock.alarm.message)
         finding.add(ERROR, self.rivals.alarm.message)
@@ -144,9 +144,8 @@ class SimDiagnostics:
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
             "messages lost": thread.lost, "written [B]": thread.written,
         }  # fmt: skip
-        for count, item in ((recorder.lost, "ticks"), (thread.lost, "ticks and messages")):
-            if growth := self.growth.of(item, count):
-                finding.add(WARN, f"{growth} {item} are not in the recording: {thread.trouble}")
+        for count, item in ((recorder.lost, "time step"), (thread.lost, "message")):
+            self.growth.warn(finding, count, item, f"not in the recording: {thread.trouble}")
         finding.add(ERROR, thread.failure)
         return finding
 
@@ -156,7 +155,7 @@ class SimDiagnostics:
             "asked again": lockstep.repeated, "ignored": lockstep.waiting.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        self.growth.warn(finding, lockstep.repeated, "states had to be published again")
+        self.growth.warn(finding, lockstep.repeated, "state", "published again")
         if lockstep.gone:
             finding.add(ERROR, "the partner does not answer; time stands still")
         return finding

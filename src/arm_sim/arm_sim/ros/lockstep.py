@@ -40,7 +40,8 @@ class Lockstep:
     ) -> None:
         """Subscribe to commands, and monitor the partner by a timer."""
         self._engine, self._inputs, self._outputs = engine, inputs, outputs
-        self._log = node.get_logger()
+        self._node, self._log = node, node.get_logger()
+        self._yielding = False
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
         self._period = 0.5 * params.lockstep_retry
@@ -64,17 +65,26 @@ class Lockstep:
     def on_command(self, raw: bytes) -> None:
         """Process a command, and those that arrive soon after it, for at most ``_STRETCH``.
 
-        Sleeping and waking up takes longer than most answers.
+        Sleeping and waking up takes longer than most answers. For every command that C reads, the
+        events executor still has a call queued ahead of new requests: until these are over,
+        commands are processed one by one.
         """
         engine, arm = self._engine, self._engine.simulator.arm
-        self.waiting.end = time.monotonic_ns() + _STRETCH
+        self.waiting.end = 0 if self._yielding else time.monotonic_ns() + _STRETCH
         stamp, before = self._inputs.on_joint_commands(raw, time.time_ns()), arm.step_count
         engine.run(library().in_lockstep, byref(self.waiting), -1 if stamp is None else stamp)
         if engine.paused:
             self.wait()
+        executor = self._node.executor
+        if not self._yielding and executor is not None and arm.step_count - before > 1:
+            self._yielding = True
+            executor.create_task(self._go_on)
         if self.gone and arm.step_count != before:
             self.gone = False
             self._log.info("the partner answers again")
+
+    def _go_on(self) -> None:
+        self._yielding = False
 
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""

@@ -62,11 +62,11 @@ class Driver:
 
     Attributes:
         make: Makes those of a trace; returns the control by row, if a second run can repeat it.
-        given: Whether the commands are known in advance.
+        open_loop: Whether the commands are known in advance.
     """
 
     make: Callable[[Trace], Again | None]
-    given: bool
+    open_loop: bool
 
 
 class _Derivative[**P, R]:
@@ -79,10 +79,10 @@ class _Derivative[**P, R]:
         self._method = method
 
     def __get__(self, simulator: Simulator | None, owner: type[Simulator]) -> Callable[P, R]:
-        made: Any = self._method()
+        function: Any = self._method()
         if simulator is not None:
-            made = MethodType(with_arguments(made), simulator.arm.compiled.derivatives)
-        method: Callable[P, R] = made
+            function = MethodType(with_arguments(function), simulator.arm.compiled.derivatives)
+        method: Callable[P, R] = function
         return method
 
 
@@ -121,7 +121,7 @@ class Simulator:
     _instead = {
         "dt timestep integrator method tolerance choice": "build another Simulator(scene, dt=…, "
         "integrator=…, tolerance=…)",
-        "q v z x state position velocity qpos qvel": "set_state(q=…, v=…) or reset(q=…, v=…)",
+        "q v z x q0 v0 state position velocity qpos": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
         "tau effort torque command control": "step(tau), or run(duration, control)",
         "gravity mass payload payloads friction damping viscous coulomb external": "set_parameter("
@@ -330,20 +330,20 @@ class Simulator:
             for at in range(0, max(ticks, 1), TICKS_PER_PART):
                 trace = Trace(self.arm, min(TICKS_PER_PART, ticks - at), progress, at)
                 try:
-                    made = self._advance(driver, trace)
+                    part = self._advance(driver, trace)
                 except (KeyboardInterrupt, SimulationDiverged) as stop:
                     until: Recording = vars(stop)["recording"]
                     stream.append(until, until.tau)
                     raise
-                stream.append(made, made.tau)
+                stream.append(part, part.tau)
         return stream.path
 
     def _advance(self, driver: Driver, trace: Trace) -> Recording:
         """The motion of a trace; what breaks it off has that until then, as ``recording``."""
         try:
-            recording = trace.recording(driver.given, driver.make(trace))
+            recording = trace.recording(driver.open_loop, driver.make(trace))
         except KeyboardInterrupt as stop:
-            vars(stop)["recording"] = trace.recording(driver.given)
+            vars(stop)["recording"] = trace.recording(driver.open_loop)
             raise
         if trace.done < trace.ticks:
             diverged = self.arm.diverged()
@@ -363,15 +363,15 @@ class Simulator:
                     "'sensors' or 'commands'; allowed: a controller that is a function of the "
                     "state"
                 )
-            return Driver(partial(self._run_compiled, control), given=False)
+            return Driver(partial(self._run_compiled, control), open_loop=False)
         if isinstance(control, JointCommand):
             commands = control.rows(ticks, self.n, self.dt)
-            return Driver(partial(self._run_function, lambda _: next(commands)), given=False)
+            return Driver(partial(self._run_function, lambda _: next(commands)), open_loop=False)
         if callable(control):
-            return Driver(partial(self._run_function, function_of_state(control)), given=False)
+            return Driver(partial(self._run_function, function_of_state(control)), open_loop=False)
         table = torque_table(control, ticks, self.joint_names, self.dt)
-        given = not gravity_compensated(self.model.scene)
-        return Driver(partial(self._run_table, table), given)
+        open_loop = not gravity_compensated(self.model.scene)
+        return Driver(partial(self._run_table, table), open_loop)
 
     def _run_compiled(self, control: CompiledControl, trace: Trace) -> Again:
         """Its ticks; returns the controller by row, for a second run."""

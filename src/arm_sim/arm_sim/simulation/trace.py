@@ -112,11 +112,11 @@ class Trace:
         if self._arm.x.tobytes() != self._x[row].tobytes():
             self.end(row)
 
-    def recording(self, given: bool, control: Control | None = None) -> Recording:
+    def recording(self, open_loop: bool, control: Control | None = None) -> Recording:
         """The motion over the ticks that were made.
 
         Args:
-            given: Whether their commands were given in advance.
+            open_loop: Whether their commands were given in advance.
             control: The controller, if it can be evaluated again.
         """
         arm, changes, command, done = self._arm, self._changes, self._command, self.done
@@ -124,7 +124,7 @@ class Trace:
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
         n, measured = arm.n, self._measured
-        origin = replace(arm.origin, given=given)
+        origin = replace(arm.origin, given=open_loop)
         return Recording(
             time=time, q=x[:, :n], v=x[:, n : 2 * n], z=x[:, 2 * n :], command=command,
             local_error=notes[:, 0], time_stepped=notes[:, 1], joint_names=arm.joint_names,

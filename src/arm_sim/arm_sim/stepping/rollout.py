@@ -174,7 +174,8 @@ class Rollouts:
         array = np.ascontiguousarray(real_array(name, values))
         if array.shape not in ((n,), (arms, n), (arms, steps, n)):
             allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
-            raise InvalidInput(f"{name} has shape {array.shape}; expected {allowed}")
+            axis = f"; {name}[None] adds an axis of arms" * (array.shape == (steps, n))
+            raise InvalidInput(f"{name} has shape {array.shape}; expected {allowed}{axis}")
         if not all_finite(array):
             raise InvalidInput(f"{name} has values that are not finite; finite ones are expected")
         if not array.size:  # of no ticks: nothing acts

@@ -7,7 +7,7 @@ import html
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,71 +20,82 @@ if TYPE_CHECKING:
     import viser
 
 POINTS = 1200  # points of a curve
-FLAT = 1e-9  # what is not told from zero, relative to 1 or to the largest value
+FLAT = 1e-9  # values that count as zero, relative to 1 or to the largest value
 WIDTH = 380  # size of the panel in pixels
 
+ROLLING = {"energies": "energy [J]", "error": "error [rad]", "torque": "torque [N m]"}
+"""Titles of rolling plots by field of a sample, in their order: energies are never all zero."""
 
-class Charts:
-    """Tabs with curves, of these names by title of a plot, in a panel of the page."""
 
-    def __init__(self, server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> None:
-        self._panel = panel = server.gui.add_panel()
-        self._names, self._handles = names, dict[str, tuple[Any, Any]]()
-        self._curves = dict[str, tuple[Array, Array]]()
-        for title, curves in names.items():
-            hidden = {"label": "", "width": 0, "points": {"show": False}}
-            series = [
-                {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
-                 "points": {"show": False}}
-                for i, name in enumerate(curves)
-            ]  # fmt: skip
-            with panel.add_tab(title):
-                plot = server.gui.add_uplot(
-                    tuple(np.zeros(0) for _ in range(len(curves) + 2)),
-                    ({"label": "t"}, *series, hidden),
-                    scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
-                    axes=({"label": "time [s]"}, {"label": title}),
-                    legend={"show": False}, aspect=1.25, padding=(12, 16, 0, 0),
-                )  # fmt: skip
-                self._handles[title] = plot, server.gui.add_html("")
-            self.draw(title, np.zeros(0), np.zeros((0, len(curves))))
-        panel.dock_left()
-        panel.set_width(WIDTH)
-        server.on_client_connect(self._welcome)
+class Sample(NamedTuple):
+    """Values of an arm at one time; NaN where they are unknown."""
 
-    def draw(self, title: str, time: Array, values: Array) -> None:
+    torque: Array  # in [N m] or [N], shape (n,)
+    error: Array  # from the reference in [rad] or [m], shape (n,)
+    energies: Array  # in [J]
+
+
+class Chart:
+    """A plot of curves of these names, and a legend with their values, on a tab of the page."""
+
+    def __init__(self, gui: viser.GuiApi, title: str, names: Sequence[str]) -> None:
+        hidden = {"label": "", "width": 0, "points": {"show": False}}
+        series = [
+            {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
+             "points": {"show": False}}
+            for i, name in enumerate(names)
+        ]  # fmt: skip
+        self.names = names
+        self.plot = gui.add_uplot(
+            tuple(np.zeros(0) for _ in range(len(names) + 2)), ({"label": "t"}, *series, hidden),
+            scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
+            axes=({"label": "time [s]"}, {"label": title}),
+            legend={"show": False}, aspect=1.25, padding=(12, 16, 0, 0),
+        )  # fmt: skip
+        self.legend = gui.add_html("")
+        self.draw(np.zeros(0), np.zeros((0, len(names))))
+
+    def draw(self, time: Array, values: Array) -> None:
         """Draw curves, values of shape (k, curves); the legend has their last values."""
-        self._curves[title] = time, values
-        self._handles[title][0].data = _columns(time, values)
-        self._read(title, len(time) - 1)
+        self.time, self.values = time, values
+        self.plot.data = _columns(time, values)
+        self.read(np.inf)
 
     def read(self, time: float) -> None:
-        """Show the values at a time in [s] in the legends."""
-        for title, (times, _) in self._curves.items():
-            self._read(title, int(np.searchsorted(times, time + 1e-9)) - 1)
+        """Show the values at a time in [s] in the legend, the first ones before all."""
+        row = max(int(np.searchsorted(self.time, time + 1e-9)) - 1, 0)
+        values = self.values[row] if len(self.time) else np.full(len(self.names), np.nan)
+        text = legend(self.names, values)
+        if self.legend.content != text:
+            self.legend.content = text
 
-    def _read(self, title: str, row: int) -> None:
-        """Write the legend of a plot, with the values of a row, or without, if there is none."""
-        time, values = self._curves[title]
-        shown = values[max(row, 0)] if len(time) else np.full(len(self._names[title]), np.nan)
-        text, handle = legend(self._names[title], shown), self._handles[title][1]
-        if handle.content != text:
-            handle.content = text
 
-    async def _welcome(self, client: viser.ClientHandle) -> None:
+def add_charts(server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> dict[str, Chart]:
+    """Add a panel with charts, whose curves have these names by title."""
+    panel, charts = server.gui.add_panel(), dict[str, Chart]()
+    for title, curves in names.items():
+        with panel.add_tab(title):
+            charts[title] = Chart(server.gui, title, curves)
+    panel.dock_left()
+    panel.set_width(WIDTH)
+
+    async def welcome(client: viser.ClientHandle) -> None:
         """Fold the plots away for a visitor whose picture they leave too narrow."""
         folded = False
 
-        async def look(_: object = None) -> None:
+        async def fold_if_narrow(_: object = None) -> None:
             nonlocal folded
             if client.camera.aspect < TALL and not folded:
                 folded = True
-                panel = client.gui.main_panel  # commands of a client, for a panel that all have
-                panel._placement_uuid = self._panel._placement_uuid
-                panel.minimize()
+                own = client.gui.main_panel  # commands of a client, for a panel that all have
+                own._placement_uuid = panel._placement_uuid
+                own.minimize()
 
-        client.camera.on_update(look)
-        await look()
+        client.camera.on_update(fold_if_narrow)
+        await fold_if_narrow()
+
+    server.on_client_connect(welcome)
+    return charts
 
 
 class RollingCharts:
@@ -94,40 +105,41 @@ class RollingCharts:
         self, server: viser.ViserServer, joints: Mapping[str, Sequence[str]],
         energies: Sequence[str], memory: float, sampled: float,
     ) -> None:  # fmt: skip
-        self._sampled, self._drawn = sampled, 0.0
-        self._samples: dict[str, deque[tuple[float, Sequence[Array]]]] = {
+        self._sampled, self._last_draw = sampled, 0.0
+        self._samples: dict[str, deque[tuple[float, Sample]]] = {
             arm: deque(maxlen=round(memory / sampled)) for arm in joints
         }
-        self._titles: dict[str, dict[str, Sequence[str]]] = {}
+        curves = {}
         for arm, names in joints.items():
-            of = f"{arm}: " if len(joints) > 1 else ""
-            self._titles[arm] = {
-                f"{of}torque [N m]": names, f"{of}error [rad]": names, f"{of}energy [J]": energies
-            }  # fmt: skip
-        tabs = [x for each in self._titles.values() for x in each.items()]
-        self._charts = Charts(server, dict(sorted(tabs)))  # energy first, which is never flat
+            for field in ROLLING:
+                curves[self._title(arm, field)] = energies if field == "energies" else names
+        self._charts = add_charts(server, curves)
 
-    def add(self, arm: str, time: float, values: Callable[[], Sequence[Array]]) -> None:
-        """Add what ``values`` returns for each plot, if the last point is old enough."""
+    def _title(self, arm: str, field: str) -> str:
+        return f"{arm}: {ROLLING[field]}" if len(self._samples) > 1 else ROLLING[field]
+
+    def add(self, arm: str, time: float, sample: Callable[[], Sample]) -> None:
+        """Add the sample that a function returns, if the last one is old enough."""
         samples = self._samples[arm]
         if not samples or time - samples[-1][0] >= self._sampled - 1e-9:
-            samples.append((time, values()))
+            samples.append((time, sample()))
 
     def clear(self, arm: str) -> None:
         """Restart the plots of an arm."""
         self._samples[arm].clear()
 
     def draw(self, pause: float = 0.0) -> bool:
-        """Draw what is known, unless it was drawn less than ``pause`` ago, in [s]."""
-        if monotonic() - self._drawn < pause:
+        """Draw all samples, unless they were drawn less than ``pause`` ago, in [s]."""
+        if monotonic() - self._last_draw < pause:
             return False
-        self._drawn = monotonic()
-        for arm, titles in self._titles.items():
-            for i, (title, names) in enumerate(titles.items()):
-                rows = [(time, *values[i]) for time, values in self._samples[arm]]
-                table = np.array(rows).reshape(-1, 1 + len(names))
-                known = table[np.isfinite(table[:, 1:]).any(axis=1)]
-                self._charts.draw(title, known[:, 0], known[:, 1:])
+        self._last_draw = monotonic()
+        for arm, samples in self._samples.items():
+            for field in ROLLING:
+                chart = self._charts[self._title(arm, field)]
+                rows = [(time, *getattr(sample, field)) for time, sample in samples]
+                table = np.array(rows).reshape(-1, 1 + len(chart.names))
+                finite = table[np.isfinite(table[:, 1:]).any(axis=1)]
+                chart.draw(finite[:, 0], finite[:, 1:])
         return True
 
 
@@ -137,7 +149,7 @@ def legend(names: Sequence[str], values: Array) -> str:
     rows = [
         f'<span style="color:{COLORS[i % len(COLORS)]}">&#9632;</span>'
         f"<span>{html.escape(name)}</span>"
-        f'<span style="text-align:right">{_number(value, FLAT * largest)}</span>'
+        f'<span style="text-align:right">{_number(value, zero=FLAT * largest)}</span>'
         for i, (name, value) in enumerate(zip(names, values.tolist(), strict=True))
     ]
     grid = "display:grid;grid-template-columns:1em 1fr auto;gap:0 0.5em"
@@ -147,10 +159,10 @@ def legend(names: Sequence[str], values: Array) -> str:
     )
 
 
-def _number(value: float, nothing: float) -> str:
+def _number(value: float, zero: float) -> str:
     if not np.isfinite(value):
         return "–"
-    return f"{value:.4g}" if abs(value) > nothing else "0"
+    return f"{value:.4g}" if abs(value) > zero else "0"
 
 
 def _columns(time: Array, values: Array) -> tuple[Array, ...]:
@@ -159,12 +171,13 @@ def _columns(time: Array, values: Array) -> tuple[Array, ...]:
     The library would draw axes from 0 to 100 about zeros and single points.
     """
     x, rows = thinned(np.asarray(time, dtype=float), np.asarray(values, dtype=float), POINTS)
-    seen = rows[np.isfinite(rows)]
-    middle = float(seen.mean()) if seen.size else 0.0
-    half = 0.0 if seen.size and np.ptp(seen) > FLAT * max(1.0, abs(middle)) else 1.0
+    finite = rows[np.isfinite(rows)]
+    middle = float(finite.mean()) if finite.size else 0.0
+    flat = not finite.size or np.ptp(finite) <= FLAT * max(1.0, abs(middle))
     if len(x) < 2:  # a flat second before it
         end = float(x[0]) if len(x) else 0.0
         x, rows = np.array([end - 1.0, end]), np.resize(rows, (2, values.shape[1]))
-    room = np.full(len(x), middle)
-    room[[0, -1]] = middle - half, middle + half
-    return (np.ascontiguousarray(x), *map(np.ascontiguousarray, rows.T), room)
+    invisible = np.full(len(x), middle)
+    if flat:
+        invisible[[0, -1]] = middle - 1.0, middle + 1.0
+    return (np.ascontiguousarray(x), *map(np.ascontiguousarray, rows.T), invisible)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,13 +56,33 @@ _TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 _CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN), 0.0 * _TURN])
 
 
+@dataclass
+class _Mark:
+    """Arrows or lines of one kind, which are visible unless hidden by a visitor, or empty."""
+
+    handle: Any
+    hidden: bool = False
+    empty: bool = True
+
+    def set(self, points: Array) -> None:
+        self.empty = not len(points)
+        if not self.empty:
+            self.handle.points = points
+        self.show(not self.hidden)
+
+    def show(self, on: bool) -> None:
+        self.hidden = not on
+        self.handle.visible = not (self.hidden or self.empty)
+
+
 class DrawnArm:
     """One arm in the scene of a page.
 
     Attributes:
         base: Position of its world in [m], shape (3,).
         links: Names and handles of links, and of joints that are drawn in their place.
-        extent: Points around the arm at its start, and of its path, in [m], shape (k, 3).
+        extent: Points around the arm at its start and of its path, or wherever it swings if it
+            has no base, in [m], shape (k, 3).
         lowest: Height in [m] below which it has no point: at its start if it has a base to stand
             on, else wherever it turns.
     """
@@ -74,7 +95,7 @@ class DrawnArm:
         self.name, self.base = name, np.array(base, dtype=float)
         self._scene, self._name = server.scene, f"/{name}"
         self._weight = 9.81 * model.total_mass or 1.0
-        self._way, self._hidden, self._drawn = list[Array](), set[str](), set[str]()
+        self._path = list[Array]()
         self._scene.add_frame(self._name, show_axes=False, position=tuple(base))
         axes = {"axes_length": 0.12 * self.size, "axes_radius": 0.004 * self.size}
         self._joints = {
@@ -83,7 +104,7 @@ class DrawnArm:
         }
         visuals = visuals_of(model, folder)
         self.links = self._draw_all(visuals)
-        self._marks = self._hidden_marks()
+        self._marks = self._empty_marks()
         self._stops = [
             self._scene.add_icosphere(
                 f"{self._name}/{joint}/stop", 0.055 * self.size, color=STOP, opacity=0.6,
@@ -96,9 +117,11 @@ class DrawnArm:
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
         self._hangs = any(visual.name in (PIVOT, RAIL) for visual in visuals)
         if self._hangs:
-            moving = (self.marker.extent(q, carried) for q in postures(model, _POSTURES))
-            lowest = min(float(points[:, 2].min()) for points in moving)
-            self.lowest = min(self.lowest, max(lowest, -2 * self.size))  # rails may go on for ever
+            moving = [self.marker.extent(q, carried) for q in postures(model, _POSTURES)]
+            # rails may go on for ever
+            reached = np.clip(np.vstack(moving), -2 * self.size, 2 * self.size)
+            self.extent = np.vstack([self.extent, self.base + reached])
+            self.lowest = min(self.lowest, float(reached[:, 2].min()))
 
     def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
         """Draw an instant; the caller groups changes that appear together."""
@@ -107,36 +130,36 @@ class DrawnArm:
             self._joints.values(), marks.position, marks.rotation, strict=True
         ):
             frame.position, frame.wxyz = position, wxyz
-        contacts = self._felt(instant.contacts)
+        contacts = self._visible(instant.contacts)
         arrows = self._arrows(contacts)
-        self._set("contact forces", arrows)
-        self._set("friction cones", _cones(arrows, contacts[:, 2]))
-        self._set("constraint forces", self._arrows(self._felt(marks.constraints)))
-        self._set("springs", _coils(marks.springs, self.size))
+        self._marks["contact forces"].set(arrows)
+        self._marks["friction cones"].set(_cones(arrows, contacts[:, 2]))
+        self._marks["constraint forces"].set(self._arrows(self._visible(marks.constraints)))
+        self._marks["springs"].set(_coils(marks.springs, self.size))
         for ball, stopped in zip(self._stops, marks.stopped, strict=True):
             ball.visible = bool(stopped)
-        far = np.linalg.norm(marks.hand - self._way[-1]) if self._way else np.inf
-        if leave_path and far > 2e-3 * self.size:
-            self._way = [*self._way[-KEPT:], marks.hand]
-            self._set("path", _pairs(np.array(self._way)))
+        way = np.linalg.norm(marks.hand - self._path[-1]) if self._path else np.inf
+        if leave_path and way > 2e-3 * self.size:
+            self._path = [*self._path[-KEPT:], marks.hand]
+            self._marks["path"].set(_pairs(np.array(self._path)))
         return marks
 
-    def forget_way(self) -> None:
+    def clear_path(self) -> None:
         """Restart the hand's path."""
-        self._way = []
-        self._set("path", _pairs(np.zeros((0, 3))))
+        self._path = []
+        self._marks["path"].set(_pairs(np.zeros((0, 3))))
 
     def show_path(self, path: Array) -> None:
         """Draw a complete, permanent path of the hand, shape (k, 3), which extends the arm."""
         self.extent = np.vstack([self.extent, self.base + path])
-        self._set("whole path", _pairs(path))
+        self._marks["whole path"].set(_pairs(path))
 
     def legend(self) -> Iterator[Row]:
         """What its marks are, as far as it can have them."""
         model = self.marker.model
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
-        whole = self._marks["whole path"].visible
-        for drawn, mark, colour, text in (
+        whole_path = not self._marks["whole path"].empty
+        for exists, mark, colour, text in (
             (self._hangs, "●", _bytes(BEARING), "pivot or rail, fixed to the world"),
             (scene.payloads, "●", _bytes(LOAD), "payload"),
             (scene.contacts, "●", _bytes(TOUCH), "point of contact"),
@@ -147,9 +170,9 @@ class DrawnArm:
             (springs, "≈", SPRING, "spring"),
             (np.isfinite(stops).any(), "●", STOP, "joint at its end stop"),
             (True, "━", PATH, "path of the hand"),
-            (whole, "━", WHOLE, "whole path of the hand"),
+            (whole_path, "━", WHOLE, "whole path of the hand"),
         ):
-            if drawn:
+            if exists:
                 yield mark, colour, text
 
     def show(self, kind: str, on: bool) -> None:
@@ -161,19 +184,12 @@ class DrawnArm:
             for joint in self._joints.values():
                 joint.show_axes = on
         else:
-            for name, handle in self._marks.items():
+            for name, mark in self._marks.items():
                 if name.endswith(kind):  # both paths are of one kind
-                    (self._hidden.discard if on else self._hidden.add)(name)
-                    handle.visible = on and name in self._drawn
+                    mark.show(on)
 
-    def _set(self, kind: str, points: Array) -> None:
-        handle = self._marks[kind]
-        (self._drawn.add if len(points) else self._drawn.discard)(kind)
-        if len(points):
-            handle.points = points
-        handle.visible = kind in self._drawn and kind not in self._hidden
-
-    def _felt(self, forces: Array) -> Array:
+    def _visible(self, forces: Array) -> Array:
+        """Forces whose arrows are long enough to be seen."""
         size = np.linalg.norm(forces[:, 1], axis=1)
         return np.asarray(forces[size > LEAST * self._weight])
 
@@ -183,26 +199,26 @@ class DrawnArm:
         way = forces[:, 1] * (LONGEST * self.size / (size + self._weight))[:, None]
         return np.stack([forces[:, 0], forces[:, 0] + way], axis=1)
 
-    def _hidden_marks(self) -> dict[str, Any]:
+    def _empty_marks(self) -> dict[str, _Mark]:
         """Arrows and lines of marks, by kind."""
         nothing, size = np.zeros((1, 2, 3)), self.size
         arrow = {
             "shaft_radius": 0.006 * size, "head_radius": 0.016 * size, "head_length": 0.04 * size
         }  # fmt: skip
-        marks: dict[str, Any] = {
-            kind: self._scene.add_arrows(
-                f"{self._name}/{kind}", nothing, colour, visible=False, **arrow
-            )
-            for kind, colour in (("contact forces", CONTACT), ("constraint forces", TIE))
-        }
+        marks = dict[str, _Mark]()
+        for kind, colour in (("contact forces", CONTACT), ("constraint forces", TIE)):
+            name = f"{self._name}/{kind}"
+            arrows = self._scene.add_arrows(name, nothing, colour, visible=False, **arrow)
+            marks[kind] = _Mark(arrows)
         for kind, colour, width in (
             ("springs", SPRING, 4.0), ("friction cones", CONE, 1.5), ("path", PATH, 2.5),
             ("whole path", WHOLE, 1.5),
         ):  # fmt: skip
-            marks[kind] = self._scene.add_line_segments(
-                f"{self._name}/{kind}", nothing, colour, thickness=width, visible=False,
-                thickness_units="screen",
-            )  # fmt: skip
+            name, in_pixels = f"{self._name}/{kind}", {"thickness_units": "screen"}
+            lines = self._scene.add_line_segments(
+                name, nothing, colour, thickness=width, visible=False, **in_pixels
+            )
+            marks[kind] = _Mark(lines)
         return marks
 
     def _draw_all(self, visuals: Iterable[Visual]) -> list[tuple[str, Any]]:
@@ -238,7 +254,10 @@ class DrawnArm:
             return self._scene.add_cylinder(name, wide / 2, size[2], **look, **place)
         if kind == "sphere":
             return self._scene.add_icosphere(name, wide / 2, **look, **place)
-        mesh = _capsule(wide / 2, size[2])
+        from trimesh.creation import capsule
+
+        mesh = capsule(max(size[2] - wide, 1e-6), wide / 2)
+        mesh.apply_translation([0.0, 0.0, -mesh.bounds.mean(axis=0)[2]])
         return self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)
 
 
@@ -253,9 +272,8 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
         position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
     )  # fmt: skip
     # A pale blue sky, against which white arms are visible.
-    column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64)
-    sky = np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
-    server.scene.set_background_image(sky, format="png")
+    column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64, dtype=np.uint8)
+    server.scene.set_background_image(np.repeat(column[:, None], 4, axis=1), format="png")
     keep_framed(server, *around(actors))
 
 
@@ -329,11 +347,3 @@ def _glb(visual: Visual) -> tuple[bytes, tuple[float, ...]]:
         for geometry in loaded.geometry.values():
             geometry.visual = trimesh.visual.TextureVisuals(material=material)
     return bytes(loaded.export(file_type="glb")), tuple(scale.tolist())
-
-
-def _capsule(radius: float, length: float) -> Any:
-    from trimesh.creation import capsule
-
-    made = capsule(max(length - 2 * radius, 1e-6), radius)
-    made.apply_translation([0.0, 0.0, -made.bounds.mean(axis=0)[2]])
-    return made

@@ -1,206 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interactive simulations: run, pause, step, reset, place, push and pull."""
+"""A page of simulations: run, pause, step, reset, place, push and pull."""
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from arm_dynamics.actuation.command_map import CommandMap
-from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.joint_space import GravityCompensation, PDGravity, tuned
-from arm_dynamics.exceptions import ArmError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.reference import Reference
-from arm_sim.external_wrench import ExternalWrenches
-from arm_sim.simulation.energy_meter import EnergyMeter
-from arm_sim.simulation.simulator import Simulator
-from arm_sim.state import State
 from arm_sim.view.charts import RollingCharts
 from arm_sim.view.drawn_arm import MOUSE, DrawnArm
-from arm_sim.view.marks import Instant, contacts_of
+from arm_sim.view.interactive_arm import ENERGIES, NOTHING, SLIDERS, WEIGHT, InteractiveArm
 from arm_sim.view.page import View
 
 if TYPE_CHECKING:
     import viser
 
-NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"
 CONTROLS = (WEIGHT, SLIDERS, NOTHING)
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
-ENERGIES = ("kinetic", "potential", "total", "supplied", "lost", "balance")
 BUDGET = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
 SAMPLED = 0.02  # [s] between points of curves, in simulated time
 CHARTED = 0.25  # [s] between drawings of curves
-BANDWIDTH = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # half the range of a slider without limits in [m]; others: π
 DECIMALS, STEPS = 3, 30  # of a slider, whose box is narrow: more decimals only for so many steps
-PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
-
-_log = logging.getLogger(__name__)
-
-
-class InteractiveArm:
-    """A simulation with its controller, external forces and energies; for one thread."""
-
-    _step: int  # up to which the energies are known
-
-    def __init__(self, simulation: Simulator) -> None:
-        self.simulation, model = simulation, simulation.model
-        simulation.arm.use(simulation.arm.compiled.pushable())
-        self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
-        self._pushed = False
-        # Frame, point of it, place of the mouse.
-        self._pull: tuple[str, Array, Array] | None = None
-        self._command = CommandMap(model)
-        gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
-        self._tracking = PDGravity(simulation.dynamics, *gains)
-        self._compensation = GravityCompensation(simulation.dynamics)
-        self._rigid = RigidTerms(model)
-        # 1/T in [1/s] of gravity compensation, by which speeds decay; critical: what the mouse
-        # holds, a mass on its spring, does not swing.
-        self.damping = 2.0 * np.sqrt(PULL / model.reach)
-        try:
-            simulation.arm.compiled.energy_account.prepare()
-            self._metered = True
-        except ArmError as error:
-            _log.warning("no energies are known: %s", error)
-            self._metered = False
-        self.control, self.target = WEIGHT, simulation.state.q.copy()
-        self._reference = self.target.copy(), np.zeros(simulation.n)
-        self._open_account()
-
-    @property
-    def error(self) -> Array:
-        """Errors from the reference, shape (n,); zeros without a controller."""
-        if self.control != SLIDERS:
-            return np.zeros(self.simulation.n)
-        return np.asarray(self._reference[0] - self.simulation.state.q)
-
-    def curves(self) -> tuple[Array, Array, Array]:
-        """Torques and errors, shape (n,), and ``ENERGIES`` in [J], NaN if unknown."""
-        if self._meter is None:
-            return self.simulation.effort, self.error, np.full(len(ENERGIES), np.nan)
-        x = self._meter.account()
-        flows = x.input + x.changed, x.dissipated, x.balance
-        energies = np.array([x.kinetic, x.potential, x.total, *flows])
-        return self.simulation.effort, self.error, energies
-
-    def instant(self) -> Instant:
-        """The picture of the current state, under the torque of the last tick."""
-        simulation, scene = self.simulation, self.simulation.model.scene
-        return Instant(
-            simulation.state.q,
-            contacts_of(simulation.model, simulation.contact_forces() if scene.contacts else ()),
-            simulation.multipliers() if scene.bilateral else np.zeros(0),
-            simulation.stop_torque,
-        )
-
-    def choose(self, control: str) -> None:
-        """Choose its controller."""
-        q = self.simulation.state.q
-        self.control, self.target = control, q.copy()
-        self._reference = q.copy(), np.zeros(self.simulation.n)
-
-    def push(self, frame: str, wrench: Array, ticks: int) -> None:
-        """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
-        self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
-
-    def pull(self, frame: str, held: Array, mouse: Array) -> None:
-        """Pull a frame where it is seized, in [m], towards the mouse, as by a spring."""
-        if self._pull is None or self._pull[0] != frame:
-            pose = self.simulation.dynamics.pose(self.simulation.state.q, frame)
-            point = np.linalg.solve(pose, np.append(held, 1.0))
-        else:
-            point = self._pull[1]
-        self._pull = frame, point, mouse
-
-    def release(self) -> None:
-        """End the pull."""
-        self._pull = None
-
-    @property
-    def external(self) -> Array:
-        """Torques of pushes and the pull now, shape (n,)."""
-        q, step = self.simulation.state.q, self.simulation.state.step
-        torque = self.wrenches.torque(q, step)
-        return torque if self._pull is None else torque + self._pulled(q, *self._pull)
-
-    def _pulled(self, q: Array, frame: str, point: Array, mouse: Array) -> Array:
-        """Torque of the pull, which accelerates what is held alike, be it light or heavy.
-
-        A force along u meets the mass 1/(uᵀ J M⁻¹ Jᵀ u) (Khatib, "Inertial properties in robotic
-        manipulation", Int. J. Robotics Research 14(1), 1995); near singularities, that of the arm.
-        """
-        dynamics = self.simulation.dynamics
-        pose, J = dynamics.pose(q, frame), dynamics.jacobian(q, frame)
-        held = pose @ point
-        way = mouse - held[:3]
-        turned = np.append(way, np.cross(held[:3] - pose[:3, 3], way)) @ J
-        ease = turned @ self._rigid.mobility(q) @ turned
-        whole = dynamics.model.total_mass
-        mass = way @ way / ease if whole * ease > way @ way else whole
-        return np.asarray(PULL * mass / dynamics.model.reach * turned)
-
-    def tick(self) -> None:
-        """Make a tick."""
-        simulation, state = self.simulation, self.simulation.state
-        if state.step != self._step:
-            self._open_account()  # the state was changed from elsewhere
-        if self.wrenches.active or self._pull or self._pushed:
-            simulation.set_parameter("external", self.external)
-            self._pushed = bool(self.wrenches.active or self._pull)
-        simulation.arm.advance(self._commanded(state).tolist())
-        self._step = state.step + 1
-        if self._meter is not None:
-            self._meter.note()
-
-    def restart(self) -> None:
-        """Reset, without external forces."""
-        self.let_go()
-        self.simulation.reset()
-        self.choose(self.control)
-        self._open_account()
-
-    def let_go(self) -> None:
-        """End all external forces."""
-        self.wrenches.clear()
-        self.release()
-        self.simulation.set_parameter("external", np.zeros(self.simulation.n))
-        self._pushed = False
-
-    def place(self, q: Array) -> None:
-        """Set its position, at rest."""
-        self.simulation.set_state(q, np.zeros(self.simulation.n))
-        self.choose(self.control)
-        self._open_account()
-
-    def _open_account(self) -> None:
-        self._meter = EnergyMeter(self.simulation.arm) if self._metered else None
-        self._step = self.simulation.state.step
-
-    def _commanded(self, state: State) -> Array:
-        if self.control == NOTHING:
-            return np.zeros(self.simulation.n)
-        if self.control == WEIGHT:
-            # D = M(q)/T: every motion decays alike, its energy by exp(-2 t/T), in any posture.
-            inertia = self._rigid.mass(state.q)
-            torque = self._compensation.torque(state) - self.damping * inertia @ state.v
-        else:  # the reference follows the sliders without jumps of its velocity
-            q, v = self._reference
-            a = BANDWIDTH**2 * (self.target - q) - 2 * BANDWIDTH * v
-            v = v + self.simulation.dt * a
-            q = q + self.simulation.dt * v
-            self._reference = q, v
-            torque = self._tracking.torque(state, Reference(q, v, a))
-        return np.asarray(self._command(state.q, state.v, torque))
 
 
 @sealed
@@ -208,6 +35,7 @@ class Interactive(View):
     """A page of simulations, which share a clock."""
 
     running: bool
+    _own_marks = (("➔", MOUSE, "pull of the mouse"),)
 
     def __init__(
         self, server: viser.ViserServer, actors: Sequence[DrawnArm],
@@ -245,7 +73,8 @@ class Interactive(View):
             if rig.control != SLIDERS:
                 model, q = rig.simulation.model, rig.simulation.state.q
                 for i, slider in enumerate(sliders):
-                    slider.min, slider.max, _, slider.value = slider_of(model, i, q[i])
+                    scale = slider_scale(model, i, q[i])
+                    slider.min, slider.max, slider.value = scale.least, scale.largest, scale.value
         now = self.rigs[0].simulation.state.time
         going = f"running at {self._speed.value} ×" if self.running else "paused"
         trouble = f"\n\n**{self._message}**" if self._message else ""
@@ -272,7 +101,7 @@ class Interactive(View):
         self.run(False)
         for rig, actor in self._pairs:
             rig.restart()
-            actor.forget_way()
+            actor.clear_path()
             self._charts.clear(actor.name)
         self.draw()
 
@@ -307,7 +136,7 @@ class Interactive(View):
         for rig, actor in self._pairs:
             for _ in range(round(self._dt / rig.simulation.dt)):
                 rig.tick()
-            self._charts.add(actor.name, rig.simulation.state.time, rig.curves)
+            self._charts.add(actor.name, rig.simulation.state.time, rig.sample)
 
     def _report(self, trouble: str) -> None:
         self.run(False)
@@ -334,8 +163,8 @@ class Interactive(View):
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
             for i, name in enumerate(model.joint_names):
                 label = f"{name} [m]" if model.joint_types[i] == "prismatic" else name
-                values = slider_of(model, i, rig.simulation.state.q[i])
-                sliders.append(self._server.gui.add_slider(label, *values))
+                scale = slider_scale(model, i, rig.simulation.state.q[i])
+                sliders.append(self._server.gui.add_slider(label, *scale))
                 self._on_change(sliders[i], partial(self.slide, rig, i))
         return sliders
 
@@ -360,12 +189,18 @@ class Interactive(View):
             ends = np.array([event.start_position, event.end_position]) - actor.base
             self._order(partial(rig.pull, frame, *ends))
 
-    def _start(self, marks: Any = ()) -> None:
-        super()._start([*marks, ("➔", MOUSE, "pull of the mouse")])
+
+class SliderScale(NamedTuple):
+    """Numbers of a slider, of few enough digits to read."""
+
+    least: float
+    largest: float
+    step: float
+    value: float
 
 
-def slider_of(model: ArmModel, joint: int, q: float) -> tuple[float, float, float, float]:
-    """Least and largest value, step, and value of a joint's slider, of few enough digits to read.
+def slider_scale(model: ArmModel, joint: int, q: float) -> SliderScale:
+    """The scale of a joint at a position in [rad] or [m].
 
     Its limits are those of the joint, rounded inwards; without them, it ends where the joint is.
     """
@@ -376,4 +211,4 @@ def slider_of(model: ArmModel, joint: int, q: float) -> tuple[float, float, floa
     unit = 10.0 ** max(DECIMALS, np.ceil(np.log10(STEPS / (high - low))))
     first, last = np.ceil(min(low, q) * unit - 1e-3), np.floor(max(high, q) * unit + 1e-3)
     value = np.clip(np.round(q * unit), first, last)
-    return float(first / unit), float(last / unit), 1.0 / unit, float(value / unit)
+    return SliderScale(float(first / unit), float(last / unit), 1.0 / unit, float(value / unit))

@@ -26,8 +26,6 @@ from arm_dynamics.scene.constraint import (
 )
 from arm_sim.stepping.contact_forces import ContactForce
 
-_NONE = np.zeros((0, 2, 3))
-
 
 @frozen
 class Instant:
@@ -78,7 +76,7 @@ class Marker:
 
     def at(self, instant: Instant) -> Marks:
         """The marks at an instant."""
-        data, q = self._placed(instant.q), np.asarray(instant.q, dtype=float)
+        data, q = self._kinematics(instant.q), np.asarray(instant.q, dtype=float)
         springs = [
             [self._point(*end) for end in zip(spring.frames, spring.points, strict=True)]
             for spring in self.model.springs.points
@@ -101,7 +99,7 @@ class Marker:
         Origins of joints and frames, points equally far beyond the centre of mass of each body,
         and those that Pinocchio's joints of some numbers carry, shape (c, 3).
         """
-        data = self._placed(q)
+        data = self._kinematics(q)
         ends = [
             place.act(2.0 * body.lever)
             for place, body in zip(data.oMi, self.model.pin.inertias, strict=True)
@@ -113,10 +111,10 @@ class Marker:
     def path(self, q: Iterable[Array]) -> Array:
         """Positions of the hand at joint positions, shape (k, 3)."""
         hand = self.model.frame_index(self.hand)
-        places = [self._placed(row).oMf[hand].translation.copy() for row in q]
+        places = [self._kinematics(row).oMf[hand].translation.copy() for row in q]
         return np.array(places).reshape(-1, 3)
 
-    def _placed(self, q: Array) -> pin.Data:
+    def _kinematics(self, q: Array) -> pin.Data:
         configuration = self.model.configuration(np.asarray(q, dtype=float))
         pin.framesForwardKinematics(self.model.pin, self._data, configuration)
         return self._data
@@ -132,7 +130,7 @@ class Marker:
         second frame. λ is opposed to the motion, see ``Dynamics.constrained_forward``.
         """
         if self._rows is None or not len(multipliers):
-            return _NONE
+            return np.zeros((0, 2, 3))
         first, marks = 0, []
         for constraint, count in zip(self._rows.constraints, self._rows.counts, strict=True):
             own = multipliers[first : first + count]

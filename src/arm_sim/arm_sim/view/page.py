@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 @sealed
-class View:
+class View(AbstractContextManager["View"]):
     """A page that shows arms until it is closed.
 
     Only its own thread changes what it shows: it draws, and runs the requests of visitors.
@@ -49,17 +49,13 @@ class View:
     """
 
     _begin = _end = np.nan  # [s] of a motion
+    _own_marks: Sequence[Row] = ()  # in the legend, besides those of the arms
 
     def __init__(self, server: viser.ViserServer, actors: Sequence[DrawnArm]) -> None:
         self._server, self.actors = server, tuple(actors)
         self._orders = queue.SimpleQueue[Callable[[], object]]()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="arm view", daemon=True)
-
-    @property
-    def name(self) -> str:
-        """Names of the arms."""
-        return ", ".join(actor.name for actor in self.actors)
 
     @property
     def url(self) -> str:
@@ -80,17 +76,13 @@ class View:
             self._thread.join(timeout=5.0)
         close_server(self._server)
 
-    def __enter__(self) -> Self:
-        """Show within a ``with`` block."""
-        return self
-
     def __exit__(self, *_: object) -> None:
         """End the page."""
         self.close()
 
     def __repr__(self) -> str:
         """Where it is."""
-        return f"<View of {self.name} at {self.url}>"
+        return f"<View of {', '.join(actor.name for actor in self.actors)} at {self.url}>"
 
     def _repr_html_(self) -> str:
         """The page inside a notebook."""
@@ -135,7 +127,7 @@ class View:
             size: Width and height in pixels.
             rate: Frames per second.
             speed: Playback speed: 2 for twice as fast.
-            progress: Called with what is done next.
+            progress: Called with a description of each step.
 
         Raises:
             ViewError: If it is not a motion, there is no browser, or writing fails.
@@ -144,14 +136,14 @@ class View:
         pictures.refuse(path, (".gif", ".mp4"))
         with self._camera(size) as shoot:
 
-            def taken() -> Iterator[np.ndarray]:
+            def frames() -> Iterator[np.ndarray]:
                 for i, now in enumerate(times, 1):
                     progress(f"picture {i} of {len(times)}")
                     self._seek(now)
                     yield shoot()
                 progress("writing the file")
 
-            pictures.write_film(path, taken(), rate)
+            pictures.write_film(path, frames(), rate)
         return path
 
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
@@ -201,17 +193,13 @@ class View:
         """Draw a time of the motion immediately: the thread draws only when it plays."""
         raise ViewError(ENDLESS)
 
-    # --- for what shows simulations, recordings or robots -------------------------------------
+    # --- for pages of simulations, recordings or robots ---------------------------------------
 
-    def _start(self, marks: Sequence[Row] = ()) -> None:
-        """Add what all pages have to the controls of this one, and begin.
-
-        Args:
-            marks: Rows of the legend besides those of the arms.
-        """
+    def _start(self) -> None:
+        """Add what all pages have to the controls of this one, and begin."""
         gui, rows = self._server.gui, [row for actor in self.actors for row in actor.legend()]
         with gui.add_folder("Legend"):
-            gui.add_html(legend(dict.fromkeys([*rows, *marks])))
+            gui.add_html(legend(dict.fromkeys([*rows, *self._own_marks])))
         with gui.add_folder("Show", expand_by_default=False):
             for kind in ("links", "axes", "path", "springs", "contact forces", "friction cones",
                          "constraint forces"):  # fmt: skip

@@ -40,12 +40,12 @@ def browser() -> str:
     named = os.environ.get("ARM_BROWSER")
     if named and not shutil.which(named):
         raise ViewError(f"ARM_BROWSER = {named!r} is not a program; a Chromium is expected")
-    found = named or next((path for path in map(shutil.which, BROWSERS) if path), None)
-    if found is None:
+    program = named or next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
         raise ViewError(
             f"no browser for pictures: none of {', '.join(BROWSERS)}; {HOW_TO_GET_ONE}"
         )
-    return found
+    return program
 
 
 @contextlib.contextmanager
@@ -58,16 +58,16 @@ def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
     width, height = size
     with sync_playwright() as playwright:
         try:
-            opened = playwright.chromium.launch(executable_path=program, args=arguments)
-            page = opened.new_page(viewport={"width": width, "height": height})
+            chromium = playwright.chromium.launch(executable_path=program, args=arguments)
+            page = chromium.new_page(viewport={"width": width, "height": height})
             page.goto(url)
         except Error as error:
-            why = error.message.splitlines()[0]
-            raise ViewError(f"{program} does not show {url}: {why}") from None
+            reason = error.message.splitlines()[0]
+            raise ViewError(f"{program} does not show {url}: {reason}") from None
         try:
             yield page
         finally:
-            opened.close()
+            chromium.close()
 
 
 @contextlib.contextmanager
@@ -78,18 +78,18 @@ def camera(
 
     It returns an array of bytes, shape (height, width, 3).
     """
-    known, (width, height) = set(server.get_clients()), size
+    clients_before, (width, height) = set(server.get_clients()), size
     beside = WIDTH + CONTROLS + 2 * MARGIN
     place, aim = (",".join(map(str, x.tolist())) for x in (position, look_at))
     url = f"{address(server)}/?initialCameraPosition={place}&initialCameraLookAt={aim}"
     with page_in_browser(url, (width + beside, height)) as page:
         for _ in range(round(PATIENCE / 0.1)):
-            if arrived := set(server.get_clients()) - known:
+            if new_clients := set(server.get_clients()) - clients_before:
                 break
             page.wait_for_timeout(100)
         else:
             raise ViewError(f"the page did not open within {PATIENCE:g} s")
-        client = server.get_clients()[arrived.pop()]
+        client = server.get_clients()[new_clients.pop()]
 
         def shoot() -> Any:
             try:
@@ -97,13 +97,13 @@ def camera(
             except (TimeoutError, RuntimeError) as error:
                 raise ViewError(f"the browser returned no picture: {error}") from None
 
-        last, alike = shoot(), 0  # until it has loaded and drawn meshes and light
+        last, equal = shoot(), 0  # until it has loaded and drawn meshes and light
         for _ in range(round(PATIENCE / SETTLED)):
-            if alike == STILL:
+            if equal == STILL:
                 break
             page.wait_for_timeout(1000 * SETTLED)
             picture = shoot()
-            alike, last = alike + 1 if np.array_equal(picture, last) else 0, picture
+            equal, last = equal + 1 if np.array_equal(picture, last) else 0, picture
         yield shoot
 
 
@@ -130,21 +130,21 @@ def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
             "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", str(path),
         ]  # fmt: skip
         raw = b"".join(frame.tobytes() for frame in frames)
-        coder = subprocess.run(command, input=raw, capture_output=True, check=False)
-        if coder.returncode:
-            said = coder.stderr.decode(errors="replace").strip()
-            raise ViewError(f"'{path}': ffmpeg failed: {said}")
+        ffmpeg = subprocess.run(command, input=raw, capture_output=True, check=False)
+        if ffmpeg.returncode:
+            message = ffmpeg.stderr.decode(errors="replace").strip()
+            raise ViewError(f"'{path}': ffmpeg failed: {message}")
         return
     # One palette, so that static parts are stored once and do not flicker; an octree keeps the
     # colours of few points, such as those of curves.
     sample = np.vstack([frames[k] for k in (0, len(frames) // 2, -1)])
     octree = Image.Quantize.FASTOCTREE
     palette = Image.fromarray(sample).quantize(128, method=octree, dither=Image.Dither.NONE)
-    first, *others = [
+    first, *rest = [
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in frames
     ]
     first.save(
-        path, save_all=True, append_images=others, duration=max(20, round(1000 / rate)), loop=0,
+        path, save_all=True, append_images=rest, duration=max(20, round(1000 / rate)), loop=0,
         optimize=True,
     )  # fmt: skip

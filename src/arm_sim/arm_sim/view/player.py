@@ -17,7 +17,7 @@ from arm_sim.figures import units
 from arm_sim.recording import Recording
 from arm_sim.recording.figure import LONG, QUANTITIES
 from arm_sim.stepping.contact_forces import contact_forces
-from arm_sim.view.charts import Charts
+from arm_sim.view.charts import add_charts
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
@@ -65,9 +65,9 @@ class Player(View):
             curves |= {f"{of}{title}": curve for title, curve in _curves(recording)}
             rows = np.unique(np.linspace(0, len(recording) - 1, WAY_POINTS).astype(int))
             actor.show_path(actor.marker.path(recording.q[rows]))
-        self._charts = Charts(server, {title: names for title, (names, *_) in curves.items()})
+        self._charts = add_charts(server, {title: names for title, (names, *_) in curves.items()})
         for title, (_, time, values) in curves.items():
-            self._charts.draw(title, time, values)
+            self._charts[title].draw(time, values)
         self.seek(begin)
 
     def play(self, on: bool = True) -> None:
@@ -84,7 +84,8 @@ class Player(View):
             for recording, actor in self._motions:
                 actor.draw(instant(recording, self.time))
         self._slider.value = self.time
-        self._charts.read(self.time)
+        for chart in self._charts.values():
+            chart.read(self.time)
         self._report("")
 
     def _seek(self, time: float) -> None:
@@ -139,12 +140,11 @@ def instant(recording: Recording, time: float) -> Instant:
 def _curves(recording: Recording) -> Iterator[tuple[str, tuple[Sequence[str], Array, Array]]]:
     """Titles of plots, with names, times and values of their curves."""
     model = recording.dynamics.model
-    titles = {"torque": "effort", "position": "position", "velocity": "velocity"}
-    for title, quantity in titles.items():
-        attribute, *unit = QUANTITIES[quantity]
+    for quantity, (attribute, *unit) in QUANTITIES.items():
         if np.isfinite(values := getattr(recording, attribute)).any():
-            full = f"{title} [{units(model.joint_types, *unit)}]"
-            yield full, (model.joint_names, recording.time, values)
+            name = "torque" if quantity == "effort" else quantity
+            title = f"{name} [{units(model.joint_types, *unit)}]"
+            yield title, (model.joint_names, recording.time, values)
     if recording.of_robot:
         return  # work and heat between its states are unknown
     if (error := recording.local_error).any():

@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's server: on this machine by default, and for no page but its own.
-
-A browser lets every page connect to servers of its own machine. It sends the page's site in
-``Origin`` (RFC 6455, section 10.2), so a connection is accepted only if that is the requested
-address. A site whose name resolves to this machine (DNS rebinding) passes that check; its name is
-in ``Host``, which must be an address, this machine's name, or the one that the server was given.
-Programs other than browsers send no origin, and are accepted.
-"""
+"""The page's server: on this machine by default, and for no page but its own."""
 
 from __future__ import annotations
 
@@ -15,15 +8,13 @@ import errno
 import json
 import logging
 import socket
-import threading
 from collections.abc import Iterator
 from importlib.util import find_spec
-from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from arm_dynamics.exceptions import missing
 from arm_sim.exceptions import ViewError
+from arm_sim.view.same_origin import same_origin_only
 
 if TYPE_CHECKING:
     import viser
@@ -35,9 +26,6 @@ ROOMY = "<style>.mantine-Slider-root + .mantine-NumberInput-root {width: 4rem !i
 """Boxes of sliders wide enough for eight digits; those of the library hold five."""
 
 _log = logging.getLogger(__name__)
-_visitors = logging.getLogger(f"{__name__}.visitors")
-_visitors.setLevel(logging.CRITICAL)  # no traces of port scans and other visitors without HTTP
-_starting = threading.Lock()
 
 
 def library() -> Any:
@@ -56,11 +44,11 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     Raises:
         ViewError: If the library is missing, or the address or port cannot be used.
     """
-    make, chosen = library().ViserServer, _free_port(host, port)
+    make, free = library().ViserServer, _free_port(host, port)
     from viser._messages import RunJavascriptMessage
 
-    with _silent(), _refusing(host):
-        server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
+    with _silent(), same_origin_only(host):
+        server: viser.ViserServer = make(host=host, port=free, label=label, verbose=False)
     # The library can publish the page through a tunnel, on request of any visitor.
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_share_button=False, show_logo=False)
@@ -85,50 +73,6 @@ def address(server: viser.ViserServer) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
 
 
-def refusal(asked: str | None, origin: str | None, host: str) -> str:
-    """Why a server of ``host`` refuses a request with headers Host and Origin; else empty."""
-    machine = socket.gethostname().lower()
-    asked = (asked or "").lower()
-    try:
-        name = urlsplit(f"//{asked}").hostname or ""
-        known = name in ("localhost", machine, f"{machine}.local", host.lower())
-        if not known and not name.endswith(".localhost"):
-            ip_address(name)  # a plain address cannot be rebound to another machine
-    except ValueError:
-        return f"Host is {asked!r}; localhost, {machine}, {host} and plain addresses are answered"
-    if origin is not None and origin.partition("://")[2].lower() != asked:
-        return f"the page of {origin!r} may not use the server of {asked!r}"
-    return ""
-
-
-@contextlib.contextmanager
-def _refusing(host: str) -> Iterator[None]:
-    """Within the block, a server of viser that starts applies ``refusal``.
-
-    Viser has no option for such a check, so the function that starts its connections is replaced
-    within the block.
-    """
-    import websockets.asyncio.server as connections
-
-    with _starting:
-        usual: Any = connections.serve
-
-        def serve(handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
-            def check(connection: Any, request: Any) -> Any:
-                headers = request.headers
-                if why := refusal(headers.get("Host"), headers.get("Origin"), host):
-                    return connection.respond(403, f"{why}\n")
-                return process_request(connection, request)
-
-            return usual(handler, *where, process_request=check, logger=_visitors, **options)
-
-        connections.serve = serve
-        try:
-            yield
-        finally:
-            connections.serve = usual
-
-
 def _free_port(host: str, port: int | None) -> int:
     """A port that can be used; viser would try others, and forever at a wrong address."""
     first = PORT if port is None else port
@@ -136,21 +80,19 @@ def _free_port(host: str, port: int | None) -> int:
         try:
             family = socket.getaddrinfo(host, None)[0][0]
             with socket.create_server((host, candidate), family=family) as trial:
-                found = int(trial.getsockname()[1])
+                free = int(trial.getsockname()[1])
         except (OSError, OverflowError) as error:
-            trouble = getattr(error, "strerror", None) or error
-            if taken := getattr(error, "errno", None) == errno.EADDRINUSE:
+            if getattr(error, "errno", None) == errno.EADDRINUSE:
                 continue
-            break  # the next port has the same trouble
-        if found != first and first:
-            _log.warning("port %d is taken; the view is at port %d", first, found)
-        return found
-    if taken:
-        raise ViewError(
-            f"port {first} of {host} is taken, perhaps by another view; end it, or choose "
-            "another port (0: any that is free)"
-        )
-    raise ViewError(f"port {first} of {host} cannot be used: {trouble}")
+            reason = getattr(error, "strerror", None) or error
+            raise ViewError(f"port {first} of {host} cannot be used: {reason}") from None
+        if free != first and first:
+            _log.warning("port %d is taken; the view is at port %d", first, free)
+        return free
+    raise ViewError(
+        f"port {first} of {host} is taken, perhaps by another view; end it, or choose "
+        "another port (0: any that is free)"
+    )
 
 
 @contextlib.contextmanager

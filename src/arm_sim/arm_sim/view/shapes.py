@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,8 +33,7 @@ LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads
 THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to the robot's reach
 
 
-@dataclass(frozen=True)
-class Visual:
+class Visual(NamedTuple):
     """A shape that is fixed to a joint's body."""
 
     name: str  # of the link, payload or plane that it shows
@@ -63,9 +62,9 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
     are in ``folder``, or the current one.
     """
     links = list(_described(robot, folder or Path.cwd()))
-    drawn = {visual.joint for visual in links}
-    bare = [joint for joint in range(1, robot.pin.njoints) if joint not in drawn]
-    pivots = () if 0 in drawn else _pivots(robot)
+    with_visuals = {visual.joint for visual in links}
+    bare = [joint for joint in range(1, robot.pin.njoints) if joint not in with_visuals]
+    pivots = () if 0 in with_visuals else _pivots(robot)
     return (*links, *capsules_of(robot, bare), *pivots, *_payloads(robot), *_contacts(robot))
 
 
@@ -206,7 +205,7 @@ def _pivots(robot: Robot) -> Iterable[Visual]:
 
 def _payloads(robot: Robot) -> Iterable[Visual]:
     for i, payload in enumerate(robot.scene.payloads):
-        joint, place = _placed(robot, payload.frame, payload.com)
+        joint, place = _in_joint(robot, payload.frame, payload.com)
         radius = (3 * payload.mass / (4 * np.pi * LOAD_DENSITY)) ** (1 / 3)
         if radius > 0.0:
             yield Visual(f"payload_{i}", joint, place, "sphere", 3 * (2 * radius,), LOAD)
@@ -215,19 +214,18 @@ def _payloads(robot: Robot) -> Iterable[Visual]:
 def _contacts(robot: Robot) -> Iterable[Visual]:
     size, planes = robot.reach, set()
     for name, contact in robot.scene.contacts:
-        joint, place = _placed(robot, contact.frame, contact.point)
+        joint, place = _in_joint(robot, contact.frame, contact.point)
         radius = contact.radius or THIN * size
         yield Visual(name, joint, place, "sphere", 3 * (2 * radius,), TOUCH)
         if contact.plane not in planes:
             planes.add(contact.plane)
-            joint, place = _placed(robot, contact.plane.frame, contact.plane.point)
+            joint, place = _in_joint(robot, contact.plane.frame, contact.plane.point)
             place.rotation = turn_to(place.rotation @ np.array(contact.plane.normal))
             wide = (0.96 if joint == 0 else 0.32) * size
             yield Visual(f"{name}_plane", joint, place, "box", (wide, wide, 2e-4 * size), SURFACE)
 
 
-def _placed(robot: Robot, frame: str, point: Iterable[float]) -> tuple[int, pin.SE3]:
+def _in_joint(robot: Robot, name: str, point: Iterable[float]) -> tuple[int, pin.SE3]:
     """The joint that carries a point of a frame or of the world, and its position there."""
-    offset = pin.SE3(np.eye(3), np.array(list(point)))
-    found = robot.frame(frame)
-    return found.parentJoint, found.placement * offset
+    frame, offset = robot.frame(name), pin.SE3(np.eye(3), np.array(list(point)))
+    return frame.parentJoint, frame.placement * offset

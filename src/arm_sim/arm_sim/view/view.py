@@ -22,7 +22,8 @@ from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.view.drawn_arm import DrawnArm, lay_ground
-from arm_sim.view.interactive import Interactive, InteractiveArm
+from arm_sim.view.interactive import Interactive
+from arm_sim.view.interactive_arm import InteractiveArm
 from arm_sim.view.page import View
 from arm_sim.view.player import Player
 from arm_sim.view.server import HERE, library, open_server
@@ -36,7 +37,7 @@ GAP = 0.6  # distance between adjacent arms, relative to the reach of the larger
 
 
 def show(
-    *what: Any, name: str | Sequence[str] | None = None, host: str = HERE,
+    *arms: Any, name: str | Sequence[str] | None = None, host: str = HERE,
     port: int | None = None, folder: Path | None = None, together: bool = False,
 ) -> View:  # fmt: skip
     """Show arms in a browser, side by side.
@@ -46,7 +47,7 @@ def show(
     page. Recordings play, at any time and speed, with their forces.
 
     Args:
-        *what: Simulators or scenes (anything that ``load_scene`` accepts), or recordings or their
+        *arms: Simulators or scenes (anything that ``load_scene`` accepts), or recordings or their
             files.
         name: Name of the arms on the page, or of each; None for that of the robot.
         host: Address that the page listens on.
@@ -63,26 +64,27 @@ def show(
         InvalidInput: If a recording has no scene.
         SceneError: If a scene cannot be used.
     """
-    what = tuple(Recording.load(x) if is_recording(x) else x for x in what)
-    each = [name] * len(what) if name is None or isinstance(name, str) else [*name]
-    moving = [isinstance(thing, Recording) for thing in what]
-    if not what or len(each) != len(what) or len(set(moving)) > 1 or (together and not moving[0]):
+    arms = tuple(Recording.load(arm) if is_recording(arm) else arm for arm in arms)
+    labels = [name] * len(arms) if name is None or isinstance(name, str) else [*name]
+    moving = [isinstance(arm, Recording) for arm in arms]
+    mixed = len(set(moving)) > 1
+    if not arms or len(labels) != len(arms) or mixed or (together and not moving[0]):
         raise ViewError(
-            f"{len(what)} things to show with {len(each)} names, {sum(moving)} are recordings; "
+            f"{len(arms)} things to show with {len(labels)} names, {sum(moving)} are recordings; "
             "allowed: simulators and scenes, or recordings, which alone can lie together"
         )
-    simulators = [thing for thing in what if isinstance(thing, Simulator)]
+    simulators = [arm for arm in arms if isinstance(arm, Simulator)]
     if len(set(map(id, simulators))) < len(simulators):
         raise ViewError("a simulator is given twice; allowed: one of its own for each arm")
     library()  # before anything is computed
     if moving[0]:
-        models = [recording.dynamics.model for recording in what]
-        page: Callable[..., View] = partial(Player, recordings=what)
+        models = [recording.dynamics.model for recording in arms]
+        page: Callable[..., View] = partial(Player, recordings=arms)
     else:
-        rigs = [InteractiveArm(x if isinstance(x, Simulator) else simulator_of(x)) for x in what]
+        rigs = [InteractiveArm(x if isinstance(x, Simulator) else simulator_of(x)) for x in arms]
         models = [rig.simulation.model for rig in rigs]
         page = partial(Interactive, rigs=rigs)
-    names = [label or model.pin.name for label, model in zip(each, models, strict=True)]
+    names = [label or model.pin.name for label, model in zip(labels, models, strict=True)]
     return opened(page, names, models, host, port, folder, together)
 
 
@@ -99,8 +101,7 @@ def simulator_of(scene: SceneSource) -> Simulator:
     except ModelError as error:
         joints = model.scene.joints
         rotors = joints.get("*", Joint()).model_copy(update={"armature": ROTOR})
-        shown = model.scene.model_copy(update={"joints": {**joints, "*": rotors}})
-        simulator = Simulator(shown)
+        simulator = Simulator(model.scene.model_copy(update={"joints": {**joints, "*": rotors}}))
         _log.warning(
             "%s; shown with an armature of %g at every joint, so its motion means nothing",
             error, ROTOR,
@@ -126,7 +127,7 @@ def opened(
         DrawnArm(server, model, name, (0.0, places[-1] / 2 - place, 0.0), folder)
         for name, model, place in zip(names, models, places.tolist(), strict=True)
     ]
-    made = page(server, actors)
+    view = page(server, actors)
     lay_ground(server, actors, float(places[-1]))
-    made._start()
-    return made
+    view._start()
+    return view

@@ -209,11 +209,12 @@ def check_scales(problem: Problem) -> list[str]:
         name, span = names[x.joint], f"{x.factor:.2g} ({x.low:.2g} to {x.high:.2g})"
         if x.low > OTHER_UNIT or x.high < 1.0 / OTHER_UNIT:
             gross.append(f"{name} {span}")
+        verb = "may be" if x.low < 1.0 < x.high else "are"
         notes.append(
-            f"'{name}': its efforts are scaled by about {span} against the torques of the nominal "
-            "bodies: either their gain or unit is another (then give the torque per unit of "
-            f"effort, about {1.0 / x.factor:.2g}, or let scales be identified: per unit, effort "
-            "scale), or the nominal scene lacks a payload or has other masses"
+            f"'{name}': its efforts {verb} scaled by about {span} against the torques of the "
+            "nominal bodies: either their gain or unit is another (then give the torque per unit "
+            f"of effort, about {1.0 / x.factor:.2g}, or let scales be identified: per unit, "
+            "effort scale), or the nominal scene lacks a payload or has other masses"
         )
     if gross:
         raise InvalidInput(

@@ -52,8 +52,8 @@ def torque_panels(
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
             span = 1.05 * np.nanmax(abs(measured[:, j]))
             right.set_ylim(-span, span)
-        for axis, title in zip(axes[0], ("torque", "residual"), strict=True):
-            axis.annotate(f"{title} [{unit}]", (0, 1.34), xycoords="axes fraction", weight="bold")
+        for axis, title in (axes[0, 0], "torque [{}]"), (axes[0, 1], "residual [{}], % of torque"):
+            axis.annotate(title.format(unit), (0, 1.34), xycoords="axes fraction", weight="bold")
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         yield axes

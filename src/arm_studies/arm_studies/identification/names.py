@@ -45,10 +45,12 @@ def mapped(
         )
     matches = {joint: given.get(joint) or _match(record, joint) for joint in joints}
     if missing := [joint for joint in joints if matches[joint] is None]:
+        unused = [name for name in record.joint_names if name not in matches.values()]
+        pairs = [f" --map {pair}" for pair in map("=".join, zip(missing, unused, strict=False))]
         raise InvalidInput(
             f"{record.name}: no joint matches {known_names(missing)} of the scene; it has "
             f"{known_names(record.joint_names)}: lock joints of the scene that do not move, or "
-            "map their names"
+            f"map their names, such as{''.join(pairs)}"
         )
     called = [str(matches[joint]) for joint in joints]
     if len(set(called)) < len(called):

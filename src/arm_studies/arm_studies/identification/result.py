@@ -22,7 +22,8 @@ class Torques:
     Attributes:
         time: In [s], shape (k,).
         measured: Low-pass filtered efforts in [N m] or [N], shape (k, n).
-        predicted: By the identified model; on held-out rows by the model identified without them.
+        predicted: By the identified model; on held-out rows by the model identified without them;
+            NaN also where a joint may stick, since no law determines its friction.
         nominal: By the nominal scene.
         v: Velocities, shape (k, n).
         friction: Measured torques minus those of bodies and drives, shape (k, n).

@@ -311,13 +311,14 @@ def _torques(trial: Fit, final: Fit, nominal: Array) -> Torques:
     """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
     rows = trial.rows.plain
     after = final.predicted(rows)
+    predicted = np.where(rows.train[:, None], after, trial.predicted(rows))
 
     def valid(values: Array) -> Array:
         return np.where(rows.valid, values, np.nan)
 
     return Torques(
         time=np.concatenate([m.time for m in rows.motions]), measured=valid(rows.effort),
-        predicted=valid(np.where(rows.train[:, None], after, trial.predicted(rows))),
-        nominal=valid(nominal), v=rows.v,
-        friction=valid(rows.effort - after + final.own_predicted(rows)), held_out=~rows.train,
+        predicted=np.where(rows.use, predicted, np.nan), nominal=valid(nominal),
+        v=rows.v, held_out=~rows.train,
+        friction=valid(rows.effort - after + final.own_predicted(rows)),
     )  # fmt: skip

@@ -96,8 +96,7 @@ def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
 
 
 def _some(table: Table) -> dict[str, NDArray[np.bool_]]:
-    some = list(groups(table).items())[:_MOST]
-    return {_words(label): these for label, these in some}
+    return {_words(label): these for label, these in [*groups(table).items()][:_MOST]}
 
 
 def _words(label: str) -> str:
@@ -119,15 +118,16 @@ def _headings(study: Study, metrics: list[str]) -> list[str]:
 def _quantity(key: str) -> str:
     """A key of a scene in words, with the first unit that its description names."""
     part: Any = Scene
-    words, unit = [], ""
+    unit = ""
     for name in key.split("."):
         if field := getattr(part, "model_fields", {}).get(name):
             text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
             match = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
             unit, kinds = match[1] if match else "", getattr(field.annotation, "__args__", ())
             part = next((one for one in kinds if hasattr(one, "model_fields")), field.annotation)
-        words += [] if name in ("joints", "*") or name.isdigit() else [name.replace("_", " ")]
-    return ": ".join([words[0], ", ".join(words[1:])][: len(words)]) + f"\n[{unit}]" * bool(unit)
+    words = re.sub(r"^joints\.(\*\.)?|s\.\d+(?=\.)", "", key)  # payloads.0.mass is that of one
+    words = re.sub(r"friction\.(\w+)$", r"\1 friction", words)
+    return re.sub(r"[._]", " ", words) + f"\n[{unit}]" * bool(unit)
 
 
 def _finite(values: Array) -> Array:

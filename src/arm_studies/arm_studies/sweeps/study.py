@@ -214,6 +214,8 @@ def load_study(source: StudySource) -> Study:
     content = file_text(path, "study", "a study (YAML)")
     with in_file(path):
         data = parsed(content, _WHAT, "'scene' and 'duration'")
+        if "robot" in data and "scene" not in data:
+            raise SceneError(f"this is a scene; a study is another file, with scene: {path.name}")
         return _resolved(validated(Study, data), path.resolve().parent)
 
 

@@ -125,7 +125,7 @@ def test_the_files_of_a_bag_become_one(tmp_path: Path) -> None:
     (folder / "bag_1.mcap").write_bytes(second)
     found = repair(folder, tmp_path / "one.mcap")
     assert found.count["/sim/ticks"] == 1100
-    assert set(found.kept) == {"arm_sim", "scene.yaml", "robot.urdf"}
+    assert set(found.extras) == {"arm_sim", "scene.yaml", "robot.urdf"}
     assert len(found.damage) == 1 and "is damaged" in found.damage[0]
     assert opened_by_rosbags(tmp_path / "one.mcap") == found.count
 

@@ -16,11 +16,11 @@ typedef struct {
 } bound_t;
 
 /* The result for vectors; None where an argument is anything else or a result is not finite, which is left to Python. */
-static PyObject* answer(PyObject* capsule, PyObject* const* given, Py_ssize_t count) {
+static PyObject* answer(PyObject* capsule, PyObject* const* arguments, Py_ssize_t count) {
   bound_t* const bound = PyCapsule_GetPointer(capsule, NULL);
   if (count != bound->arguments) Py_RETURN_NONE;
   for (Py_ssize_t i = 0; i < count; ++i)
-    if (!(bound->entry.arguments[i] = numbers(given[i], bound->size))) Py_RETURN_NONE;
+    if (!(bound->entry.arguments[i] = numbers(arguments[i], bound->size))) Py_RETURN_NONE;
   PyArrayObject* const result = (PyArrayObject*)PyArray_SimpleNew(bound->rank, bound->shape, NPY_DOUBLE);
   if (!result) return NULL;
   const entry_t* const f = &bound->entry;

@@ -18,9 +18,9 @@ static int all_finite(const double* x, npy_intp count) {
 }
 
 /* The numbers of an array of `size` finite doubles one after another; NULL of anything else. */
-static const double* numbers(PyObject* given, npy_intp size) {
-  PyArrayObject* const array = (PyArrayObject*)given;
-  if (!PyArray_CheckExact(given) || PyArray_NDIM(array) != 1 || PyArray_DIM(array, 0) != size) return NULL;
+static const double* numbers(PyObject* object, npy_intp size) {
+  PyArrayObject* const array = (PyArrayObject*)object;
+  if (!PyArray_CheckExact(object) || PyArray_NDIM(array) != 1 || PyArray_DIM(array, 0) != size) return NULL;
   if (PyArray_TYPE(array) != NPY_DOUBLE || !PyArray_ISCARRAY_RO(array)) return NULL;
   const double* const x = PyArray_DATA(array);
   return all_finite(x, size) ? x : NULL;

@@ -19,17 +19,17 @@
 int point(const real** arg, real** res, casadi_int* iw, real* w, int mem);
 #endif
 
-/* Evaluate `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size. */
-__attribute__((visibility("default"))) void answer_rows(const double* const* given, const long long* steps, long long rows,
-                                                        double* const* made) {
+/* Evaluate `rows` points: vector i of point k begins at arguments[i] + k * steps[i], result i at results[i] + k * its size. */
+__attribute__((visibility("default"))) void answer_rows(const double* const* arguments, const long long* steps, long long rows,
+                                                        double* const* results) {
   static const long long sizes[RESULTS] = {SIZES};
   casadi_int iw[SZ_IW];
   real w[SZ_W];
   const real* arg[SZ_ARG];
   real* res[SZ_RES];
   for (long long k = 0; k < rows; ++k) {
-    for (int i = 0; i < ARGUMENTS; ++i) arg[i] = given[i] + k * steps[i];
-    for (int i = 0; i < RESULTS; ++i) res[i] = made[i] + k * sizes[i];
+    for (int i = 0; i < ARGUMENTS; ++i) arg[i] = arguments[i] + k * steps[i];
+    for (int i = 0; i < RESULTS; ++i) res[i] = results[i] + k * sizes[i];
     POINT(arg, res, iw, w, 0);
   }
 }

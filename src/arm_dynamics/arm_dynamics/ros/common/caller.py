@@ -155,10 +155,12 @@ class Caller(TemporaryNode):
             if not client.ready():
                 raise NoAnswer(self._not_offered(client.name))
             doubt = "" if repeatable else " The request may have been carried out nevertheless"
-            raise NoAnswer(
+            silence = NoAnswer(
                 f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
             )
+            silence.offered = True
+            raise silence
         return response
 
     def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from arm_dynamics.exceptions import counted
 from arm_dynamics.ros.common.conflicts import Alarm, same_name
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.common.topics import advertise
@@ -56,10 +57,10 @@ class Growth:
         before, self._before[name] = self._before.get(name, 0), count
         return count - before if count >= before else count
 
-    def warn(self, finding: Finding, count: int, event: str) -> None:
-        """Add a warning if the count of an event has grown."""
-        if growth := self.of(event, count):
-            finding.add(WARN, f"{growth} {event}")
+    def warn(self, finding: Finding, count: int, noun: str, event: str) -> None:
+        """Add a warning if the count of an event has grown; after a colon it may have reasons."""
+        if growth := self.of(f"{noun} {event.partition(':')[0]}", count):
+            finding.add(WARN, f"{counted(growth, noun)} {event}")
 
 
 class Diagnosis:

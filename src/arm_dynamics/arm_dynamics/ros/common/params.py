@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import field, fields, is_dataclass, replace
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -25,9 +26,11 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 
 SCENE = "Scene: name of a ready one, scene file or URDF (path or package:// URI), or URDF text"
 _WRITTEN = {
-    float: "a number with a decimal point, as in 5.0", int: "a whole number, as in 5",
-    bool: "true or false", str: "text",
-}  # fmt: skip
+    float: "a number",
+    int: "a whole number, as in 5",
+    bool: "true or false",
+    str: "text",
+}
 
 
 def parameter(
@@ -56,14 +59,19 @@ def parameter(
 
 
 def declare[P](node: Node, kind: type[P]) -> P:
-    """Declare the parameters of ``kind`` and read their values.
+    """Declare the parameters of ``kind`` and read their values; 5 is accepted for 5.0.
 
     Raises:
         InvalidInput: If a value given at start is of a wrong type or not allowed.
     """
+    overrides = node._parameter_overrides  # rclpy provides them in no other way
+    if not node._pre_set_parameters_callbacks:  # with two, rclpy sets every parameter twice
+        node.add_pre_set_parameters_callback(partial(_with_floats, node))
 
     def value_of(name: str, default: Any, about: Mapping[str, Any]) -> Any:
         default = _for_ros(default, about)
+        if isinstance(default, float) and name in overrides:
+            overrides[name] = _as_float(overrides[name])
         try:
             return node.declare_parameter(name, default, _descriptor(about, default)).value
         except InvalidParameterValueException as error:
@@ -71,10 +79,22 @@ def declare[P](node: Node, kind: type[P]) -> P:
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
         except InvalidParameterTypeException:
             allowed = _WRITTEN.get(type(default), "a list")
-        value = node._parameter_overrides[name].value  # rclpy provides it in no other way
+        value = overrides[name].value
         raise InvalidInput(f"parameter '{name}' is {value!r}; allowed: {allowed}")
 
     return _replaced(kind(), value_of)
+
+
+def _with_floats(node: Node, parameters: list[Parameter]) -> list[Parameter]:
+    """The parameters to set, with whole numbers as floats where those are expected."""
+    return [
+        _as_float(p) if node.get_parameter_or(p.name).type_ == Parameter.Type.DOUBLE else p
+        for p in parameters
+    ]
+
+
+def _as_float(p: Parameter) -> Parameter:
+    return Parameter(p.name, value=float(p.value)) if p.type_ == Parameter.Type.INTEGER else p
 
 
 def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:

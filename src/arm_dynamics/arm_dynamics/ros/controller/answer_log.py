@@ -82,9 +82,8 @@ class AnswerLog:
         finding.add(ERROR, self.failure)
         if now - self._last_state > SILENCE:
             finding.add(ERROR, f"no joint state for {now - self._last_state:.1f} s")
-        if growth := self._growth.of("passed over", self.passed_over):
-            finding.add(WARN, f"{growth} joint states ignored: {self.unusable}")
-        self._growth.warn(finding, int(goals["goals refused"]), "goals refused")
+        self._growth.warn(finding, self.passed_over, "joint state", f"ignored: {self.unusable}")
+        self._growth.warn(finding, int(goals["goals refused"]), "goal", "refused")
         if self._growth.of("jumps", self.jumps):
             finding.add(WARN, "time or the arm jumped; the arm was held at its position")
         if cut:

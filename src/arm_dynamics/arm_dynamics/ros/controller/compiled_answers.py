@@ -166,7 +166,7 @@ class CompiledAnswers:
         answers, since = self._answers, max(1, self.count - self._summarized)
         values: dict[str, str | int | float] = {
             "answered in C": self.count,
-            "answered in Python": self.obstacle or "states that are not ordinary",
+            "answered in Python": self.obstacle or "few states, as after a change",
             "answer in C [µs]": 1e-3 * answers.busy / since,
             "longest answer in C [µs]": 1e-3 * answers.longest,
         }

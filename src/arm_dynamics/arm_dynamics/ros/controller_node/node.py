@@ -122,6 +122,8 @@ class ControllerNode(Node):
         self._selection.watch()
         self._diagnosis = Diagnosis(self, self.diagnostics)
         self._complete = True
+        states = self.resolve_topic_name(JOINT_STATES.name)
+        self.get_logger().info(f"answers {states}; to move the arm: ./arm go {names[-1]}+=0.1")
         self._subscribe_states(own_thread)
 
     def _velocity_of(self, params: ControllerParams) -> DerivedVelocity | None:

@@ -48,8 +48,8 @@ class RequestCounts:
             "responses lost": lost,
             "descriptions refused": self.descriptions_refused,
         }  # fmt: skip
-        self._growth.warn(finding, self._refused, "requests refused")
-        self._growth.warn(finding, lost, "responses lost, the client is gone")
+        self._growth.warn(finding, self._refused, "request", "refused")
+        self._growth.warn(finding, lost, "response", "lost, the client is gone")
         if self._growth.of("descriptions", self.descriptions_refused):
             finding.add(WARN, "a robot description was refused")
         self._busy, self._since = 0.0, now

@@ -117,7 +117,8 @@ class DynamicsNode(Node):
             if self._compiled is not None:
                 self._compiled.forget()
             self._dynamics = dynamics
-        self.get_logger().info(f"{dynamics.n} joints: {', '.join(dynamics.joint_names)}")
+        names = ", ".join(dynamics.joint_names)
+        self.get_logger().info(f"{dynamics.n} joints: {names}; to try it: ./arm call model-info")
 
     def load_description(self, urdf: str) -> None:
         """Replace the arm by that of a URDF text, which is never interpreted as a path."""

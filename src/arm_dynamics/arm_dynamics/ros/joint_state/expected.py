@@ -52,6 +52,8 @@ class Expected:
                     f"{field} has {length} numbers for {len(names)} joints; "
                     "allowed: one for each name"
                 )
+        if not names:
+            raise InvalidInput(f"it names no joints; allowed: {known_names(self.joints)}")
         missing = [joint for joint in self.joints if joint not in names]
         if not self.extra:
             self._arm.refuse(names, "unknown joints")

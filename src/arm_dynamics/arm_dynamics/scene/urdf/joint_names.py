@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -121,7 +122,7 @@ class Named:
             raise InvalidInput(
                 f"joints {known_names(names)} are not all different; allowed: each once"
             )
-        self._size, self._followers = len(names), arm.followers(names)
+        self._names, self._followers = names, arm.followers(names)
         self._own = [i for i, name in enumerate(names) if name in arm]
         self.joints = np.array([arm.index(names[i]) for i in self._own], np.intp)
 
@@ -136,10 +137,15 @@ class Named:
             rest: Values of the other joints, shape (n,).
 
         Raises:
-            InvalidInput: If the length does not fit, or values of mimic joints contradict.
+            InvalidInput: If the length does not fit, a value of the arm is not finite, or those of
+                mimic joints contradict.
         """
-        if len(values) != self._size:
-            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {self._size}")
+        if len(values) != len(self._names):
+            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {len(self._names)}")
+        for i in self._own:
+            if not math.isfinite(x := values[i]):
+                joint = f"joint '{self._names[i]}'"
+                raise InvalidInput(f"{what}, {joint}, is {x}; allowed: finite numbers")
         for follower in self._followers:
             follower.check(what, field, values)
         full = np.array(rest)

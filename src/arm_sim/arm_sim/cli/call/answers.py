@@ -26,19 +26,19 @@ class Answer:
     Args:
         service: The service.
         response: The response.
-        given: Vectors of the request.
+        request: Vectors of the request.
         joints: Types of the joints by name, in the order of all vectors.
     """
 
     def __init__(
-        self, service: Service, response: Any, given: Mapping[Field, Vector],
+        self, service: Service, response: Any, request: Mapping[Field, Vector],
         joints: Mapping[str, str],
     ) -> None:  # fmt: skip
         import numpy as np
 
-        self._given = {field: vector for field, vector in given.items() if "k" in field.shape}
-        self._batch = any(vector.batch for vector in self._given.values())
-        self._count = next((len(x.rows) for x in self._given.values()), 0) or 1
+        self._request = {field: vector for field, vector in request.items() if "k" in field.shape}
+        self._batch = any(vector.batch for vector in self._request.values())
+        self._count = next((len(x.rows) for x in self._request.values()), 0) or 1
         self._kinds = set(joints.values())
         self._names = {"n": list(joints)}  # of rows and columns, by dimension
         self._lists: dict[str, Field] = {}  # the fields that contain them
@@ -46,7 +46,7 @@ class Answer:
             if field.type == "string[]" and field.shape and field.shape[0] not in self._lists:
                 self._lists[field.shape[0]] = field
                 self._names[field.shape[0]] = list(getattr(response, field.name))
-        for field, vector in self._given.items():  # several points are to be listed as such
+        for field, vector in self._request.items():  # several points are to be listed as such
             size, row = self._size(field.shape[-1]), len(vector.rows[0]) if vector.rows else 0
             if row not in (0, size):
                 raise click.ClickException(f"{field.name} has rows of {row}; allowed: {size}")
@@ -86,9 +86,9 @@ class Answer:
             say(f"… and {self._count - SHOWN} more points; --json prints all")
 
     def _print_rows(self, values: Mapping[Field, Any]) -> None:
-        """Print a table for each vector that was not given; the first has the numbers, too."""
-        given = {field.name for field in self._given}
-        rows = {x: v[:SHOWN] for x, v in values.items() if "k" in x.shape and x.name not in given}
+        """Print a table for each vector of the answer; the first has the numbers, too."""
+        sent = {field.name for field in self._request}
+        rows = {x: v[:SHOWN] for x, v in values.items() if "k" in x.shape and x.name not in sent}
         numbers = [(self._title(x), v) for x, v in rows.items() if len(x.shape) == 1]
         tables: dict[str, list[tuple[str, Any]]] = {}
         for field, vectors in rows.items():
@@ -122,13 +122,13 @@ class Answer:
                 _print_table(self._title(field), rows, columns, digits=5)
         for dim, columns in vectors.items():
             names = self._names[dim]
-            given = {
+            requested = {
                 self._title(field): np.array(vector.flat(names))
-                for field, vector in self._given.items()
+                for field, vector in self._request.items()
                 if field.shape == ("k", dim) and not self._batch
             }
             head = self._lists[dim].name.removesuffix("_names") if dim in self._lists else "joint"
-            _print_table(head, _numbered(names), list((given | columns).items()))
+            _print_table(head, _numbered(names), list((requested | columns).items()))
         for field, value in rest:
             self._print_line(field, value)
 

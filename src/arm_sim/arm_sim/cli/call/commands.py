@@ -21,7 +21,7 @@ from arm_sim.cli.completion import Commands
 from arm_sim.cli.output import examples, say
 from arm_sim.cli.vectors import HOW, Vector, VectorType
 
-Given = Mapping[Field, Any]
+Request = Mapping[Field, Any]
 POINTS = '"[[…], […]]" for two points, or @FILE'
 
 
@@ -45,11 +45,11 @@ class _Bits(_Words):
 
     def convert(self, value: str, param: Any, ctx: click.Context | None) -> int:
         """The number with these bits, or a usage error."""
-        chosen = set(super().convert(value.lower(), param, ctx))
-        unknown = min(chosen - {*self._bits}, default="")
-        if unknown or not chosen:
+        names = set(super().convert(value.lower(), param, ctx))
+        unknown = min(names - {*self._bits}, default="")
+        if unknown or not names:
             self.fail(f"{value!r}; allowed: some of {choices(unknown, self._bits)}", param, ctx)
-        return reduce(or_, (self._bits[name] for name in chosen))
+        return reduce(or_, (self._bits[name] for name in names))
 
 
 KINDS = {
@@ -76,16 +76,17 @@ def _command(service: Service) -> click.Command:
         from arm_dynamics.exceptions import NoAnswer, Refused
         from arm_dynamics.ros.common.caller import Caller
 
-        given = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
-        wanted = [x for x in service.request if x.name != "joint_names"]
-        if wanted and not any(field in given for field in wanted):
-            raise click.UsageError(f"nothing to set: give {' or '.join(map(_option, wanted))}")
+        request = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
+        contents = [x for x in service.request if x.name != "joint_names"]
+        if contents and not any(field in request for field in contents):
+            raise click.UsageError(f"nothing to set: give {' or '.join(map(_option, contents))}")
         try:
             with closing(Caller(timeout)) as caller:
-                _call(partial(_ask, caller, node), service, node, given, as_json)
+                _call(partial(_ask, caller, node), service, node, request, as_json)
         except NoAnswer as error:
+            start = f"\n  start one in another terminal: ./arm {service.node} SCENE"
             raise click.ClickException(
-                f"{error}\n  start one in another terminal: ./arm {service.node} SCENE"
+                f"{error}{'' if error.offered else start}"
                 "\n  --node selects another node, --timeout waits longer"
             ) from None
         except Refused as error:
@@ -95,14 +96,11 @@ def _command(service: Service) -> click.Command:
             raise SystemExit(1) from None
 
     lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
-    made = command(*lines, name=name, first=partial(_fields, service))(call)
-    made.help, made.short_help = service.help, service.short_help
-    return made
-
-
-def _fields(service: Service) -> list[click.Parameter]:
     fields = sorted(service.request, key=lambda field: field.name == "joint_names")
-    return [_parameter(service, field) for field in fields]
+    options = [_parameter(service, field) for field in fields]
+    subcommand = command(*lines, name=name, first=options)(call)
+    subcommand.help, subcommand.short_help = service.help, service.short_help
+    return subcommand
 
 
 def _option(field: Field) -> str:
@@ -110,7 +108,7 @@ def _option(field: Field) -> str:
 
 
 def _parameter(service: Service, field: Field) -> click.Parameter:
-    """The option of a field; an argument if a number is all that is asked for."""
+    """The option of a field; an argument if the request has no other and is a number."""
     default, about = field.default.strip('"'), field.help
     if field.type == "bool":
         return click.Option([_option(field), field.name], is_flag=True, help=f"{about}.")
@@ -146,38 +144,37 @@ def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
 
 
 def _call(
-    ask: Callable[..., Any], service: Service, node: str, given: Given, as_json: bool
+    ask: Callable[..., Any], service: Service, node: str, request: Request, as_json: bool
 ) -> None:
     """Send a request, and print the response."""
-    joints = _joints(ask, service, given)
-    sent = {field.name: _value(field, value, list(joints)) for field, value in given.items()}
+    joints = _joints(ask, service, request)
+    sent = {field.name: _value(field, value, list(joints)) for field, value in request.items()}
     if any(field.name == "joint_names" for field in service.request):
         sent["joint_names"] = sent.get("joint_names") or list(joints)
     response = ask(service, **sent)
-    vectors = {field: value for field, value in given.items() if isinstance(value, Vector)}
+    vectors = {field: value for field, value in request.items() if isinstance(value, Vector)}
     answer = Answer(service, response, vectors, joints)
     if as_json:
         answer.print_json("" if response.success else response.message)
-    elif service.done:  # numbers that were not sent are zero
-        facts = {field.name: 0 for field in service.request} | sent
-        facts |= {field.name: getattr(response, field.name) for field in service.response}
-        names = ", ".join(sent.get("joint_names", ())) or "all joints"
-        done = service.done.format(**facts, joints=names)
-        say(f"/{node.strip('/')}: {done}")
+    elif service.outcome:  # numbers that were not sent are zero
+        values = {field.name: 0 for field in service.request} | sent
+        values |= {field.name: getattr(response, field.name) for field in service.response}
+        values["joints"] = ", ".join(sent.get("joint_names", ())) or "all joints"
+        say(f"/{node.strip('/')}: {service.outcome.format(**values)}")
     else:
         answer.print()
     if not response.success:  # a part of the request
         raise SystemExit(1) if as_json else click.ClickException(response.message)
 
 
-def _joints(ask: Callable[..., Any], service: Service, given: Given) -> dict[str, str]:
+def _joints(ask: Callable[..., Any], service: Service, request: Request) -> dict[str, str]:
     """Types of joints by name, in the order of the vectors; of a simulation those named."""
-    names = next((value for field, value in given.items() if field.name == "joint_names"), [])
+    names = next((value for field, value in request.items() if field.name == "joint_names"), [])
     if service.node == DYNAMICS:
         facts = ask(MODEL_INFO)
         kinds = dict(zip(facts.joint_names, facts.joint_types, strict=True))
         return {name: kinds.get(name, "") for name in names or kinds}
-    for vector in (x for x in given.values() if isinstance(x, Vector) and x.named):
+    for vector in (x for x in request.values() if isinstance(x, Vector) and x.named):
         if names and set(vector.named) != set(names):
             raise click.ClickException(
                 f"joints {', '.join(vector.named)} and {', '.join(names)}; allowed: the same "

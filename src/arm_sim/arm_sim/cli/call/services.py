@@ -18,20 +18,12 @@ from typing import Any, NamedTuple
 
 DYNAMICS, SIM = "dynamics", "sim"  # nodes, and the commands that start them
 
-
-def _files() -> Path:
-    """The folder of the service files of ``arm_msgs``.
-
-    It is linked and packaged beside this file, so that help needs no ROS. Where a distribution
-    builds each package alone, the link leads nowhere and ``arm_msgs`` is installed.
-    """
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    installed = (Path(prefix) / "share/arm_msgs/srv" for prefix in prefixes if prefix)
-    here = Path(__file__).with_name("srv")
-    return next((folder for folder in (here, *installed) if folder.is_dir()), here)
-
-
-FILES = _files()
+# The service files of arm_msgs are linked and packaged beside this file: help needs no ROS. Where
+# a distribution builds each package alone, the link leads nowhere and arm_msgs is installed.
+_HERE = Path(__file__).with_name("srv")
+_PREFIXES = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+_FOLDERS = (_HERE, *(Path(prefix) / "share/arm_msgs/srv" for prefix in _PREFIXES))
+FILES = next((folder for folder in _FOLDERS if folder.is_dir()), _HERE)
 
 _FIELD = re.compile(r"([\w/]+(?:\[\d*\])?) +(\w+)(?: +([^#\s=][^#]*?))? *(?:# *(.*))?")
 _CONSTANT = re.compile(r"uint\d+ +([A-Z]\w*) *= *(\d+)")
@@ -58,14 +50,14 @@ class Field(NamedTuple):
     @property
     def shape(self) -> tuple[str, ...]:
         """Dimensions of an array of any length: k, n, m or numbers; empty if none are named."""
-        found = _SHAPE.search(_UNITS.sub("", self.text)) if self.type.endswith("[]") else None
-        return tuple(found[0].split("*")) if found else ()
+        match = _SHAPE.search(_UNITS.sub("", self.text)) if self.type.endswith("[]") else None
+        return tuple(match[0].split("*")) if match else ()
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units, those of revolute joints first and those of prismatic ones last."""
-        found = _UNITS.search(self.text)
-        return tuple(found[1].replace("^2", "²").split(", ")) if found else ()
+        match = _UNITS.search(self.text)
+        return tuple(match[1].replace("^2", "²").split(", ")) if match else ()
 
     @property
     def required(self) -> bool:
@@ -93,7 +85,7 @@ class Service:
         command: Name of the command, with underscores.
         node: The node, ``DYNAMICS`` or ``SIM``.
         examples: Arguments of examples, one on each line.
-        done: What has happened, by the fields of request and response, instead of a table.
+        outcome: Sentence with the fields of request and response, printed instead of a table.
         once: Whether the request must not be repeated.
         name: Name of the service, by default that of the command.
         fields: Fields of the request and the response that the command has; all if empty.
@@ -104,7 +96,7 @@ class Service:
     command: str
     node: str
     examples: str = ""
-    done: str = ""
+    outcome: str = ""
     once: bool = False
     name: str = ""
     fields: tuple[str, ...] = ()
@@ -129,32 +121,30 @@ class Service:
 
     @property
     def short_help(self) -> str:
-        """What stands in front of a formula or of details."""
+        """The part of the help before a formula or details."""
         return re.split(r": |\. |\.$", self.help)[0] + "."
 
     @cached_property
     def request(self) -> list[Field]:
         """Fields of the request."""
-        return self._chosen(_fields(self._parts[0]))
+        return self._fields(self._parts[0])
 
     @cached_property
     def response(self) -> list[Field]:
         """Fields of the response, but success and message."""
-        fields = self._chosen(_fields(self._parts[1]))
+        fields = self._fields(self._parts[1])
         return [field for field in fields if field.name not in ("success", "message")]
 
-    def _chosen(self, fields: list[Field]) -> list[Field]:
+    def _fields(self, text: str) -> list[Field]:
+        """Fields that the lines of a text define and the command has."""
+        matches = (_FIELD.fullmatch(line.strip()) for line in text.splitlines())
+        fields = [Field(*(part or "" for part in match.groups())) for match in matches if match]
         return [field for field in fields if not self.fields or field.name in self.fields]
 
     @property
     def bits(self) -> dict[str, int]:
         """Constants of the request, which are bits of a number."""
         return {name.lower(): int(bit) for name, bit in _CONSTANT.findall(self._parts[0])}
-
-
-def _fields(text: str) -> list[Field]:
-    found = (_FIELD.fullmatch(line.strip()) for line in text.splitlines())
-    return [Field(*(part or "" for part in x.groups())) for x in found if x]
 
 
 _READY = '--position "0 -0.8 0 -2.4 0 1.6 0.8"'
@@ -176,12 +166,12 @@ SERVICES = (
             text="Pose of a frame of the arm in the world."),
     Service("task_space", DYNAMICS, f"--frame panda_hand {_READY}\n"
             '--frame panda_hand --axes "x y z" --direction "0 0 1" --position "panda_joint4=-2"'),
-    Service("pause", SIM, sends={"data": True}, done="paused", text="Pause the simulation."),
-    Service("reset", SIM, done="reset to the initial state at time zero",
+    Service("pause", SIM, sends={"data": True}, outcome="paused", text="Pause the simulation."),
+    Service("reset", SIM, outcome="reset to the initial state at time zero",
             text="Reset the simulation to its initial state and time zero."),
-    Service("reset_counters", SIM, done="counters reset",
+    Service("reset_counters", SIM, outcome="counters reset",
             text="Reset the counters of the loop, of commands and of answers to zero."),
-    Service("resume", SIM, name="pause", sends={"data": False}, done="running",
+    Service("resume", SIM, name="pause", sends={"data": False}, outcome="running",
             text="Resume a paused simulation."),
     Service("set_friction", SIM, '--viscous "panda_joint4=0.5"', "friction of {joints} set"),
     Service("set_joint_state", SIM, '--position "panda_joint4=-1.5"', "{joints} set"),

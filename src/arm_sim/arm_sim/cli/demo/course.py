@@ -38,10 +38,9 @@ from arm_sim.view.server import library
 
 _SETTLED = 0.3  # [s] of observation after the motion
 _OPENING = 3.0  # [s] for a browser to open
-_TELL = 1.7  # [s] between lines of progress
+_PAUSE = 1.7  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
 RECORDING = "run.mcap"
-_ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 
 def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
@@ -60,33 +59,34 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     with (
         tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch,
         # A separate thread that refreshes it would disturb the measurement.
-        progress(sys.stdout, _PrintedProgress(out).tell, *columns, refresh=True) as tell,
+        progress(sys.stdout, _PrintedProgress(out).update, *columns, refresh=True) as on_progress,
     ):
-        observed, clock = _run(motion, output, Path(scratch), tell, view)
-        tell(description="checking the simulated motion by a second run")
+        observations, clock = _run(motion, output, Path(scratch), on_progress, view)
+        on_progress(description="checking the simulated motion by a second run")
         with quiet():
             verdict = Recording.load(Path(scratch) / RECORDING).verdict
-    _report(output, motion, observed, numbers(motion, observed, clock), verdict, out)
+    results = numbers(motion, observations, clock)
+    _report(output, motion, observations, results, verdict, out)
 
 
 class _PrintedProgress:
-    """Prints, without a terminal, what goes on, and every two seconds for how long it has."""
+    """Prints, without a terminal, each step and, every two seconds, how long it has taken."""
 
     def __init__(self, out: Console) -> None:
         self._out, self._began, self._printed = out, 0.0, 0.0
 
-    def tell(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
+    def update(self, description: str = "", completed: float = 0.0, total: float = 1.0) -> None:
         now = time.monotonic()
         if description:
-            self._began = self._printed = now
+            self._began, self._printed, self._description = now, now, description
             self._out.print(f"{description} …")
-        elif now > self._printed + _TELL:
+        elif now > self._printed + _PAUSE:
             self._printed = now
-            self._out.print(f"  {now - self._began:.0f} s")
+            self._out.print(f"  {self._description}: {now - self._began:.0f} s")
 
 
 def _run(
-    motion: DemoMotion, output: Path, scratch: Path, tell: Callable[..., object], view: bool
+    motion: DemoMotion, output: Path, scratch: Path, on_progress: Callable[..., object], view: bool
 ) -> tuple[Observations, dict[str, Any]]:
     """Execute the motion; return the observations and the sim node's report."""
     scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
@@ -94,26 +94,27 @@ def _run(
     data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     scene.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
 
-    def glance() -> None:
+    def check() -> None:
         processes.check()
-        tell(completed=observer.now(), total=motion.trajectory.duration)
+        on_progress(completed=observer.now(), total=motion.trajectory.duration)
 
     # For the child processes, which inherit it, and for the demo's own node.
     os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
-    with Processes(output) as processes, Observer(motion.model.joint_names, glance) as observer:
-        tell(description=f"starting the nodes (ROS domain {domain}, this machine only)")
+    with Processes(output) as processes, Observer(motion.model.joint_names, check) as observer:
+        on_progress(description=f"starting the nodes (ROS domain {domain}, this machine only)")
         node = str(scene), "--with-parent"
         processes.start("dynamics", "dynamics", *node)
-        processes.start("controller", "controller", *node, *_ROS_CONTROLLER)
+        sparse = "--ros-args", "-p", "state_period:=0.01"
+        processes.start("controller", "controller", *node, *sparse)
         observer.wait_for_partners()
         # Started last, so that no other start-up disturbs its timing.
         record = "--ros-args", "-p", f"record:={scratch / RECORDING}"
         processes.start("sim", "sim", *node, "--report", str(report), *record)
         observer.wait_for_motion()
-        shown = f"; the view is at {_open_view(processes, scene)}" if view else ""
-        tell(description=f"following the trajectory{shown}")
+        place = f"; the view is at {_open_view(processes, scene)}" if view else ""
+        on_progress(description=f"following the trajectory{place}")
         _follow(motion, processes, observer)
-        tell(description="stopping the nodes")
+        on_progress(description="stopping the nodes")
         processes.stop("sim")
         processes.stop("view", "controller", "dynamics")
         if not report.exists():
@@ -142,25 +143,26 @@ def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> Non
 def _open_view(processes: Processes, scene: Path) -> str:
     """Start a view that follows the arm, and a browser if there is one; return its address."""
     processes.start("view", "view", str(scene), "--live")
-    while "(Ctrl-C ends)" not in (said := processes.log("view").read_text(errors="replace")):
+    while "(Ctrl-C ends)" not in (log := processes.log("view").read_text(errors="replace")):
         processes.check()
         time.sleep(0.1)
-    address = next(word for word in said.split() if word.startswith("http://"))
+    address = next(word for word in log.split() if word.startswith("http://"))
     webbrowser.open(address)
     time.sleep(_OPENING)
     return address
 
 
 def _report(
-    output: Path, motion: DemoMotion, observed: Observations, n: Numbers, verdict: str, out: Any
-) -> None:
+    output: Path, motion: DemoMotion, observations: Observations, n: Numbers, verdict: str,
+    out: Console,
+) -> None:  # fmt: skip
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
         f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
         f"{1e6 * n['error_rms']:,.1f} µ{n['unit']} RMS"
     )
-    draw(figure, observed, model.joint_names, model.joint_types, n["duration"], title)
+    draw(figure, observations, model.joint_names, model.joint_types, n["duration"], title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, result_table(n))

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +23,7 @@ SHRINK, TRIES = 0.8, 30
 SAMPLES_A_SECOND = 100
 
 
-@dataclass(frozen=True)
-class DemoMotion:
+class DemoMotion(NamedTuple):
     """Start and waypoints of the arm.
 
     Attributes:
@@ -33,14 +31,12 @@ class DemoMotion:
         waypoints: Points after the start; the last one is the start again, at rest.
         trajectory: The trajectory through them.
         effort_share: Largest torque relative to its limit; 0 without limits.
-        speed_share: Largest speed relative to its limit, likewise.
     """
 
     model: ArmModel
     waypoints: tuple[Waypoint, ...]
     trajectory: Trajectory
     effort_share: float
-    speed_share: float
 
 
 def choose_motion(scene: Scene, duration: float) -> DemoMotion:
@@ -103,7 +99,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> DemoMotion | N
             position: dict[str, Any] = dict(model.scene.initial.position)
             position |= dict(zip(model.joint_names, start.tolist(), strict=True))
             scene = model.scene.model_copy(update={"initial": Initial(position=position)})
-            return DemoMotion(ArmModel(scene), waypoints, trajectory, effort, speed)
+            return DemoMotion(ArmModel(scene), waypoints, trajectory, effort)
     return None
 
 
@@ -114,9 +110,9 @@ def _better_start(dynamics: Dynamics) -> Array:
     high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     low, high = middle - 0.6 * half, middle + 0.6 * half
-    others = np.random.default_rng(0).uniform(low, high, (200, model.n))
-    tries = np.vstack([np.clip(model.q0, low, high), middle, others])
-    shares = _weight_shares(dynamics, tries)
+    samples = np.random.default_rng(0).uniform(low, high, (200, model.n))
+    postures = np.vstack([np.clip(model.q0, low, high), middle, samples])
+    shares = _weight_shares(dynamics, postures)
     largest = shares.max(axis=1)
     light = np.flatnonzero(largest <= WEIGHT_SHARE)
     best = light[0] if light.size else largest.argmin()
@@ -128,7 +124,7 @@ def _better_start(dynamics: Dynamics) -> Array:
             f"{needed:.4g} N m or N, its effort limit is {model.effort_limit[joint]:.4g}; "
             "allowed: a scene whose start or limits make it possible"
         )
-    return tries[best]
+    return postures[best]
 
 
 def _weight_shares(dynamics: Dynamics, q: Array) -> Array:

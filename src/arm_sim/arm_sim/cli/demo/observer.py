@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.convert import to_nanoseconds
@@ -22,20 +20,19 @@ from arm_dynamics.ros.interfaces import (
 )
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed
-from arm_sim.cli.robot.listener import Listener, after
+from arm_sim.cli.robot.listener import Listener, trajectory_message
 from arm_sim.ros.interfaces import ENERGY
 
 _START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
 _IN_TIME = f"within {_START_TIMEOUT:g} s"
-_BETWEEN_GLANCES = 0.2  # [s]
-_AT_EASE = 0.5  # [s]: discovery of a node may block the others for a third of a second
-_ASK_AGAIN = 1.0  # [s] until an unanswered request is repeated
+_CHECK_PERIOD = 0.2  # [s]
+_DISCOVERY = 0.5  # [s]: of a node, which may block the others for a third of a second
+_RETRY = 1.0  # [s] until an unanswered request is repeated
 _FIELDS = ("reference_position", "feedback_position", "position_error", "effort")
 _ENERGIES = ("kinetic", "potential", "total", "input", "dissipated", "balance")
 
 
-@dataclass(frozen=True)
-class Observations:
+class Observations(NamedTuple):
     """Observations of a motion; time starts with the trajectory, rows are samples.
 
     Attributes:
@@ -44,9 +41,9 @@ class Observations:
         position: Measured joint positions, shape (k, n).
         error: Reference minus position, shape (k, n).
         effort: Commanded torque, shape (k, n).
-        asked_time: Times of the service requests in [s], shape (m,).
-        asked_effort: Torques returned for the reference motion, shape (m, n).
-        asked_for: Torques commanded at those times, shape (m, n).
+        query_time: Times of the service requests in [s], shape (m,).
+        query_effort: Torques returned for the reference motion, shape (m, n).
+        query_command: Torques commanded at those times, shape (m, n).
         latencies: Durations of the service calls in [s], shape (m,).
         energy: kinetic, potential, total, input, dissipated and balance in [J], shape (e, 6).
     """
@@ -56,11 +53,19 @@ class Observations:
     position: Array
     error: Array
     effort: Array
-    asked_time: Array
-    asked_effort: Array
-    asked_for: Array
+    query_time: Array
+    query_effort: Array
+    query_command: Array
     latencies: Array
     energy: Array
+
+
+class _Query(NamedTuple):
+    """An answered request for the torques that a state of the controller needs."""
+
+    state: Any
+    latency: float  # [s]
+    response: Any
 
 
 class Observer(Listener):
@@ -68,40 +73,40 @@ class Observer(Listener):
 
     Args:
         names: The joints.
-        glance: Called periodically while waiting.
+        check: Called periodically while waiting.
     """
 
-    def __init__(self, names: Sequence[str], glance: Callable[[], None]) -> None:
+    def __init__(self, names: Sequence[str], check: Callable[[], None]) -> None:
         super().__init__()
-        self._names, self._glance, self._look = list(names), glance, 0.0
+        self._names, self._check, self._next_check = list(names), check, 0.0
         self._states: list[Any] = []
         self._energies: list[Any] = []
-        self._questions: list[tuple[Any, float, Any]] = []
-        self._next_question = 0.0
+        self._queries: list[_Query] = []
+        self._next_query = 0.0
         self.start = 0  # stamp in [ns] at which the trajectory began
-        self._ask = self.client(INVERSE_DYNAMICS, "dynamics")
+        self._inverse_dynamics = self.client(INVERSE_DYNAMICS, "dynamics")
         self._info = self.client(MODEL_INFO, "dynamics")
         self._reset = self.client(RESET_COUNTERS, "sim")
-        self._send = self.publisher(JOINT_TRAJECTORY, "controller/joint_trajectory")
-        self.hear(CONTROLLER_STATE, "controller/state", self._on_state)
-        self.hear(ENERGY, "sim/energy", self._energies.append)
+        self._trajectory = self.publisher(JOINT_TRAJECTORY, "controller/joint_trajectory")
+        self.subscribe(CONTROLLER_STATE, "controller/state", self._on_state)
+        self.subscribe(ENERGY, "sim/energy", self._energies.append)
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """As a listener's, with glances."""
+        """As a listener's, with periodic checks."""
 
-        def met() -> bool:
-            if (now := time.monotonic()) >= self._look:
-                self._glance()
-                self._look = now + _BETWEEN_GLANCES
+        def checked_condition() -> bool:
+            if (now := time.monotonic()) >= self._next_check:
+                self._check()
+                self._next_check = now + _CHECK_PERIOD
             return condition()
 
-        return super().until(met, timeout)
+        return super().until(checked_condition, timeout)
 
     def wait_for_partners(self) -> None:
         """Wait until the dynamics node answers and the controller subscribes."""
-        self._demand(self._answered(self._info), f"the dynamics node did not answer {_IN_TIME}")
+        self._demand(self._answers(self._info), f"the dynamics node did not answer {_IN_TIME}")
         self._demand(
-            lambda: self._send.get_subscription_count() > 0,
+            lambda: self._trajectory.get_subscription_count() > 0,
             f"the controller did not start {_IN_TIME}",
         )
 
@@ -113,36 +118,31 @@ class Observer(Listener):
         )
         silence = f"the sim node did not answer {_IN_TIME}"
         self._demand(self._reset.service_is_ready, silence)
-        self.until(lambda: False, _AT_EASE)
-        self._demand(self._answered(self._reset), silence)
+        self.until(lambda: False, _DISCOVERY)
+        self._demand(self._answers(self._reset), silence)
 
     def _demand(self, condition: Callable[[], bool], failure: str) -> None:
         """Wait for a condition at start-up, and fail after a timeout."""
         if not self.until(condition, _START_TIMEOUT):
             raise DemoFailed(failure)
 
-    def _answered(self, client: Any) -> Callable[[], bool]:
+    def _answers(self, client: Any) -> Callable[[], bool]:
         """Whether a service has answered an empty request, which is repeated every second."""
-        answers, asked = [], 0.0
+        answers, sent = [], 0.0
 
-        def answered() -> bool:
-            nonlocal asked
-            if client.service_is_ready() and time.monotonic() > asked + _ASK_AGAIN:
+        def is_answered() -> bool:
+            nonlocal sent
+            if client.service_is_ready() and time.monotonic() > sent + _RETRY:
                 answers.append(client.call_async(client.srv_type.Request()))
-                asked = time.monotonic()
+                sent = time.monotonic()
             return any(answer.done() for answer in answers)
 
-        return answered
+        return is_answered
 
     def send(self, waypoints: Sequence[Waypoint]) -> bool:
         """Send the trajectory; return whether the controller started to follow it in time."""
-        message = JointTrajectory(joint_names=self._names)
-        for waypoint in waypoints:
-            point = JointTrajectoryPoint(time_from_start=after(waypoint.time))
-            point.positions = np.asarray(waypoint.q).tolist()
-            message.points.append(point)
         here, first = list(self._states[-1].reference_position), len(self._states)
-        self._send.publish(message)
+        self._trajectory.publish(trajectory_message(self._names, waypoints))
 
         def moving() -> Iterator[int]:
             """Indices of the states whose reference differs from the start."""
@@ -159,35 +159,35 @@ class Observer(Listener):
         return self._time(self._states[-1]) if self.start else 0.0
 
     def _on_state(self, state: Any) -> None:
-        """Keep it, and ask which torques it needs unless an answer is awaited."""
+        """Keep it, and request the torques that it needs unless an answer is awaited."""
         self._states.append(state)
-        asked = time.perf_counter()
-        if not self.start or asked < self._next_question:
+        sent = time.perf_counter()
+        if not self.start or sent < self._next_query:
             return
-        self._next_question = asked + _ASK_AGAIN
+        self._next_query = sent + _RETRY
         request = INVERSE_DYNAMICS.type.Request(
             joint_names=state.joint_names, position=state.reference_position,
             velocity=state.reference_velocity, acceleration=state.reference_acceleration,
         )  # fmt: skip
 
-        def answered(future: Any) -> None:
-            self._next_question = 0.0
-            self._questions.append((state, time.perf_counter() - asked, future.result()))
+        def on_answer(future: Any) -> None:
+            self._next_query = 0.0
+            self._queries.append(_Query(state, time.perf_counter() - sent, future.result()))
 
-        self._ask.call_async(request).add_done_callback(answered)
+        self._inverse_dynamics.call_async(request).add_done_callback(on_answer)
 
     def observations(self) -> Observations:
         """All observations since the trajectory began."""
         states = [s for s in self._states if self._time(s) >= 0.0]
-        good = [(s, waited, r) for s, waited, r in self._questions if r.success]
+        queries = [query for query in self._queries if query.response.success]
         energy = [[getattr(e, name) for name in _ENERGIES] for e in self._energies]
         return Observations(
             np.array(list(map(self._time, states))),
             *(np.array([getattr(s, field) for s in states]) for field in _FIELDS),
-            asked_time=np.array([self._time(s) for s, *_ in good]),
-            asked_effort=np.array([r.effort for *_, r in good]),
-            asked_for=np.array([s.effort for s, *_ in good]),
-            latencies=np.array([waited for _, waited, _ in good]),
+            query_time=np.array([self._time(query.state) for query in queries]),
+            query_effort=np.array([query.response.effort for query in queries]),
+            query_command=np.array([query.state.effort for query in queries]),
+            latencies=np.array([query.latency for query in queries]),
             energy=np.reshape(energy, (-1, len(_ENERGIES))),
         )
 

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import click
@@ -24,17 +25,13 @@ class DemoFailed(click.ClickException):
     """The loop was not closed; the message states the reason."""
 
 
-class Processes:
+class Processes(AbstractContextManager["Processes"]):
     """Child processes by name; leaving the ``with`` statement ends those that still run."""
 
     def __init__(self, folder: Path) -> None:
         """Write logs to ``folder``."""
         self._folder = folder
         self._running: dict[str, subprocess.Popen[bytes]] = {}
-
-    def __enter__(self) -> Processes:
-        """Start without child processes."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """End all child processes, the newest first, ignoring interrupts."""
@@ -56,11 +53,6 @@ class Processes:
             )  # fmt: skip
         return self._running[name]
 
-    @property
-    def ids(self) -> dict[str, int]:
-        """Process ids by name."""
-        return {name: process.pid for name, process in self._running.items()}
-
     def check(self) -> None:
         """Check that all processes are running.
 
@@ -72,21 +64,21 @@ class Processes:
                 how = f"with status {status}"
                 if status < 0:
                     how = f"(killed by {signal.Signals(-status).name})"
-                said = self.tail(name) or "its log is empty"
-                raise DemoFailed(f"the {name} process ended unexpectedly {how}:\n{said}")
+                log = self.tail(name) or "its log is empty"
+                raise DemoFailed(f"the {name} process ended unexpectedly {how}:\n{log}")
 
     def stop(self, *names: str) -> None:
         """Ask all processes to end, and kill those that do not."""
-        asked = [self._running[name] for name in names if name in self._running]
-        for process in asked:
+        running = [self._running[name] for name in names if name in self._running]
+        for process in running:
             process.send_signal(signal.SIGINT)  # ignored if it has ended
-        for process in asked:
+        for process in running:
             try:
                 process.wait(_PATIENCE)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-        if any(process.returncode == -signal.SIGKILL for process in asked):
+        if any(process.returncode == -signal.SIGKILL for process in running):
             clear_dead()
         for name in names:
             self._running.pop(name, None)

@@ -32,7 +32,7 @@ MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
 
 DOTS = 45  # number of service answers that are drawn
-BEHIND: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
+REFERENCE: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
 CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
 
@@ -42,8 +42,9 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
     ``clock`` is the sim node's own report.
     """
     model, duration = motion.model, motion.trajectory.duration
-    loop, trip, asked = clock["loop"], clock["round_trip"], observed.latencies
-    p50, p99, longest = np.percentile(asked if len(asked) else np.nan, (50, 99, 100)).tolist()
+    loop, trip, latencies = clock["loop"], clock["round_trip"], observed.latencies
+    percentiles = np.percentile(latencies if len(latencies) else np.nan, (50, 99, 100))
+    p50, p99, longest = percentiles.tolist()
     error = observed.error[observed.time <= duration]
     return {
         "robot": model.pin.name, "joints": model.n,
@@ -54,8 +55,9 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
         **{f"lateness_{name}": loop["lateness"][name] for name in ("p50", "p99", "max")},
         "commands": trip["count"],
         **{f"round_trip_{name}": trip[name] for name in ("p50", "p99", "max")},
-        "questions": len(asked), "service_p50": p50, "service_p99": p99, "service_max": longest,
-        "torque_difference": _largest(observed.asked_effort - observed.asked_for),
+        "questions": len(latencies),
+        "service_p50": p50, "service_p99": p99, "service_max": longest,
+        "torque_difference": _largest(observed.query_effort - observed.query_command),
         "error_rms": float(np.sqrt(np.mean(error**2))), "error_max": float(abs(error).max()),
         "goal_distance": _largest(observed.position[-1] - np.asarray(motion.waypoints[-1].q)),
         "effort_share": motion.effort_share,
@@ -71,26 +73,24 @@ def _largest(values: Array) -> float:
 
 def complaints(n: Numbers) -> list[str]:
     """Reasons why the loop is not considered closed; empty if it is."""
-    found = []
-    if not n["rate"] >= LEAST_RATE * n["wanted_rate"]:
-        found.append(_slow(n))
-    if not n["commands"] >= LEAST_COMMANDS * n["duration"]:
-        found.append(f"only {n['commands']} of {n['ticks']} states were answered by a command")
-    if not n["questions"]:
-        found.append("the dynamics node answered no torque query")
-    if not n["error_rms"] <= MOST_ERROR:
-        error = f"{n['error_rms']:.3g} {n['unit']} RMS"
-        found.append(f"tracking error {error}; allowed: {MOST_ERROR:g}")
-    if not n["goal_distance"] <= ARRIVED:
-        distance = f"{n['goal_distance']:.3g} {n['unit']}"
-        found.append(f"the arm stopped {distance} from its goal; allowed: {ARRIVED:g}")
-    return found
+    error = f"{n['error_rms']:.3g} {n['unit']} RMS"
+    distance = f"{n['goal_distance']:.3g} {n['unit']}"
+    required = {
+        _slow(n): n["rate"] >= LEAST_RATE * n["wanted_rate"],
+        f"only {n['commands']} of {n['ticks']} states were answered by a command":
+            n["commands"] >= LEAST_COMMANDS * n["duration"],
+        "the dynamics node answered no torque query": n["questions"],
+        f"tracking error {error}; allowed: {MOST_ERROR:g}": n["error_rms"] <= MOST_ERROR,
+        f"the arm stopped {distance} from its goal; allowed: {ARRIVED:g}":
+            n["goal_distance"] <= ARRIVED,
+    }  # fmt: skip
+    return [complaint for complaint, holds in required.items() if not holds]
 
 
 def remarks(n: Numbers) -> list[str]:
     """Deficiencies although the loop was closed."""
-    found = [_slow(n)] if n["rate"] < GOOD_RATE * n["wanted_rate"] else []
-    return [*found, _busy(n)] if _late(n) else found
+    texts = [_slow(n)] if n["rate"] < GOOD_RATE * n["wanted_rate"] else []
+    return [*texts, _busy(n)] if _late(n) else texts
 
 
 def _slow(n: Numbers) -> str:
@@ -126,7 +126,7 @@ def result_table(n: Numbers) -> Table:
     """The numbers as a table."""
 
     def times(name: str) -> tuple[str, str]:
-        p50, p99, longest = (1e6 * n[f"{name}_{which}"] for which in ("p50", "p99", "max"))
+        p50, p99, longest = (1e6 * n[f"{name}_{key}"] for key in ("p50", "p99", "max"))
         return f"{p50:.0f} µs", f"median; p99 {p99:.0f} µs, max {longest:.0f} µs"
 
     def error(name: str) -> tuple[str, str]:
@@ -135,7 +135,7 @@ def result_table(n: Numbers) -> Table:
 
     ahead = ", catching up" if n["rate"] > 1.001 * n["wanted_rate"] else ""
     missed = f"{n['missed']} deadlines missed, {n['dropped']} skipped"
-    asked = f"within {n['torque_difference']:.2g} N m of the command"
+    difference = f"within {n['torque_difference']:.2g} N m of the command"
     moved = f"residual at most; actuator work {n['energy_moved']:.3g} J"
     return table(("", f"{n['robot']}, {n['joints']} joints", ""), [
         ("control cycles", f"{n['ticks']}", missed),
@@ -144,7 +144,7 @@ def result_table(n: Numbers) -> Table:
         ("command round trip", *times("round_trip")),
         ("commands", f"{n['commands']}", f"of {n['ticks']} states answered"),
         ("service latency", *times("service")),
-        ("torque queries", f"{n['questions']}", asked),
+        ("torque queries", f"{n['questions']}", difference),
         ("tracking error RMS", *error("error_rms")),
         ("tracking error max", *error("error_max")),
         ("energy balance", f"{n['energy_balance']:.1e} J", moved),
@@ -164,15 +164,15 @@ def draw(
     short = [joint_words(names)[i] for i in joints]
     with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as (position, error, torque):
         position.plot(run.time, run.position[:, joints], label=short)
-        position.plot(run.time, run.reference[:, joints], label="reference", **BEHIND)
+        position.plot(run.time, run.reference[:, joints], label="reference", **REFERENCE)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
         error.plot(run.time, run.error[:, joints], lw=1.0)
         error.yaxis.set_major_formatter(EngFormatter(units(types, "rad", "m")))  # as 5 µrad
         error.set_ylabel("tracking error")
         torque.plot(run.time, run.effort[:, joints])
-        for color, answers in zip(COLORS, run.asked_effort.T[joints], strict=False):
+        for color, answers in zip(COLORS, run.query_effort.T[joints], strict=False):
             every = max(1, len(answers) // DOTS)
-            torque.plot(run.asked_time[::every], answers[::every], color=color, **CIRCLES)
+            torque.plot(run.query_time[::every], answers[::every], color=color, **CIRCLES)
         torque.plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
         torque.set(xlabel="time [s]", xlim=(0.0, max(duration, float(run.time[-1]))))
         torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")

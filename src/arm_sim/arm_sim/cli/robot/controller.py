@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import click
 from geometry_msgs.msg import PoseStamped
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.interfaces import (
@@ -19,13 +18,14 @@ from arm_dynamics.ros.interfaces import (
     Topic,
 )
 from arm_dynamics.trajectory import files
-from arm_sim.cli.robot.listener import Listener, after, full
+from arm_dynamics.trajectory.reference import Waypoint
+from arm_sim.cli.robot.listener import Listener, full, trajectory_message
 from arm_sim.cli.robot.node_parameters import Parameters
 from arm_sim.cli.robot.reports import Reports
 
 _JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
 _PLANNING = 30.0  # [s] timeout of planning
-_SILENT = ": no joint state for"  # what is to be explained
+_SILENT = ": no joint state for"  # a symptom, whose cause is reported instead
 _SAME = 1e-9  # [rad] or [m] tolerance between equal references
 
 
@@ -46,7 +46,7 @@ class Controller(Listener):
         self._target: Mapping[str, float] = {}
         self._reports = Reports()
         self._reports.join(self)
-        self.hear(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
+        self.subscribe(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
 
     def _topic(self, topic: Topic) -> str:
         return topic.name.replace("~", self._name)
@@ -67,26 +67,26 @@ class Controller(Listener):
         return float(self._state.remaining)
 
     @property
-    def words(self) -> str:
+    def outcome(self) -> str:
         """Outcome of the newest goal, as reported by the controller."""
         return str(self._state.goal)
 
     @property
     def errors(self) -> list[str]:
         """What the nodes of this namespace report as errors."""
-        return self._here(self._reports.errors)
+        return self._of_namespace(self._reports.errors)
 
-    def _here(self, said: list[str]) -> list[str]:
+    def _of_namespace(self, reports: list[str]) -> list[str]:
         prefix = self._space.lstrip("/")
-        return [line for line in said if line.startswith(prefix) and _SILENT not in line]
+        return [line for line in reports if line.startswith(prefix) and _SILENT not in line]
 
     @property
     def replaced(self) -> bool:
         """Whether the reference has ended at another position than the goal."""
-        here, target = self.reference, self._target
-        return any(abs(here[name] - x) > _SAME for name, x in target.items() if name in here)
+        reference, goal = self.reference, self._target.items()
+        return any(abs(reference[name] - x) > _SAME for name, x in goal if name in reference)
 
-    def meet(self) -> None:
+    def wait_for_state(self) -> None:
         """Wait for the controller's state, or fail with what is missing."""
         if self.until(lambda: self._state is not None, self._timeout):
             return
@@ -107,40 +107,29 @@ class Controller(Listener):
         with Parameters(self._name, self._timeout) as parameters:
             if frame is not None:
                 parameters.set({"task_frame": frame})
-            chosen = str(parameters.get(["task_frame"])["task_frame"])
-        if not chosen:
+            task_frame = str(parameters.get(["task_frame"])["task_frame"])
+        if not task_frame:
             raise click.ClickException("the controller has no task_frame; set one with --frame")
-        return chosen
+        return task_frame
 
-    def send_joints(self, there: Mapping[str, float], duration: float) -> None:
+    def send_joints(self, positions: Mapping[str, float], duration: float) -> None:
         """Send joints to positions in [rad] or [m] within a duration in [s]."""
-        point = JointTrajectoryPoint(time_from_start=after(duration))
-        point.positions = list(there.values())
-        self._send_points(list(there), [point])
+        self._send_trajectory(positions, [Waypoint(duration, list(positions.values()))])
 
     def send_points(self, trajectory: files.JointTrajectory) -> None:
         """Send joints along a trajectory from its first point."""
-        points = []
-        for given in trajectory.points[1:]:
-            point = JointTrajectoryPoint(time_from_start=after(given.time))
-            for field, values in (
-                ("positions", given.q), ("velocities", given.v), ("accelerations", given.a),
-                ("effort", given.tau),
-            ):  # fmt: skip
-                if values is not None:
-                    setattr(point, field, [float(x) for x in values])
-            points.append(point)
-        self._send_points(list(trajectory.joint_names), points)
+        self._send_trajectory(trajectory.joint_names, trajectory.points[1:])
 
-    def _send_points(self, names: list[str], points: list[JointTrajectoryPoint]) -> None:
-        self._target = dict(zip(names, points[-1].positions, strict=True))
-        self._send(JOINT_TRAJECTORY, JointTrajectory(joint_names=names, points=points))
+    def _send_trajectory(self, names: Iterable[str], waypoints: Sequence[Waypoint]) -> None:
+        message = trajectory_message(names, waypoints)
+        self._target = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
+        self._send(JOINT_TRAJECTORY, message)
 
     def send_pose(self, numbers: Sequence[float]) -> None:
         """Send the task frame to x y z in [m] and a quaternion x y z w, in the world."""
         message = PoseStamped()
-        at, turn = message.pose.position, message.pose.orientation
-        at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w = map(float, numbers)
+        x, q = message.pose.position, message.pose.orientation
+        x.x, x.y, x.z, q.x, q.y, q.z, q.w = map(float, numbers)
         self._send(CARTESIAN_GOAL, message)
 
     def _send(self, topic: Topic, message: Any) -> None:
@@ -156,29 +145,29 @@ class Controller(Listener):
         Raises:
             ClickException: If it refuses the goal, or does not answer.
         """
-        before, words = self._state, self.words
-        asked = to_nanoseconds(before.header.stamp)
+        before, outcome = self._state, self.outcome
+        start = to_nanoseconds(before.header.stamp)
         send()
 
-        def planned() -> bool:
-            if self.words.startswith("planning "):
+        def is_planned() -> bool:
+            if self.outcome.startswith("planning "):
                 return False
-            # The same words may tell of another motion, which has more time left.
-            passed = 1e-9 * (to_nanoseconds(self._state.header.stamp) - asked)
+            # The same outcome may be of another motion, which has more time left.
+            passed = 1e-9 * (to_nanoseconds(self._state.header.stamp) - start)
             left = max(before.remaining - passed, 0.0)
-            return self.words != words or abs(self.remaining - left) > _JUMP
+            return self.outcome != outcome or abs(self.remaining - left) > _JUMP
 
-        if not self.until(planned, _PLANNING):
-            raise click.ClickException(f"no answer to the goal in {_PLANNING:g} s; {self.words}")
-        if "refused" in self.words:
-            raise click.ClickException(self.words)
-        return self.words
+        if not self.until(is_planned, _PLANNING):
+            raise click.ClickException(f"no answer to the goal in {_PLANNING:g} s; {self.outcome}")
+        if "refused" in self.outcome:
+            raise click.ClickException(self.outcome)
+        return self.outcome
 
     def motion(self) -> Iterator[float]:
         """Yield the remaining time of the motion in [s] until it is finished."""
         while self.remaining > 0.0:
             yield self.remaining
-            if not self.until(lambda seen=self._count: self._count > seen, self._timeout):
+            if not self.until(lambda count=self._count: self._count > count, self._timeout):
                 raise click.ClickException(
                     f"no state of {self._name} for {self._timeout:g} s while the motion was under "
                     f"way\n  {self._cause()}"
@@ -216,5 +205,5 @@ class Controller(Listener):
             return "the controller has ended; start it again: ./arm controller SCENE"
         if not self.publishers(topic):
             return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
-        said = self._here(self._reports.complaints)
-        return "\n  ".join(said) or f"{topic} has a publisher, but no state comes"
+        complaints = self._of_namespace(self._reports.complaints)
+        return "\n  ".join(complaints) or f"{topic} has a publisher, but no state comes"

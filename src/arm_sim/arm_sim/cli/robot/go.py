@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import click
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 PEAK = 1.875  # ratio of a quintic's peak speed to its mean
 FASTEST = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
 LEAST = 1.0  # [s]
-_GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
-_THERE = 1e-6  # [rad] or [m] between reference and start without a motion to it
+_GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<operator>\+=|-=|=)(?P<number>.+)", re.DOTALL)
+_SAME = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 POSE = VectorType(
     '"X Y Z QX QY QZ QW"', "7 numbers are expected, x y z in m and quaternion x y z w"
@@ -69,8 +69,8 @@ def go(
         timeout: How long to wait for the controller and its states, in s.
         no_wait: Return when the motion has started.
     """
-    wanted = parse(goals)
-    if bool(wanted) + (pose is not None) + (trajectory is not None) != 1:
+    joint_goals = parse(goals)
+    if bool(joint_goals) + (pose is not None) + (trajectory is not None) != 1:
         raise click.UsageError("joint goals (JOINT=POSITION), --pose or --trajectory are expected")
     if pose is None and frame:
         raise click.UsageError("--frame is allowed with --pose only")
@@ -87,59 +87,60 @@ def go(
     from arm_sim.cli.robot.controller import Controller
 
     with Controller(node, timeout) as controller:
-        controller.meet()
-        here = controller.reference
+        controller.wait_for_state()
+        reference = controller.reference
         if pose is not None:
-            chosen, (numbers,) = controller.choose_frame(frame), pose.rows
+            task_frame, (numbers,) = controller.choose_frame(frame), pose.rows
             place = ", ".join(number(x, 4) for x in numbers[:3])
-            what = f"{chosen} straight to {place} m"
+            description = f"{task_frame} straight to {place} m"
             send = partial(controller.send_pose, numbers)
         elif points is None:
-            what, send = _joint_motion(controller, targets(wanted, here), duration)
+            target = targets(joint_goals, reference)
+            description, send = _joint_motion(controller, target, duration)
         else:
             start = points.start
-            if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
+            if any(abs(x - reference.get(name, x)) > _SAME for name, x in start.items()):
                 _follow(controller, *_joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
-            what = f"{len(points.points)} points in {seconds} s"
+            description = f"{len(points.points)} points in {seconds} s"
             send = partial(controller.send_points, points)
-        _follow(controller, what, send, tolerance, no_wait)
+        _follow(controller, description, send, tolerance, no_wait)
 
 
 def _joint_motion(
-    controller: Controller, there: dict[str, float], duration: float | None
+    controller: Controller, target: dict[str, float], duration: float | None
 ) -> tuple[str, Callable[[], None]]:
-    """A motion of joints in words, and what sends it."""
-    here = controller.reference
-    seconds = duration or unhurried(there, here)
-    start = {name: f"{number(x, 4)} " for name, x in here.items()}  # not of those that follow
-    moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in there.items()]
-    words = f"{', '.join(moves)}, in {number(seconds, 3)} s"
-    return words, partial(controller.send_joints, there, seconds)
+    """Description of a motion of joints, and the function that sends it."""
+    reference = controller.reference
+    seconds = duration or unhurried(target, reference)
+    start = {name: f"{number(x, 4)} " for name, x in reference.items()}  # not of mimic joints
+    moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in target.items()]
+    description = f"{', '.join(moves)}, in {number(seconds, 3)} s"
+    return description, partial(controller.send_joints, target, seconds)
 
 
 def _follow(
-    controller: Controller, what: str, send: Callable[[], None], tolerance: float,
+    controller: Controller, description: str, send: Callable[[], None], tolerance: float,
     no_wait: bool = False,
 ) -> None:  # fmt: skip
-    """Send a goal, say what it is once it is accepted, and follow the motion to its end."""
-    words = controller.begin(send)
-    say(what, *([words] if "slower" in words else []))
+    """Send a goal, print its description once it is accepted, and follow the motion to its end."""
+    outcome = controller.begin(send)
+    say(description, *([outcome] if "slower" in outcome else []))
     if no_wait:
         return
     try:
-        whole = max(controller.remaining, 1e-9)
+        total = max(controller.remaining, 1e-9)
         with progress(sys.stdout) as show:
             for left in controller.motion():
-                show(total=whole, completed=whole - min(left, whole))
+                show(total=total, completed=total - min(left, total))
         joint, error = controller.settle(tolerance, _SETTLING)
     except KeyboardInterrupt:
         raise click.ClickException("no longer waiting; the arm continues to its goal") from None
     say(*controller.errors)
     if controller.replaced:
-        words = controller.words or "the controller holds the arm"
-        another = words.startswith(("following", "planning"))
-        cause = f"another goal has replaced it, {words}" if another else words
+        cause = controller.outcome or "the controller holds the arm"
+        if cause.startswith(("following", "planning")):
+            cause = f"another goal has replaced it, {cause}"
         raise click.ClickException(f"goal not reached: {cause}")
     if not error <= tolerance:
         off, allowed = number(error, 3), number(tolerance, 3)
@@ -147,47 +148,53 @@ def _follow(
     say(f"arrived: largest error {number(error, 2)} at {joint}")
 
 
-def parse(words: Sequence[str]) -> dict[str, tuple[float, bool]]:
-    """Goals of joints by name: in [rad] or [m], and whether from the current reference.
+class Goal(NamedTuple):
+    """Of a joint."""
+
+    value: float  # [rad] or [m]
+    relative: bool  # to the current reference
+
+
+def parse(words: Sequence[str]) -> dict[str, Goal]:
+    """Goals of joints by name.
 
     Raises:
         click.UsageError: If a word is not a goal, or repeats a joint.
     """
-    goals = dict[str, tuple[float, bool]]()
+    goals = dict[str, Goal]()
     for word in words:
-        found = _GOAL.fullmatch(word.strip())
+        match = _GOAL.fullmatch(word.strip())
         try:
-            value = float(found["number"]) if found else math.nan
+            value = float(match["number"]) if match else math.nan
         except ValueError:
             value = math.nan
-        if found is None or not math.isfinite(value):
+        if match is None or not math.isfinite(value):
             raise click.UsageError(
                 f"'{word}' is not a joint goal; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
                 "JOINT-=DISTANCE, with finite numbers in rad or m"
             )
-        name, how = found["name"], found["how"]
+        name, operator = match["name"], match["operator"]
         if name in goals:
             raise click.UsageError(f"joint '{name}' is named twice")
         if remark := degrees_meant(value):
             click.echo(f"{name}: {remark} (for a joint that slides, in m)", err=True)
-        goals[name] = -value if how == "-=" else value, how != "="
+        goals[name] = Goal(-value if operator == "-=" else value, relative=operator != "=")
     return goals
 
 
-def targets(
-    goals: Mapping[str, tuple[float, bool]], here: Mapping[str, float]
-) -> dict[str, float]:
+def targets(goals: Mapping[str, Goal], reference: Mapping[str, float]) -> dict[str, float]:
     """Target positions of the joints, from their current reference.
 
     The controller decides about joints that have none: they follow others, or do not exist.
     """
     return {
-        name: value + (here.get(name, 0.0) if relative else 0.0)
-        for name, (value, relative) in goals.items()
+        name: goal.value + (reference.get(name, 0.0) if goal.relative else 0.0)
+        for name, goal in goals.items()
     }
 
 
-def unhurried(there: Mapping[str, float], here: Mapping[str, float]) -> float:
+def unhurried(target: Mapping[str, float], reference: Mapping[str, float]) -> float:
     """A duration in [s] in which no joint gets faster than ``FASTEST``."""
-    farthest = max((abs(there[name] - here[name]) for name in there.keys() & here), default=0.0)
+    distances = (abs(target[name] - reference[name]) for name in target.keys() & reference)
+    farthest = max(distances, default=0.0)
     return max(LEAST, PEAK * farthest / FASTEST)

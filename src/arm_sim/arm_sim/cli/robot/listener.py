@@ -4,20 +4,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros.common.caller import TemporaryNode
 from arm_dynamics.ros.common.conflicts import publishers
 from arm_dynamics.ros.interfaces import Service, Topic
+from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.interrupts import postponed
 
-_GLANCE = 0.02  # [s] between checks of a condition
+_CHECK_PERIOD = 0.02  # [s] between checks of a condition
 
 
 class Listener(TemporaryNode):
@@ -33,11 +34,11 @@ class Listener(TemporaryNode):
         self._executor.shutdown()
         super().close()
 
-    def hear(
-        self, topic: Topic, name: str, heard: Callable[[Any], None], raw: bool = False
+    def subscribe(
+        self, topic: Topic, name: str, callback: Callable[[Any], None], raw: bool = False
     ) -> None:
         """Call a function with every message of a topic, by its full name, or with its bytes."""
-        self._node.create_subscription(topic.type, name, heard, topic.subscribe, raw=raw)
+        self._node.create_subscription(topic.type, name, callback, topic.subscribe, raw=raw)
 
     def publisher(self, topic: Topic, name: str) -> Publisher:
         """A publisher on a topic, by its full name."""
@@ -52,7 +53,7 @@ class Listener(TemporaryNode):
         end = time.monotonic() + timeout
         while not (met := condition()) and (left := end - time.monotonic()) > 0.0:
             with postponed():
-                self._executor.spin_once(timeout_sec=min(_GLANCE, left))
+                self._executor.spin_once(timeout_sec=min(_CHECK_PERIOD, left))
         return met
 
     def publishers(self, topic: str) -> list[str]:
@@ -60,10 +61,21 @@ class Listener(TemporaryNode):
         return sorted(publishers(self._node, topic).values())
 
 
-def after(seconds: float) -> Duration:
-    """A duration as a message."""
-    whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
-    return Duration(sec=whole, nanosec=part)
+def trajectory_message(names: Iterable[str], waypoints: Iterable[Waypoint]) -> JointTrajectory:
+    """Waypoints of joints as a message; quantities that they lack are left empty."""
+    message = JointTrajectory(joint_names=list(names))
+    for waypoint in waypoints:
+        seconds, nanoseconds = divmod(round(1e9 * waypoint.time), 1_000_000_000)
+        point = JointTrajectoryPoint()
+        point.time_from_start.sec, point.time_from_start.nanosec = seconds, nanoseconds
+        for field, values in (
+            ("positions", waypoint.q), ("velocities", waypoint.v), ("accelerations", waypoint.a),
+            ("effort", waypoint.tau),
+        ):  # fmt: skip
+            if values is not None:
+                setattr(point, field, [float(value) for value in values])
+        message.points.append(point)
+    return message
 
 
 def full(name: str) -> str:

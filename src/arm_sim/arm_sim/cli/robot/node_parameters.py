@@ -57,10 +57,11 @@ class Parameters(Caller):
 
     def require(self, names: Sequence[str]) -> None:
         """Fail with what is allowed if one does not exist."""
-        known = self.names()
+        existing = self.names()
         for name in names:
-            if name not in known:
-                allowed = f"{did_you_mean(name, known) or ';'} allowed: {known_names(known, 100)}"
+            if name not in existing:
+                hint = did_you_mean(name, existing) or ";"
+                allowed = f"{hint} allowed: {known_names(existing, 100)}"
                 raise click.ClickException(f"{self._name} has no parameter '{name}'{allowed}")
 
     def _call(self, kind: str, **fields: Any) -> Any:

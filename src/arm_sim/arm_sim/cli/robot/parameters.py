@@ -11,7 +11,7 @@ import yaml
 
 from arm_sim.cli.arguments import Json, Timeout
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, table, to_json
+from arm_sim.cli.output import console, shortened, table, to_json
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -20,7 +20,7 @@ KINDS = (
     "unset", "bool", "int", "double", "string", "list", "bool[]", "int[]", "double[]", "string[]"
 )  # fmt: skip
 """By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes."""
-_MEETING = 3.0  # [s] for the discovery of two processes
+_DISCOVERY = 3.0  # [s] for two processes to discover each other
 
 
 @command(
@@ -45,34 +45,34 @@ def get(
 
         with Listener() as listener:
             listener.until(lambda: bool(listener.nodes()), timeout)
-            listener.until(lambda: False, _MEETING)
-            seen = [name for name in listener.nodes() if "/_" not in name]
-            where = listener.where()
-        if not (seen or as_json):
-            raise click.ClickException(f"no nodes (waited {timeout:g} s)\n  {where}")
-        click.echo(to_json(seen) if as_json else "\n".join(seen))
+            listener.until(lambda: False, _DISCOVERY)
+            nodes = [name for name in listener.nodes() if "/_" not in name]
+            place = listener.where()
+        if not (nodes or as_json):
+            raise click.ClickException(f"no nodes (waited {timeout:g} s)\n  {place}")
+        click.echo(to_json(nodes) if as_json else "\n".join(nodes))
         return
     from arm_sim.cli.robot.node_parameters import Parameters
 
     with Parameters(node, timeout) as parameters:
         if names:
             parameters.require(names)
-        chosen = list(names or parameters.names())
-        values = parameters.get(chosen)
+        selection = list(names or parameters.names())
+        values = parameters.get(selection)
         if as_json:
             click.echo(to_json(values))
             return
-        descriptions = parameters.describe(chosen)
+        descriptions = parameters.describe(selection)
     rows = []
     for name, about in descriptions.items():
         ranges = (*about.floating_point_range, *about.integer_range)
         allowed = [f"{r.from_value:g} to {r.to_value:g}" for r in ranges]
         allowed += [about.additional_constraints, "fixed" if about.read_only else ""]
-        rows.append((name, _written(values[name]), KINDS[about.type],
+        rows.append((name, shortened(values[name]), KINDS[about.type],
                      ", ".join(filter(None, allowed)), about.description))  # fmt: skip
-    made = table(("parameter", "value", "type", "allowed", ""), rows, text=range(5))
-    made.columns[-1].no_wrap = False
-    console().print(made)
+    grid = table(("parameter", "value", "type", "allowed", ""), rows, text=range(5))
+    grid.columns[-1].no_wrap = False
+    console().print(grid)
 
 
 @command(
@@ -92,8 +92,8 @@ def set_(
     """
     if len(words) % 2:
         raise click.UsageError(f"'{words[-1]}' has no value; pairs of NAME VALUE are expected")
-    wanted = dict(zip(words[::2], words[1::2], strict=True))
-    names = list(wanted)
+    texts = dict(zip(words[::2], words[1::2], strict=True))
+    names = list(texts)
     if 2 * len(names) < len(words):
         raise click.UsageError("a parameter is named twice")
     from arm_sim.cli.robot.node_parameters import Parameters
@@ -101,10 +101,14 @@ def set_(
     with Parameters(node, timeout) as parameters:
         parameters.require(names)
         about, before = parameters.describe(names), parameters.get(names)
-        parameters.set({n: _read(n, text, about[n], before[n]) for n, text in wanted.items()})
+        for name in names:
+            if about[name].read_only:
+                restart = f"--ros-args -p {name}:={texts[name]}"
+                raise click.ClickException(f"{name} is fixed; restart {node} with {restart}")
+        parameters.set({n: _read(n, text, about[n], before[n]) for n, text in texts.items()})
         after = parameters.get(names)
     for name in names:
-        click.echo(f"{name}: {_written(before[name])} → {_written(after[name])}")
+        click.echo(f"{name}: {shortened(before[name])} → {shortened(after[name])}")
 
 
 def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
@@ -126,8 +130,3 @@ def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
     if isinstance(value, list) and {type(x) for x in value} == {int, float}:
         return [float(x) for x in value]
     return value
-
-
-def _written(value: Any) -> str:
-    text = value if isinstance(value, str) else to_json(value)
-    return text if len(text) <= 60 else text[:59] + "…"

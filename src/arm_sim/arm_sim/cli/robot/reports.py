@@ -20,9 +20,9 @@ class Reports:
         """Subscribe to the diagnostics."""
         from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
-        listener.hear(DIAGNOSTICS, DIAGNOSTICS.name, self.hear)
+        listener.subscribe(DIAGNOSTICS, DIAGNOSTICS.name, self.on_diagnostics)
 
-    def hear(self, message: Any) -> None:
+    def on_diagnostics(self, message: Any) -> None:
         """Process the diagnostics of a node."""
         for status in message.status:
             self._complaints[status.name] = status.level, status.message
@@ -31,17 +31,18 @@ class Reports:
     @property
     def complaints(self) -> list[str]:
         """Warnings and errors, each with the part of the node that has it."""
-        return self._those_from(b"\1")
+        return self._of_level(b"\1")
 
     @property
     def errors(self) -> list[str]:
         """The errors among them."""
-        return self._those_from(b"\2")
+        return self._of_level(b"\2")
 
-    def _those_from(self, least: bytes) -> list[str]:
-        said = sorted(self._complaints.items())
-        return [f"{name}: {words}" for name, (level, words) in said if level >= least]
+    def _of_level(self, least: bytes) -> list[str]:
+        reports = sorted(self._complaints.items())
+        return [f"{name}: {message}" for name, (level, message) in reports if level >= least]
 
     def values(self, key: str) -> dict[str, str]:
         """The value of this name by part of a node, where there is one."""
-        return {name: said[key] for name, said in sorted(self._values.items()) if key in said}
+        parts = sorted(self._values.items())
+        return {name: values[key] for name, values in parts if key in values}

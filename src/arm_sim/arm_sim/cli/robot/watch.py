@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from arm_sim.cli.robot.listener import Listener
 
 _OLD = 0.5  # [s] after which joint states are reported as stopped
-_TELL = 1.2  # [s] between lines while there are none
+_WAIT = 1.2  # [s] between lines while there are none
 _WINDOW = 200  # number of states over which the rate is measured
-_TOLD = ("at stops", "held")  # values in the diagnostics that are shown if they are not zero
+_CONDITIONS = ("at stops", "held")  # values in the diagnostics that are shown if there are any
 _NONE = ("", "none", "no")
 _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
 
@@ -65,8 +65,8 @@ def watch(
         arm = WatchedArm(full(topic))
         arm.join(listener)
         left = timeout
-        while left > _TELL and not listener.until(lambda: arm.state is not None, _TELL):
-            left -= _TELL
+        while left > _WAIT and not listener.until(lambda: arm.state is not None, _WAIT):
+            left -= _WAIT
             if not as_json:
                 click.echo(f"no joint states on {arm.topic} yet …", err=True)
         if not listener.until(lambda: arm.state is not None, left):
@@ -75,7 +75,7 @@ def watch(
                 f"sim SCENE; --topic selects another topic\n  {listener.where()}"
             )
         listener.until(lambda: arm.measured, 0.3)
-        listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
+        listener.until(lambda: False, _WAIT if once else 0.0)  # warnings come once a second
         try:
             _show(listener, arm, once, 1.0 / rate, as_json)
         except BrokenPipeError:  # the pipe was closed
@@ -103,11 +103,11 @@ class WatchedArm:
         """Subscribe to joint states and diagnostics."""
         from arm_dynamics.ros.interfaces import JOINT_STATES
 
-        listener.hear(JOINT_STATES, self.topic, self.hear_state)
+        listener.subscribe(JOINT_STATES, self.topic, self.on_state)
         self.publishers = lambda: listener.publishers(self.topic)
         self.reports.join(listener)
 
-    def hear_state(self, message: Any) -> None:
+    def on_state(self, message: Any) -> None:
         """Process a joint state."""
         self.state = message
         self._times.append(time.monotonic())
@@ -140,15 +140,17 @@ class WatchedArm:
 
     def remarks(self) -> list[str]:
         """Lines below the table."""
-        said = self.reports.complaints
-        for key in _TOLD:
+        complaints = self.reports.complaints
+        for key in _CONDITIONS:
             values = self.reports.values(key).items()
-            said += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
+            complaints += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
         if len(names := self.publishers()) > 1:
-            said.insert(0, f"only the newest of the joint states of {', '.join(names)} are shown")
+            complaints.insert(
+                0, f"only the newest of the joint states of {', '.join(names)} are shown"
+            )
         if self.age > _OLD:
-            said.insert(0, f"stale: no joint state for {self.age:.1f} s")
-        return said
+            complaints.insert(0, f"stale: no joint state for {self.age:.1f} s")
+        return complaints
 
     @property
     def stamp(self) -> float:
@@ -188,8 +190,10 @@ def _picture(arm: WatchedArm) -> Group:
 
 def _steady(value: float) -> str:
     """A number with a fixed number of decimals, or a dash for NaN."""
+    if math.isnan(value):
+        return "-"
     text = f"{value:.5f}"
-    return "-" if math.isnan(value) else text.removeprefix("-") if float(text) == 0.0 else text
+    return text.removeprefix("-") if float(text) == 0.0 else text
 
 
 def _line(arm: WatchedArm) -> str:

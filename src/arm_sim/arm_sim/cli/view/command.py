@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import click
 
@@ -29,12 +29,32 @@ class Size(click.ParamType):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[int, int]:
         """Parse the size, or fail with what is allowed."""
-        width, _, height = str(value).partition("x")
-        if not (width.isdecimal() and height.isdecimal()) or not (
-            16 <= int(width) <= 4096 and 16 <= int(height) <= 4096
-        ):
+        sides = str(value).split("x")
+        if len(sides) != 2 or not all(x.isdecimal() and 16 <= int(x) <= 4096 for x in sides):
             self.fail(f"{value!r}; allowed: 16x16 to 4096x4096, e.g. 960x600", param, ctx)
-        return int(width), int(height)
+        width, height = map(int, sides)
+        return width, height
+
+
+class Pictures(NamedTuple):
+    """Files to write of a page, by kind, and how: see the options of ``view``."""
+
+    paths: dict[str, Path]
+    size: tuple[int, int]
+    time: float | None
+    rate: float
+    speed: float
+
+    def write(self, page: View, on_progress: Callable[[str], object]) -> None:
+        """Draw and write all files."""
+        for kind, path in self.paths.items():
+            on_progress(f"drawing {path}")
+            if kind == "png":
+                page.picture(path, self.size, self.time)
+            elif kind == "html":
+                page.page(path, self.rate, self.speed)
+            else:
+                page.film(path, self.size, self.rate, self.speed, on_progress)
 
 
 @command(
@@ -93,84 +113,98 @@ def view(
         rate: Frames per second of films and pages.
     """
     from arm_sim.cli.interrupts import interruptible
-    from arm_sim.view.page import SIZE
-    from arm_sim.view.pictures import browser
-    from arm_sim.view.server import library
 
     if not (live or what):
         raise click.UsageError("a scene, a recording, or --live for a running robot is expected")
-    written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
-    pictures = {kind: path for kind, path in written.items() if path is not None}
-    if pictures.keys() - {"html"}:
-        browser()
-    library()  # before anything is computed
-    port, size = 0 if pictures else port, size or SIZE
-    doing = [f"opening {' '.join(what) or 'the page'}"]
+    files = {"png": png, "gif": gif, "mp4": mp4, "html": html}
+    paths = {kind: path for kind, path in files.items() if path is not None}
+    port = 0 if paths else port
+    progress = [f"opening {' '.join(what) or 'the page'}"]
     with ExitStack() as stack:
-        if pictures:
-            stack.enter_context(waiting(lambda: doing[-1], in_lines=True))
-        if live:
-            from arm_sim.cli.robot.listener import Listener
-            from arm_sim.cli.view.live import followed
+        with waiting(lambda: progress[-1], in_lines=True):
+            from arm_sim.view.page import SIZE
+            from arm_sim.view.pictures import browser
+            from arm_sim.view.server import library
 
-            page = followed(stack.enter_context(Listener()), live, what, host, port)
-        else:
-            motion = (duration, control) if pictures else None
-            page = shown(what, host, port, motion, scene, topic)
-        stack.enter_context(page)
-        for kind, path in pictures.items():
-            doing.append(f"drawing {path}")
-            if kind == "png":
-                page.picture(path, size, time)
-            elif kind == "html":
-                page.page(path, rate, speed)
+            if paths.keys() - {"html"}:
+                browser()  # or an error, before anything is computed
+            library()
+            if live:
+                from arm_sim.cli.robot.listener import Listener
+                from arm_sim.cli.view.live import followed
+
+                page = followed(stack.enter_context(Listener()), live, what, host, port)
             else:
-                page.film(path, size, rate, speed, doing.append)
-        if not pictures:
+                motion = Motion(duration, control) if paths else None
+                page = page_of(what, host, port, motion, scene, topic, progress.append)
+            stack.enter_context(page)
+            if paths:
+                Pictures(paths, size or SIZE, time, rate, speed).write(page, progress.append)
+        if not paths:
             click.echo(f"{page.url}  (Ctrl-C ends)")
             with suppress(KeyboardInterrupt), interruptible():
                 page.wait()
-    for path in pictures.values():
+    for path in paths.values():
         click.echo(path)
 
 
-def shown(
-    what: Sequence[str], host: str, port: int | None, motion: tuple[float, str] | None = None,
-    scene: str | None = None, topic: str | None = None,
-) -> View:  # fmt: skip
-    """A page of scenes, or of recordings; ``motion`` moves scenes for so many [s], held so."""
-    from arm_dynamics.control import GravityCompensation
-    from arm_sim import Recording
-    from arm_sim.view import show
-    from arm_sim.view.view import is_recording, simulator_of
+class Motion(NamedTuple):
+    """How a scene moves in pictures."""
 
-    known = scene or what[0]  # meshes with relative names are in the folder of its file
-    folder = Path(known).parent if Path(known).is_file() else Path.cwd()
-    recorded = [thing for thing in what if is_recording(thing) or Path(thing).is_dir()]
-    things: list[Recording | Simulator] = []
-    if recorded and len(recorded) < len(what):
-        other = next(thing for thing in what if thing not in recorded)
+    duration: float  # [s]
+    control: Literal["nothing", "weight"]  # weight: its weight is carried
+
+
+def page_of(
+    sources: Sequence[str], host: str, port: int | None, motion: Motion | None = None,
+    scene: str | None = None, topic: str | None = None,
+    on_progress: Callable[[str], object] = lambda text: None,
+) -> View:  # fmt: skip
+    """A page of scenes, which move if ``motion`` is given, or of recordings."""
+    from arm_sim.view import show
+    from arm_sim.view.view import is_recording
+
+    first = scene or sources[0]  # meshes with relative names are in the folder of its file
+    folder = Path(first).parent if Path(first).is_file() else Path.cwd()
+    recorded = [source for source in sources if is_recording(source) or Path(source).is_dir()]
+    if recorded and len(recorded) < len(sources):
+        simulated = next(source for source in sources if source not in recorded)
         raise ViewError(
-            f"'{recorded[0]}' is a recording and '{other}' is not; allowed: several arguments of "
-            "one kind"
+            f"'{recorded[0]}' is a recording and '{simulated}' is not; allowed: several arguments "
+            "of one kind"
         )
-    for thing in what:
-        if recorded:
-            recording = Recording.load(thing, topic=topic)
-            if recording.scene is None and scene is None:
-                raise ViewError(
-                    f"'{thing}' contains no scene, so its arm is unknown; name it by --scene"
-                )
-            things.append(recording.of(scene) if recording.scene is None else recording)
-            continue
-        simulator = simulator_of(thing)
-        if motion is None:
-            things.append(simulator)
-            continue
-        duration, control = motion
-        weight = GravityCompensation(simulator.dynamics)
-        run = simulator.run(duration, weight.torque if control == "weight" else None)
-        console().print(checked(run), markup=False)
-        things.append(run)
-    names = [Path(thing).stem for thing in what]
-    return show(*things, name=names, host=host, port=port, folder=folder)
+    actors = [
+        _recording(source, scene, topic) if recorded else _simulated(source, motion, on_progress)
+        for source in sources
+    ]
+    on_progress("drawing the page")
+    names = [Path(source).stem for source in sources]
+    return show(*actors, name=names, host=host, port=port, folder=folder)
+
+
+def _recording(source: str, scene: str | None, topic: str | None) -> Recording:
+    from arm_sim import Recording
+
+    recording = Recording.load(source, topic=topic)
+    if recording.scene is not None:
+        return recording
+    if scene is None:
+        raise ViewError(f"'{source}' contains no scene, so its arm is unknown; name it by --scene")
+    return recording.of(scene)
+
+
+def _simulated(
+    source: str, motion: Motion | None, on_progress: Callable[[str], object]
+) -> Recording | Simulator:
+    """A simulator of a scene, or the recording of its motion."""
+    from arm_dynamics.control import GravityCompensation
+    from arm_sim.view.view import simulator_of
+
+    simulator = simulator_of(source)
+    if motion is None:
+        return simulator
+    on_progress(f"simulating {source}")
+    weight = GravityCompensation(simulator.dynamics)
+    run = simulator.run(motion.duration, weight.torque if motion.control == "weight" else None)
+    console().print(checked(run), markup=False)
+    return run

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from arm_sim.cli.robot.listener import Listener
 from arm_sim.exceptions import ViewError
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.view import View
-from arm_sim.view.charts import RollingCharts
+from arm_sim.view.charts import RollingCharts, Sample
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
 from arm_sim.view.view import opened
@@ -29,10 +30,12 @@ from arm_sim.view.view import opened
 if TYPE_CHECKING:
     import viser
 
-ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
+ENERGIES = {"kinetic": "kinetic", "potential": "potential", "total": "total", "supplied": "input",
+            "dissipated": "dissipated"}  # fmt: skip
+"""Fields of energies in messages by their names in the plot."""
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
-HEARD = 0.01  # [s] of listening before each picture
+LISTENING = 0.01  # [s] of listening before each picture
 OLD = 0.5  # [s] without data after which an arm is reported as silent
 _ERROR, _ENERGY = "controller/state", "sim/energy"
 _WAIT = 5.0  # [s] for joint states and for a description
@@ -55,7 +58,7 @@ class RunningArm:
             (CONTROLLER_STATE, _ERROR), (ENERGY, _ENERGY),
         ):  # fmt: skip
             keep = partial(self._newest.__setitem__, name)
-            listener.hear(topic, self._name(name), keep, raw=topic is JOINT_STATES)
+            listener.subscribe(topic, self._name(name), keep, raw=topic is JOINT_STATES)
 
     @property
     def name(self) -> str:
@@ -63,8 +66,8 @@ class RunningArm:
         robot = "arm" if self._model is None else self._model.pin.name
         return self.namespace.replace("/", " ") or robot
 
-    def meet(self, scene: str | None) -> ArmModel:
-        """Wait for the arm; its scene is that of its robot description unless given.
+    def connect(self, scene: str | None) -> ArmModel:
+        """Wait for the arm; its scene is that of its robot description unless one is named.
 
         Raises:
             ViewError: If no joint states arrive in time, or it is another robot.
@@ -84,37 +87,29 @@ class RunningArm:
             )
         return model
 
-    def newest(self) -> tuple[float, Array, Array, Array, Array] | None:
-        """What is new since the last call, if anything.
-
-        Returns:
-            Time in [s]; positions, torques, errors from the reference, each of shape (n,); and the
-            ``ENERGIES`` in [J], shape (5,). What is unknown is NaN, except positions.
-        """
+    def newest(self) -> tuple[float, Array, Sample] | None:
+        """Time in [s], positions and sample of a state that is new since the last call, if any."""
         assert self._model is not None
         if (data := self._newest.pop(JOINT_STATES.name, None)) is None:
             return None
         state = deserialize_message(data, JOINT_STATES.type)
 
         def of_joints(names: Sequence[str], values: Sequence[float]) -> Array:
-            known = dict(zip(names, values, strict=False))
-            return np.array([known.get(name, np.nan) for name in self._model.joint_names])
+            by_name = dict(zip(names, values, strict=False))
+            return np.array([by_name.get(name, np.nan) for name in self._model.joint_names])
 
         q = of_joints(state.name, state.position)
         if not np.isfinite(q).all():
             return None
         complete = len(state.effort) == len(state.name)
         torque = of_joints(state.name, state.effort if complete else ())
-        told, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
-        error = of_joints(told.joint_names, told.position_error) if told else np.nan * q
-        energies = np.full(len(ENERGIES), np.nan)
-        if energy:
-            flows = energy.input, energy.dissipated
-            energies = np.array([energy.kinetic, energy.potential, energy.total, *flows])
+        control, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
+        error = of_joints(control.joint_names, control.position_error) if control else np.nan * q
+        energies = np.array([getattr(energy, field, np.nan) for field in ENERGIES.values()])
         now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
-        return now, q, torque, error, energies
+        return now, q, Sample(torque, error, energies)
 
-    def _scene(self, scene: str | None, told: Sequence[str]) -> Scene:
+    def _scene(self, scene: str | None, published: Sequence[str]) -> Scene:
         """Its scene; joints of the description without joint states are locked."""
         if scene is not None:
             return load_scene(scene)
@@ -126,11 +121,11 @@ class RunningArm:
             )
         urdf = self._newest[ROBOT_DESCRIPTION.name].data
         names = ArmModel(scene_from_urdf(urdf)).joint_names
-        silent = [name for name in names if name not in told]
+        silent = [name for name in names if name not in published]
         if len(silent) == len(names):
             raise ViewError(
                 f"{self.topic} is of another robot than {topic}: it has none of its joints "
-                f"{known_names(names)}, but {known_names(told)}"
+                f"{known_names(names)}, but {known_names(published)}"
             )
         return load_scene({"robot": {"urdf": urdf, "lock": silent}})
 
@@ -139,6 +134,17 @@ class RunningArm:
 
     def _name(self, topic: str) -> str:
         return f"/{self.namespace}/{topic}" if self.namespace else f"/{topic}"
+
+
+@dataclass
+class _Followed:
+    """An arm on the page; times in [s]."""
+
+    arm: RunningArm
+    actor: DrawnArm
+    begin: float = np.nan  # stamp of its first state, also after a restart
+    time: float = 0.0  # since then
+    received: float = -np.inf  # by the clock of this process
 
 
 @sealed
@@ -152,42 +158,40 @@ class Follower(View):
         super().__init__(server, actors)
         self._listener = listener
         self._status = server.gui.add_markdown("waiting")
-        forget = server.gui.add_button("Clear path")
-        forget.on_click(lambda _: self._order(lambda: [x.forget_way() for x in self.actors]))
+        clear = server.gui.add_button("Clear path")
+        clear.on_click(lambda _: self._order(lambda: [x.clear_path() for x in self.actors]))
         for actor in actors:
             actor.draw(Instant(actor.marker.model.q0))
         joints = {actor.name: actor.marker.model.joint_names for actor in actors}
-        self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLED)
-        self._followed = tuple(zip(arms, actors, strict=True))
-        self._began, self._times, self._heard = (dict[str, float]() for _ in range(3))
+        self._charts = RollingCharts(server, joints, tuple(ENERGIES), MEMORY, SAMPLED)
+        self._followed = [_Followed(*pair) for pair in zip(arms, actors, strict=True)]
 
     def _update(self, passed: float) -> None:
-        self._listener.until(self._ended.is_set, HEARD)
-        for arm, actor in self._followed:
-            if (newest := arm.newest()) is None:
+        self._listener.until(self._ended.is_set, LISTENING)
+        for followed in self._followed:
+            if (newest := followed.arm.newest()) is None:
                 continue
-            (stamp, q, *values), name = newest, actor.name
-            at = stamp - self._began.setdefault(name, stamp)
-            if at < self._times.get(name, at):  # it was restarted
-                self._began[name], at = stamp, 0.0
-                self._charts.clear(name)
-                actor.forget_way()
-            self._heard[name], self._times[name] = time.monotonic(), at
+            (stamp, q, sample), actor = newest, followed.actor
+            if not stamp - followed.begin >= followed.time:  # it has begun, perhaps again
+                followed.begin = stamp
+                self._charts.clear(actor.name)
+                actor.clear_path()
+            followed.time, followed.received = stamp - followed.begin, time.monotonic()
             with self._server.atomic():
                 actor.draw(Instant(q), leave_path=True)
-            self._charts.add(name, at, lambda values=values: values)  # type: ignore[misc]
+            self._charts.add(actor.name, followed.time, lambda: sample)  # noqa: B023
         if self._charts.draw(CHARTED):
             self._report("")
 
     def _report(self, trouble: str) -> None:
         lines = []
-        for name in (actor.name for actor in self.actors):
-            silence, state = time.monotonic() - self._heard.get(name, np.nan), ""
-            if np.isnan(silence):
+        for followed in self._followed:
+            silence, state = time.monotonic() - followed.received, ""
+            if np.isinf(silence):
                 state = ", no data yet"
             elif silence > OLD:
                 state = f", silent for {silence:.0f} s"
-            lines.append(f"{name}: t = {self._times.get(name, 0.0):.2f} s{state}")
+            lines.append(f"{followed.actor.name}: t = {followed.time:.2f} s{state}")
         self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
 
 
@@ -202,7 +206,7 @@ def followed(
             f"{len(namespaces)} are expected"
         )
     arms = [RunningArm(listener, namespace) for namespace in namespaces]
-    chosen = [*scenes] * len(arms) if scenes else [None] * len(arms)
-    models = [arm.meet(scene) for arm, scene in zip(arms, chosen, strict=False)]
+    of_each = [*scenes] * len(arms) if scenes else [None] * len(arms)
+    models = [arm.connect(scene) for arm, scene in zip(arms, of_each, strict=False)]
     page = partial(Follower, arms=arms, listener=listener)
     return opened(page, [arm.name for arm in arms], models, host, port)

@@ -25,7 +25,7 @@ static void begin_motion(const double* q, const double* v, const double* tau, do
   CALL(acting_torques, (q, v, tau), (u));
   clear(p, P_LENGTH);
   copy(p, nominal, NP);
-  const int found = find_modes(scene, x, u, p) == NONE;
+  const int is_determined = find_modes(scene, x, u, p) == NONE;
   CALL(scene->rhs, (x, u, p), (slope));
-  for (int i = 0; i < NU; ++i) a[i] = found ? slope[NU + i] : NAN;
+  for (int i = 0; i < NU; ++i) a[i] = is_determined ? slope[NU + i] : NAN;
 }

@@ -61,8 +61,8 @@ EXPORT int fmi2GetRealStatus(void* c, int kind, double* value) {
 
 #ifdef SLOPES
 EXPORT int fmi2GetDirectionalDerivative(void* c, const reference_t* unknowns, size_t count, const reference_t* knowns,
-                                        size_t varied, const double* seeds, double* found) {
-  return find_derivative(c, unknowns, count, knowns, varied, seeds, found);
+                                        size_t varied, const double* seeds, double* results) {
+  return find_derivative(c, unknowns, count, knowns, varied, seeds, results);
 }
 #endif
 NO_VARIABLES(Integer)

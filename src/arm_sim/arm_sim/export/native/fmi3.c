@@ -38,19 +38,20 @@ EXPORT int fmi3SetFloat64(void* c, const reference_t* references, size_t count, 
 
 EXPORT int fmi3DoStep(void* c, double point, double time, bool final, bool* events, bool* terminate, bool* early,
                       double* last) {
-  const int found = advance(c, point, time);
+  const int status = advance(c, point, time);
   if (events) *events = false;
   if (terminate) *terminate = false;
   if (early) *early = false;
   if (last) *last = reached(c);
-  return found;
+  return status;
 }
 
 #ifdef SLOPES
 EXPORT int fmi3GetDirectionalDerivative(void* c, const reference_t* unknowns, size_t count, const reference_t* knowns,
-                                        size_t varied, const double* seeds, size_t given, double* found, size_t wanted) {
-  if (given != varied || wanted != count) return fail(c, "as many numbers as references are expected");
-  return find_derivative(c, unknowns, count, knowns, varied, seeds, found);
+                                        size_t varied, const double* seeds, size_t seed_count, double* results,
+                                        size_t result_count) {
+  if (seed_count != varied || result_count != count) return fail(c, "as many numbers as references are expected");
+  return find_derivative(c, unknowns, count, knowns, varied, seeds, results);
 }
 #endif
 NO_VARIABLES(Float32)

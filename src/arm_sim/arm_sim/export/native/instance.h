@@ -168,9 +168,9 @@ static int set_value(instance_t* i, reference_t reference, double value) {
 }
 
 static int set_values(instance_t* i, const reference_t* references, size_t count, const double* values) {
-  int found = OK;
-  for (size_t k = 0; k < count && found == OK; ++k) found = set_value(i, references[k], values[k]);
-  return found;
+  int status = OK;
+  for (size_t k = 0; k < count && status == OK; ++k) status = set_value(i, references[k], values[k]);
+  return status;
 }
 
 /* Let the wrenches on frames act in the next tick, as torques on the joints: J^T f besides the external torques. */
@@ -245,7 +245,7 @@ static int differentiate_step(instance_t* i, double* column, double* outputs) {
 /* Derivatives of outputs at the end of the last step by the inputs held in it, by parameters, and before the first step by
  * the starting values, times seeds. */
 static int find_derivative(instance_t* i, const reference_t* unknowns, size_t count, const reference_t* knowns, size_t varied,
-                           const double* seeds, double* found) {
+                           const double* seeds, double* results) {
   double column[VARIED] = {0.0}, outputs[3 * JOINTS] = {0.0};
   for (size_t k = 0; k < count; ++k)
     if (unknowns[k] < POSITION || unknowns[k] >= START_POSITION) return fail(i, "derivatives are those of outputs");
@@ -260,7 +260,7 @@ static int find_derivative(instance_t* i, const reference_t* unknowns, size_t co
     const int status = differentiate_step(i, column, outputs);
     if (status != OK) return status;
   }
-  for (size_t k = 0; k < count; ++k) found[k] = outputs[unknowns[k] - POSITION];
+  for (size_t k = 0; k < count; ++k) results[k] = outputs[unknowns[k] - POSITION];
   return OK;
 }
 #endif
@@ -307,9 +307,9 @@ EXPORT int FMI(DeserializeFMUState)(void* c, const void* bytes, size_t size, voi
 
 EXPORT int FMI(ExitInitializationMode)(void* c) {
   instance_t* i = c;
-  const int found = begin(i);
-  i->memory->initialized = found == OK;
-  return found;
+  const int status = begin(i);
+  i->memory->initialized = status == OK;
+  return status;
 }
 
 /* What follows only answers, and declares no arguments that it does not look at. */

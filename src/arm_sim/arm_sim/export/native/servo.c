@@ -8,10 +8,10 @@
 
 #include "sim.c"
 
-/* A number of a command, and whether there is one: 0 where there is none. */
-static double commanded(const double* values, int i, double* given) {
-  *given = values && values[i] == values[i] ? 1.0 : 0.0;
-  return *given > 0.0 ? values[i] : 0.0;
+/* A number of a command, 0 where there is none, and whether there is one. */
+static double commanded(const double* values, int i, double* is_commanded) {
+  *is_commanded = values && values[i] == values[i] ? 1.0 : 0.0;
+  return *is_commanded > 0.0 ? values[i] : 0.0;
 }
 
 void library_sim_servo(const library_sim* sim, const double* position, const double* velocity, const double* effort,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of recordings: the suite's own (MCAP, and NumPy's of before), bags of robots, tables.
+"""Files of recordings: the suite's own (MCAP), bags of robots, tables.
 
 Depends on the contents of a recording, but not on ROS: messages are serialized here. Public are
 ``save`` and ``load``, and the writers used by the recorder of a running system.

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files.messages import PARTS
@@ -16,8 +16,7 @@ _WORDS = {
     "velocity": ("velocity", "vel", "speed", "qd", "dq", "v"),
     "effort": ("effort", "eff", "torque", "tau", "current"),
 }
-_CLOCKS = r"(?:__|%)?(?:time|timestamp|stamp|t|seconds|sec)"
-_ELEMENT = re.compile(r"(?:.*[./])?(name|position|velocity|effort)[._]?\[?(\d+)\]?")
+_CLOCKS = r"(?:__)?(?:time|timestamp|stamp|t|seconds|sec)"
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _TURN = math.pi / 180.0
 _UNITS = {
@@ -27,8 +26,7 @@ _UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """A column of numbers.
 
     Attributes:
@@ -40,8 +38,7 @@ class Column:
     factor: float = 1.0
 
 
-@dataclass(frozen=True)
-class Header:
+class Header(NamedTuple):
     """Columns of a table.
 
     Attributes:
@@ -53,20 +50,6 @@ class Header:
     clock: Column | None
     joints: tuple[str, ...]
     columns: dict[tuple[str, str], Column]
-
-
-def read_elements(names: Sequence[str]) -> dict[tuple[str, int], int]:
-    """Columns of messages, as ``rostopic echo -p`` writes them, by field and place in it.
-
-    Args:
-        names: Names of the columns, such as ``field.name0`` and ``field.position0``.
-
-    Returns:
-        Their indices; empty if there are none with names of joints.
-    """
-    matches = ((i, _ELEMENT.fullmatch(name)) for i, name in enumerate(names))
-    found = {(match[1], int(match[2])): i for i, match in matches if match}
-    return found if any(field == "name" for field, _ in found) else {}
 
 
 def read_header(names: Sequence[str]) -> Header:
@@ -83,26 +66,27 @@ def read_header(names: Sequence[str]) -> Header:
     Raises:
         InvalidInput: If two columns are the same quantity of a joint.
     """
-    clock, found = None, dict[tuple[str, str], Column]()
+    clock, columns = None, dict[tuple[str, str], Column]()
     for place, name in enumerate(names):
         bare, unit = _unit(name)
         if clock is None and (factor := _clock(bare, unit)):
             clock = Column(place, factor)
-        elif (what := _part(bare)) and unit in _UNITS:
-            if what in found:
+        elif (key := _part(bare)) and unit in _UNITS:
+            part, joint = key
+            if key in columns:
                 raise InvalidInput(
-                    f"columns '{names[found[what].place]}' and '{name}' are both the {what[0]} of "
-                    f"joint '{what[1]}'; one is expected"
+                    f"columns '{names[columns[key].place]}' and '{name}' are both the {part} of "
+                    f"joint '{joint}'; one is expected"
                 )
-            found[what] = Column(place, _UNITS[unit])
-    numbers = [int(joint) for _, joint in found if joint.isdecimal()]
-    first = 1 - min(numbers, default=1) if 0 in numbers else 0
-    found = {
-        (part, f"joint{int(joint) + first}" if joint.isdecimal() else joint): column
-        for (part, joint), column in found.items()
+            columns[key] = Column(place, _UNITS[unit])
+    numbers = [int(joint) for _, joint in columns if joint.isdecimal()]
+    offset = 1 if 0 in numbers else 0
+    columns = {
+        (part, f"joint{int(joint) + offset}" if joint.isdecimal() else joint): column
+        for (part, joint), column in columns.items()
     }
-    joints = tuple(dict.fromkeys(joint for part, joint in found if part == PARTS[0]))
-    return Header(clock, joints, found)
+    joints = tuple(dict.fromkeys(joint for part, joint in columns if part == PARTS[0]))
+    return Header(clock, joints, columns)
 
 
 def _unit(name: str) -> tuple[str, str]:
@@ -114,12 +98,11 @@ def _unit(name: str) -> tuple[str, str]:
 def _clock(name: str, unit: str) -> float | None:
     """Seconds per unit of a time column; None if it is not one."""
     match = re.fullmatch(rf"{_CLOCKS}(?:_(s|sec|ms|us|ns))?", name.lower())
-    of_ros = "ns" if name.startswith("%") else "s"
-    return _TIMES.get(match[1] or unit or of_ros) if match else None
+    return _TIMES.get(match[1] or unit or "s") if match else None
 
 
 def _part(name: str) -> tuple[str, str] | None:
-    """The joint and quantity of a column."""
+    """The quantity and the joint of a column."""
     for part in PARTS:
         if name.startswith(f"{part}."):
             return part, name.removeprefix(f"{part}.")

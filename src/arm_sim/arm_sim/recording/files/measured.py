@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
-from arm_sim.recording.files.headers import Column, read_elements, read_header
+from arm_sim.recording.files.headers import Column, read_header
 from arm_sim.recording.files.messages import JOINT_STATE, PARTS, read
 from arm_sim.recording.files.reader import BagContents, BagMessage
 from arm_sim.recording.files.table import Table, value
@@ -33,49 +33,49 @@ _ECHO = (
 )
 
 
-def from_bag(found: BagContents, topic: str | None, where: Path) -> Contents:
+def from_bag(bag: BagContents, topic: str | None, path: Path) -> Contents:
     """Joint states of a topic, in chronological order.
 
     Args:
-        found: The bag's messages.
+        bag: The bag's messages.
         topic: Its name; None for the only topic, or the first of these: one with positions, one
             that is called ``joint_states``, that with most messages.
-        where: The bag, for messages.
+        path: The bag, for messages.
 
     Raises:
         InvalidInput: If there is no such topic, or no readable message on it.
     """
-    topics = found.of(JOINT_STATE)
+    topics, notes = bag.of(JOINT_STATE), list(bag.damage)
     if not topics or topic not in (None, *topics):
         on = "" if topic is None else f" on '{topic}'"
-        raise InvalidInput(f"'{where}' has no joint states{on}; it has {found.listing()}")
-    chosen = topic or max(topics, key=lambda name: _preference(name, topics[name]))
-    states, times, refused = list[Any](), list[int](), list[str]()
-    for _, time, raw in topics[chosen]:
+        raise InvalidInput(f"'{path}' has no joint states{on}; it has {bag.listing()}")
+    if topic is None:
+        topic = max(topics, key=lambda name: _preference(name, topics[name]))
+        if len(topics) > 1:
+            rest = known_names(name for name in topics if name != topic)
+            notes.append(f"joint states are those of {topic}; also recorded: {rest}")
+    states, times, errors = list[Any](), list[int](), list[str]()
+    for message in topics[topic]:
         try:
-            states.append(read(JOINT_STATE, raw))
-            times.append(time)
+            states.append(read(JOINT_STATE, message.data))
+            times.append(message.time)
         except InvalidInput as error:
-            refused.append(str(error))
+            errors.append(str(error))
     if not states:
-        raise InvalidInput(f"'{where}' has no message on '{chosen}' that can be read")
-    notes = list(found.damage)
-    if topic is None and len(topics) > 1:
-        others = known_names(name for name in topics if name != chosen)
-        notes.append(f"joint states are those of {chosen}; also recorded: {others}")
+        raise InvalidInput(f"'{path}' has no message on '{topic}' that can be read")
     if not any(np.isfinite(state.position).any() for state in states):
-        notes.append(f"the messages on {chosen} have no positions")
-    if refused:
-        notes.append(f"{len(refused)} messages could not be read: {refused[0]}")
-    return replace(_contents(states, times, notes), left=found.besides(chosen))
+        notes.append(f"the messages on {topic} have no positions")
+    if errors:
+        notes.append(f"{len(errors)} messages could not be read: {errors[0]}")
+    return replace(_contents(states, times, notes), left=bag.besides(topic))
 
 
 def _preference(name: str, messages: list[BagMessage]) -> tuple[bool, bool, int]:
     """Whether some of its messages have positions and it has the usual name, and their number."""
     moves = False
-    for _, _, raw in messages[:: len(messages) // _SAMPLES + 1]:
+    for message in messages[:: len(messages) // _SAMPLES + 1]:
         with suppress(InvalidInput):
-            moves |= bool(np.isfinite(read(JOINT_STATE, raw).position).any())
+            moves |= bool(np.isfinite(read(JOINT_STATE, message.data).position).any())
     return moves, name.endswith("joint_states"), len(messages)
 
 
@@ -87,32 +87,34 @@ def _contents(states: list[Any], times: list[int], notes: list[str]) -> Contents
     kinds: dict[frozenset[str], list[int]] = {}
     for i, state in enumerate(states):
         kinds.setdefault(frozenset(state.name), []).append(i)
-    groups, known, notes = list[Indices](), frozenset[str](), [*notes]
+    groups, joints, notes = list[Indices](), frozenset[str](), [*notes]
     for own, members in sorted(kinds.items(), key=lambda item: -len(item[1])):
-        if own <= known:
+        if own <= joints:
             notes.append(f"{len(members)} messages name no further joint than others")
             continue
         groups.append(np.array(members))
-        known |= own
+        joints |= own
     if not groups:
         raise InvalidInput("the joint states name no joints")
     stamps = _clock(states, np.array(times, np.int64), groups, notes)
-    (names, at, parts), *others = (_series(states, stamps, group) for group in groups)
-    for joints, its, more in others:
-        new = [i for i, name in enumerate(joints) if name not in names]
-        added = tuple(joints[i] for i in new)
+    first, *rest = (_series(states, stamps, group) for group in groups)
+    names, parts = first.names, first.parts
+    for series in rest:
+        new = [i for i, name in enumerate(series.names) if name not in names]
+        added = tuple(series.names[i] for i in new)
         notes.append(
-            f"{known_names(added)}: from {len(its)} messages of their own, interpolated to the "
-            f"times of {known_names(names)}"
+            f"{known_names(added)}: from {len(series.time)} messages of their own, interpolated "
+            f"to the times of {known_names(names)}"
         )
         parts = [
-            np.hstack([part, _interpolated(at, its, values[:, new])])
-            for part, values in zip(parts, more, strict=True)
+            np.hstack([part, _interpolated(first.time, series.time, values[:, new])])
+            for part, values in zip(parts, series.parts, strict=True)
         ]
         names += added
-    if twice := sum(map(len, groups)) - len(at) - sum(len(its) for _, its, _ in others):
-        notes.append(f"{twice} messages have the time of another one")
-    return _recorded(1e-9 * (at - at[0]), names, parts, notes)
+    used = sum(len(series.time) for series in (first, *rest))
+    if repeated := sum(map(len, groups)) - used:
+        notes.append(f"{repeated} messages have the time of another one")
+    return _recorded(1e-9 * (first.time - first.time[0]), names, parts, notes)
 
 
 def _clock(
@@ -133,36 +135,39 @@ def _clock(
     return times
 
 
-def _series(
-    states: list[Any], stamps: NDArray[np.int64], group: Indices
-) -> tuple[tuple[str, ...], NDArray[np.int64], list[Array]]:
-    """Joints, times in [ns] and parts of messages of the same joints, in order of time."""
+class _Series(NamedTuple):
+    """Messages of the same joints, in order of time."""
+
+    names: tuple[str, ...]
+    time: NDArray[np.int64]  # [ns], shape (k,)
+    parts: list[Array]  # as ``PARTS``, each of shape (k, n)
+
+
+def _series(states: list[Any], stamps: NDArray[np.int64], group: Indices) -> _Series:
     rows = group[np.argsort(stamps[group], kind="stable")]
-    once = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
-    names, kept = states[group[0]].name, [states[row] for row in once]
-    places = [[state.name.index(name) for name in names] for state in kept]
-    pairs = [*zip(kept, places, strict=True)]
-    parts = [np.array([_numbers(getattr(s, part), place) for s, place in pairs]) for part in PARTS]
-    return names, stamps[once], parts
+    unique = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
+    names, parts = states[group[0]].name, list[Array]()
+    for part in PARTS:
+        values = np.full((len(unique), len(names)), np.nan)
+        for row, state in zip(values, (states[row] for row in unique), strict=True):
+            numbers = getattr(state, part)
+            if len(numbers) == len(names):
+                row[:] = numbers[[state.name.index(name) for name in names]]
+        parts.append(values)
+    return _Series(names, stamps[unique], parts)
 
 
-def _interpolated(at: NDArray[np.int64], its: NDArray[np.int64], values: Array) -> Array:
-    """Values at other times; NaN where no two of their own on either side are near."""
-    found = np.full((len(at), values.shape[1]), np.nan)
-    if len(its) > 1:
-        after = np.clip(np.searchsorted(its, at), 1, len(its) - 1)
-        steps = np.diff(its)
-        share = (at - its[after - 1]) / steps[after - 1]
+def _interpolated(times: NDArray[np.int64], own: NDArray[np.int64], values: Array) -> Array:
+    """Values of ``own`` times at others; NaN where no two of them on either side are near."""
+    interpolated = np.full((len(times), values.shape[1]), np.nan)
+    if len(own) > 1:
+        after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
+        steps = np.diff(own)
+        share = (times - own[after - 1]) / steps[after - 1]
         near = (share >= 0.0) & (share <= 1.0) & (steps[after - 1] <= _HOLE * np.median(steps))
         last, share = after[near], share[near, None]
-        found[near] = (1.0 - share) * values[last - 1] + share * values[last]
-    return found
-
-
-def _numbers(values: Array, places: list[int]) -> Array:
-    if len(values) != len(places):
-        return np.full(len(places), np.nan)
-    return np.asarray(values[places], float)
+        interpolated[near] = (1.0 - share) * values[last - 1] + share * values[last]
+    return interpolated
 
 
 def from_table(path: Path) -> Contents:
@@ -175,14 +180,12 @@ def from_table(path: Path) -> Contents:
     if not table.names:
         states = [_echoed(table, row) for row in range(len(table.rows))]
         return _contents(states, [state.stamp for state in states], table.notes)
-    header, elements = read_header(table.names), read_elements(table.names)
-    if header.clock is None or not (header.joints or elements):
+    header = read_header(table.names)
+    if header.clock is None or not header.joints:
         raise InvalidInput(
             f"'{path}' has columns {known_names(table.names)}; 'time', 'position.NAME' and, where "
             "they are known, 'velocity.NAME' and 'effort.NAME' are expected"
         )
-    if elements:
-        return _contents(*_messages(table, elements, header.clock), table.notes)
 
     def of(column: Column | None) -> Array:
         if column is None:
@@ -190,9 +193,9 @@ def from_table(path: Path) -> Contents:
         return column.factor * table.numbers(column.place)
 
     time = table.times(header.clock.place, header.clock.factor)
-    wanted = [[header.columns.get((part, joint)) for joint in header.joints] for part in PARTS]
-    parts = [np.column_stack([*map(of, columns)]) for columns in wanted]
-    used = {header.clock.place, *(column.place for row in wanted for column in row if column)}
+    columns = [[header.columns.get((part, joint)) for joint in header.joints] for part in PARTS]
+    parts = [np.column_stack([*map(of, row)]) for row in columns]
+    used = {header.clock.place, *(column.place for row in columns for column in row if column)}
     unused = [name or "without a name" for i, name in enumerate(table.names) if i not in used]
     notes = [f"columns that are not used: {known_names(unused)}"] if unused else []
     return _recorded(time, header.joints, parts, [*table.notes, *notes])
@@ -206,48 +209,23 @@ def to_table(contents: Contents, efforts: Array, path: Path) -> None:
         csv.writer(file).writerows([header, *rows.tolist()])
 
 
-def _messages(
-    table: Table, elements: dict[tuple[str, int], int], clock: Column
-) -> tuple[list[Any], list[int]]:
-    """Joint states whose names are in cells, as of ``rostopic echo -p``, and their arrival."""
-    stamp = [i for i, name in enumerate(table.names) if name.endswith("header.stamp")]
-    arrived = _nanoseconds(table, clock.place, clock.factor)
-    stamps = _nanoseconds(table, stamp[0], 1e-9) if stamp else arrived
-    numbers = {key: table.numbers(place) for key, place in elements.items() if key[0] != "name"}
-    states, none = list[Any](), np.full(len(stamps), np.nan)
-    for row, cells in enumerate(table.rows):
-        own = {i: cells[at] for (field, i), at in elements.items() if field == "name"}
-        places = sorted(i for i, name in own.items() if name)
-        parts = [np.array([numbers.get((p, i), none)[row] for i in places]) for p in PARTS]
-        states.append(_state(stamps[row], tuple(own[i] for i in places), parts))
-    return states, arrived
-
-
-def _nanoseconds(table: Table, column: int, factor: float) -> list[int]:
-    return [round(1e9 * factor * time) for time in table.stamps(column, factor).tolist()]
-
-
-def _state(stamp: int, names: tuple[str, ...], parts: list[Array]) -> Any:
-    """As a joint state that was read."""
-    return SimpleNamespace(stamp=stamp, name=names, **dict(zip(PARTS, parts, strict=True)))
-
-
 def _echoed(table: Table, row: int) -> Any:
-    """A row of ``ros2 topic echo --csv``: stamp, frame, names, then each part or an empty cell."""
+    """A joint state as ``ros2 topic echo --csv`` prints it; an empty cell is an absent part."""
     cells, parts = table.rows[row], list[Array]()
     stamp = [int(cell) for cell in cells[:2] if cell.isdecimal() and len(cell) < 11]
     names = tuple(takewhile(lambda cell: value(cell) is None, cells[3:]))
     at = 3 + len(names)
     for _ in PARTS:
         size = len(names) if any(cells[at : at + 1]) else 1
-        found = [value(cell) for cell in cells[at : at + size]]
-        if None in found:
-            raise table.error(row, at + found.index(None), _ECHO)
-        parts.append(np.array(found, float))
+        numbers = [value(cell) for cell in cells[at : at + size]]
+        if None in numbers:
+            raise table.error(row, at + numbers.index(None), _ECHO)
+        parts.append(np.array(numbers, float))
         at += size
     if len(stamp) < 2 or not names or at != len(cells):
         raise table.error(row, len(cells) - 1 if len(stamp) == 2 else 0, _ECHO)
-    return _state(10**9 * stamp[0] + stamp[1], names, parts)
+    joints = dict(zip(PARTS, parts, strict=True))
+    return SimpleNamespace(stamp=10**9 * stamp[0] + stamp[1], name=names, **joints)
 
 
 def _recorded(

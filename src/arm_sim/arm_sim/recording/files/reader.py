@@ -10,7 +10,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 from urllib.parse import quote
 
 from arm_dynamics.exceptions import InvalidInput, known_names
@@ -30,13 +30,19 @@ BAGS = (".mcap", ".db3")
 SQLITE = b"SQLite format 3\0"
 REPAIRED = "repaired"
 """Name of the metadata with the damage that a repaired file had."""
-BagMessage = tuple[int, int, bytes]
-"""Position in the bag, log time in [ns], and data."""
 _HEAD = struct.Struct("<BQ")  # of a record: opcode and length
 _READ = (
     Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT,
     Opcode.METADATA,
 )  # fmt: skip
+
+
+class BagMessage(NamedTuple):
+    """A message of a bag."""
+
+    place: int  # in the order of all messages
+    time: int  # of its log in [ns]
+    data: bytes
 
 
 @dataclass
@@ -50,7 +56,7 @@ class BagContents:
         messages: Those of each requested topic.
         damage: Description of unreadable parts.
         count: Number of messages, also of topics that are not requested.
-        used: Topics that have messages.
+        not_empty: Topics that have messages.
     """
 
     topics: dict[str, str] = field(default_factory=dict)
@@ -59,32 +65,32 @@ class BagContents:
     messages: dict[str, list[BagMessage]] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
     count: int = 0
-    used: set[str] = field(default_factory=set)
+    not_empty: set[str] = field(default_factory=set)
 
     def besides(self, *topics: str) -> tuple[str, ...]:
         """Topics with messages other than these."""
-        return tuple(name for name in self.topics if name in self.used and name not in topics)
+        return tuple(name for name in self.topics if name in self.not_empty and name not in topics)
 
     def of(self, kind: str) -> dict[str, list[BagMessage]]:
         """Messages of a type, by topic."""
-        return {name: kept for name, kept in self.messages.items() if self.topics[name] == kind}
+        return {name: x for name, x in self.messages.items() if self.topics[name] == kind}
 
     def listing(self) -> str:
         """Topics and types, for an error message."""
         return known_names(f"{topic} ({kind})" for topic, kind in self.topics.items())
 
-    def _add_topic(self, topic: str, kind: str, wanted: bool) -> None:
+    def _add_topic(self, topic: str, kind: str, keep: bool) -> None:
         self.topics.setdefault(topic, kind)
-        if wanted:
+        if keep:
             self.messages.setdefault(topic, [])
 
     def _add(self, topic: str, time: int, data: bytes) -> None:
         if topic in self.messages:
-            self.messages[topic].append((self.count, time, data))
+            self.messages[topic].append(BagMessage(self.count, time, data))
         self.count += 1
-        self.used.add(topic)
+        self.not_empty.add(topic)
 
-    def add_mcap(self, path: Path, wanted: Callable[[str, str], bool]) -> None:
+    def add_mcap(self, path: Path, keep: Callable[[str, str], bool]) -> None:
         """Add an MCAP file; see ``read_bag``."""
         schemas, channels = dict[int, str](), dict[int, str]()
         for record in intact_records(path, self.damage):
@@ -97,15 +103,15 @@ class BagContents:
                 case records.Channel():
                     kind = schemas.get(record.schema_id, "")
                     channels[record.id] = record.topic
-                    kept = record.message_encoding == "cdr" and wanted(record.topic, kind)
-                    self._add_topic(record.topic, kind, kept)
+                    readable = record.message_encoding == "cdr"
+                    self._add_topic(record.topic, kind, readable and keep(record.topic, kind))
                 case records.Attachment():
                     self.texts.setdefault(record.name, record.data.decode(errors="replace"))
                 case records.Metadata(name=name, metadata=facts):
                     self.facts.setdefault(name, facts)
                     self.damage += facts.values() if name == REPAIRED else ()
 
-    def add_sqlite(self, path: Path, wanted: Callable[[str, str], bool]) -> None:
+    def add_sqlite(self, path: Path, keep: Callable[[str, str], bool]) -> None:
         """Add a file of rosbag2_storage_sqlite3: tables ``topics`` and ``messages``."""
         with path.open("rb") as file:
             if file.read(len(SQLITE)) != SQLITE:
@@ -117,7 +123,7 @@ class BagContents:
                 topics = dict[int, str]()
                 for number, topic, kind in base.execute("SELECT id, name, type FROM topics"):
                     topics[number] = topic
-                    self._add_topic(topic, kind, wanted(topic, kind))
+                    self._add_topic(topic, kind, keep(topic, kind))
                 for number, time, data in base.execute(
                     "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
                 ):
@@ -128,22 +134,22 @@ class BagContents:
             self.damage.append(f"it is damaged from message {self.count - begin} on: {error}")
 
 
-def read_bag(path: Path, wanted: Callable[[str, str], bool]) -> BagContents:
+def read_bag(path: Path, keep: Callable[[str, str], bool]) -> BagContents:
     """Read a bag from beginning to end, or to where it is truncated.
 
     Args:
         path: Path of a file or folder.
-        wanted: Decides by topic and type whether messages are kept.
+        keep: Whether messages are kept, by topic and type.
 
     Raises:
         InvalidInput: If it is no bag.
         OSError: If it cannot be read.
     """
-    found = BagContents()
+    contents = BagContents()
     for file in bag_files(path):
-        add = found.add_sqlite if file.suffix == ".db3" else found.add_mcap
-        add(file, wanted)
-    return found
+        add = contents.add_sqlite if file.suffix == ".db3" else contents.add_mcap
+        add(file, keep)
+    return contents
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -190,8 +196,8 @@ def intact_records(path: Path, damage: list[str]) -> Iterator[records.McapRecord
                 if isinstance(record, records.Chunk):
                     inner = breakup_chunk(record, validate_crc=True)
             except Exception as error:  # whatever damaged bytes make of what reads them
-                what = Opcode(opcode).name.lower()
-                damage.append(f"a record ({what}) at byte {start} is damaged: {error!r}")
+                kind = Opcode(opcode).name.lower()
+                damage.append(f"a record ({kind}) at byte {start} is damaged: {error!r}")
                 continue
             if opcode != Opcode.CHUNK:
                 yield record

@@ -43,16 +43,16 @@ def repair(source: Path, out: Path) -> Repaired:
     new_file(out)
     try:
         with out.open("wb") as sink:
-            found = Repaired(Writer(sink))
+            repaired = Repaired(Writer(sink))
             for file in files:
-                found.add(file)
-            if not found.made:
+                repaired.add(file)
+            if not repaired.numbers:
                 raise InvalidInput(f"'{source}' contains nothing that can be repaired")
-            if found.damage:
-                damage = {"damage": "; ".join(dict.fromkeys(found.damage))}
-                found.writer.add_metadata(REPAIRED, damage)
-            found.writer.finish()  # type: ignore[no-untyped-call]
-            return found
+            if repaired.damage:
+                damage = {"damage": "; ".join(dict.fromkeys(repaired.damage))}
+                repaired.writer.add_metadata(REPAIRED, damage)
+            repaired.writer.finish()  # type: ignore[no-untyped-call]
+            return repaired
     except BaseException:
         out.unlink()
         raise
@@ -65,24 +65,24 @@ class Repaired:
     Attributes:
         writer: Writes it.
         count: Number of messages by topic.
-        kept: Attachments and metadata: what each is, by name.
-        damage: Descriptions of what is unreadable.
-        made: What has been written once, by content.
+        extras: "attachment" or "metadata" for each of these, by name.
+        damage: Descriptions of unreadable parts.
+        numbers: Of schemas, channels and what else is written once, by content.
     """
 
     writer: Writer
     count: dict[str, int] = field(default_factory=dict)
-    kept: dict[str, str] = field(default_factory=dict)
+    extras: dict[str, str] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
-    made: dict[Any, int] = field(default_factory=dict)
+    numbers: dict[Any, int] = field(default_factory=dict)
 
     def add(self, path: Path) -> None:
         """Add what is intact of a file, in which channels have numbers of their own."""
         channels, schemas = dict[int, tuple[int, str]](), {0: 0}
         for record in intact_records(path, self.damage):
-            if not self.made:
+            if not self.numbers:
                 head = (record.profile, record.library) if isinstance(record, Header) else ()
-                self.made["header"] = self.writer.start(*head) or 0
+                self.numbers["header"] = self.writer.start(*head) or 0
             match record:
                 case Message(channel_id=channel):
                     if channel not in channels:
@@ -104,14 +104,14 @@ class Repaired:
                     times = record.create_time, record.log_time
                     content = record.name, record.media_type, record.data
                     self._once(self.writer.add_attachment, *times, *content)
-                    self.kept[record.name] = "attachment"
+                    self.extras[record.name] = "attachment"
                 case Metadata():
                     self._once(self.writer.add_metadata, record.name, record.metadata)
-                    self.kept[record.name] = "metadata"
+                    self.extras[record.name] = "metadata"
 
     def _once(self, write: Callable[..., int | None], *content: Any) -> int:
-        """Write what was not yet written; return its number."""
+        """Write a content unless it was written before; return its number."""
         key = repr((write.__name__, content))
-        if key not in self.made:
-            self.made[key] = write(*content) or 0
-        return self.made[key]
+        if key not in self.numbers:
+            self.numbers[key] = write(*content) or 0
+        return self.numbers[key]

@@ -7,24 +7,24 @@ import logging
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.writing import replacing, writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
-from arm_sim.recording.files import measured, npz, ticks
+from arm_sim.recording.files import measured, ticks
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
 from arm_sim.recording.files.reader import BAGS, read_bag
 from arm_sim.recording.files.ticks import TickFile
-from arm_sim.recording.files.writer import check_folder, complete, new_file, where
+from arm_sim.recording.files.writer import Place, check_folder, complete, new_file, place_of
 
 _log = logging.getLogger(__name__)
-SUFFIXES = (".csv", ".npz", *BAGS)
+SUFFIXES = (".csv", *BAGS)
 """Suffixes of files that ``load`` reads."""
 
 
@@ -52,14 +52,14 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         with replacing(path) as part:
             measured.to_table(contents, efforts(), part)
         return path
-    file, folder = where(path)
-    with replacing(file) as part:
-        ticks.write((part, None), contents, efforts()).close()
-    complete(file, folder)
+    place = place_of(path)
+    with replacing(place.file) as part:
+        ticks.write(Place(part, None), contents, efforts()).close()
+    complete(place)
     return path
 
 
-class Stream:
+class Stream(AbstractContextManager["Stream"]):
     """A new file of a recording that is written part by part, by a thread of its own.
 
     Args:
@@ -79,10 +79,6 @@ class Stream:
         self._file: TickFile | None = None
         self._writer = ThreadPoolExecutor(1, "recording")
         self._last = self._writer.submit(lambda: None)
-
-    def __enter__(self) -> Self:
-        """Begin."""
-        return self
 
     def append(self, part: Contents, efforts: Array) -> None:
         """Write a part, which begins where the last one ends; efforts as for ``save``."""
@@ -106,26 +102,24 @@ class Stream:
             if self._file is not None:
                 self._file.close()
             else:
-                file, folder = self._place
-                file.unlink()
-                if folder is not None:
-                    folder.rmdir()
+                self._place.file.unlink()
+                if self._place.folder is not None:
+                    self._place.folder.rmdir()
             self._last.result()
 
 
-def _path(given: Any) -> Path:
-    if not isinstance(given, str | os.PathLike):
-        raise InvalidInput(f"path = {given!r}; the path of a file or folder is expected")
-    return Path(given)
+def _path(path: Any) -> Path:
+    if not isinstance(path, str | os.PathLike):
+        raise InvalidInput(f"path = {path!r}; the path of a file or folder is expected")
+    return Path(path)
 
 
 def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     """Read a recording; see ``Recording.load``."""
     path = _path(path)
     if not path.exists():
-        raise NoRecording(f"no recording '{path}'")
-    if path.suffix == ".npz":
-        return npz.read(path)
+        pair = "; every pair has its own option, as --map a=b --map c=d" * ("=" in path.name)
+        raise NoRecording(f"no recording '{path}'{pair}")
     if path.suffix == ".csv":
         return measured.from_table(path)
     if path.suffix not in BAGS and not path.is_dir():
@@ -133,8 +127,8 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
             f"'{path}' ends in '{path.suffix}'; allowed: .mcap, .db3, .csv, and a bag's folder"
         )
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
-    found = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
-    if topic is None and found.of(CHANGE) and ticks.FACTS in found.facts:
-        return replace(ticks.read(found, path), left=ticks.left(found))
-    found = found if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
-    return measured.from_bag(found, topic, path)
+    bag = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
+    if topic is None and bag.of(CHANGE) and ticks.FACTS in bag.facts:
+        return replace(ticks.read(bag, path), left=ticks.left(bag))
+    bag = bag if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
+    return measured.from_bag(bag, topic, path)

@@ -33,7 +33,6 @@ _CELL = (
     "every row of the column, if ';' or tabs separate columns); or nothing, where it is missing"
 )
 _TIME = "allowed: a number, or a time such as 13:45:00.125 or 2025-05-31 13:45:00.125"
-FAR = 9e9  # [s] before and after 1970 that integers of ns express
 _EPOCH = 1e8  # [s] above which times count from 1970
 _CLOCKS = {1e17: ("ns", 1e-9), 1e14: ("us", 1e-6), 1e11: ("ms", 1e-3)}  # by their least size then
 _STEPS = 1e-5, 0.99  # [s] between rows beyond which another unit is likely
@@ -56,7 +55,7 @@ class Table:
         rows: Cells of each row.
         lines: Number of each row in the file.
         commas: Whether a comma in a cell is a decimal one, since it is not the separator.
-        notes: What is left out, or read in a way that should be told.
+        notes: Rows that are left out, and interpretations that users should know.
     """
 
     path: Path
@@ -101,17 +100,10 @@ class Table:
 
     def numbers(self, column: int, allowed: str = _CELL) -> Array:
         """Numbers of a column; NaN where they are missing."""
-        found = [value(cell) for cell in self._cells(column)]
-        if None in found:
-            raise self.error(found.index(None), column, allowed)
-        return np.array(found, float)
-
-    def stamps(self, column: int, factor: float = 0.0) -> Array:
-        """Numbers of a column of times, none missing, nor beyond ``FAR`` with a factor to [s]."""
-        found = self.numbers(column, _TIME)
-        if bad := np.flatnonzero(~(abs(factor * found) < FAR)).tolist():
-            raise self.error(bad[0], column, _TIME)
-        return found
+        numbers = [value(cell) for cell in self._cells(column)]
+        if None in numbers:
+            raise self.error(numbers.index(None), column, allowed)
+        return np.array(numbers, float)
 
     def _cells(self, column: int) -> list[str]:
         """Cells of a column, with decimal points."""
@@ -143,20 +135,22 @@ class Table:
 
     def _counted(self, column: int, factor: float) -> Array:
         """Times that are numbers."""
-        found, cells, name = self.stamps(column), self._cells(column), self.names[column]
-        units = [unit for least, unit in _CLOCKS.items() if factor == 1.0 and found[0] >= least]
+        times, cells, name = self.numbers(column, _TIME), self._cells(column), self.names[column]
+        if missing := np.flatnonzero(np.isnan(times)).tolist():
+            raise self.error(missing[0], column, _TIME)
+        units = [unit for least, unit in _CLOCKS.items() if factor == 1.0 and times[0] >= least]
         unit, factor = units[0] if units else ("", factor)
-        if factor * found[0] > _EPOCH:
+        if factor * times[0] > _EPOCH:
             first = Decimal(cells[0])
-            found = np.array([float(Decimal(cell) - first) for cell in cells])
+            times = np.array([float(Decimal(cell) - first) for cell in cells])
             self.notes.append(f"time counts from {first}{unit and f', read as {unit} since 1970'}")
-        step = float(np.median(np.diff(found))) if len(found) > 1 else _STEPS[0]
+        step = float(np.median(np.diff(times))) if len(times) > 1 else _STEPS[0]
         if factor == 1.0 and not _STEPS[0] <= step < _STEPS[1]:
             self.notes.append(
                 f"'{name}' has steps of {step:.3g}, read as s; another unit is stated in the "
                 f"name, as in '{name} [ms]'"
             )
-        return factor * found
+        return factor * times
 
 
 def _nanoseconds(cell: str) -> int | None:
@@ -223,7 +217,7 @@ def _cut_off(rows: list[list[str]], width: int) -> bool:
     """Whether the last row, at the end of the file without a line end, seems incomplete."""
     if len(rows) < 2:
         return bool(rows) and len(rows[0]) < width
-    *others, last = rows
-    shortest = min(len(row[-1]) for row in others)
+    *complete, last = rows
+    shortest = min(len(row[-1]) for row in complete)
     number = value(last[-1].replace(",", "."))
-    return len(last) < len(others[-1]) or number is None or len(last[-1]) < shortest
+    return len(last) < len(complete[-1]) or number is None or len(last[-1]) < shortest

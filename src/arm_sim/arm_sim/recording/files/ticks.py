@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -34,6 +34,7 @@ UNCHANGED = -1.0
 """Sub-step of a change of external torques only."""
 _INFO = 20
 _ROWS = 500  # ticks per chunk
+Indices = NDArray[np.int64]
 
 
 class TickFile(McapWriter):
@@ -95,17 +96,17 @@ class TickFile(McapWriter):
         if not first and not any(jump.row == 0 for jump in contents.jumps):
             del changes[0]  # the state there is that in which the last one ends
         states, ticks = _messages(contents, efforts, stamps)
-        seen = np.ones(len(stamps), bool)
+        measured = np.ones(len(stamps), bool)
         if contents.measured is not None:
-            seen = ~np.isnan(contents.measured.q).any(axis=1)
+            measured = ~np.isnan(contents.measured.q).any(axis=1)
         for row, stamp in enumerate(stamps.tolist()):
             if row and row not in contents.gaps:  # no tick leads across a gap
-                if seen[row]:
+                if measured[row]:
                     self.add(self.states, stamp, states[row])
                 self.add(self.ticks, stamp, ticks[row])
             if row in changes:
                 self.add(self.changes, stamp, changes[row])
-            if row == 0 and first and seen[row]:
+            if row == 0 and first and measured[row]:
                 self.add(self.states, stamp, states[row])
             if row % _ROWS == 0:
                 self.flush()  # type: ignore[no-untyped-call]
@@ -143,9 +144,9 @@ def _messages(
     # Effective commands of the tick that ended at each time.
     command, effort = (np.roll(array, 1, axis=0) for array in (contents.command, efforts))
     effort[0] = 0.0
-    told = contents.measured or Measured(x[:, :n], x[:, n : 2 * n], effort)
+    joints = contents.measured or Measured(x[:, :n], x[:, n : 2 * n], effort)
     states = msg.joint_state_layout(contents.joint_names).written(
-        stamps, position=told.q, velocity=told.v, effort=told.effort
+        stamps, position=joints.q, velocity=joints.v, effort=joints.effort
     )
     ticks = msg.tick_layout(x.shape[1], n).written(
         stamps, state=x, command=command, error=contents.local_error,
@@ -190,82 +191,111 @@ def _external_place(scene: Scene, p: Array) -> int:
     return len(p) - switches(scene.constraints).size
 
 
-def read(found: BagContents, path: Path) -> Contents:
+def read(bag: BagContents, path: Path) -> Contents:
     """A recording from the contents of a file.
 
     Args:
-        found: Changes, ticks and events.
+        bag: Changes, ticks and events.
         path: The file, whose joint states are measurements if the scene has sensors.
 
     Raises:
         InvalidInput: If it does not contain a complete recording.
     """
-    facts = found.facts[FACTS]
+    facts = bag.facts[FACTS]
     if facts.get("format") != FORMAT:
         raise InvalidInput(
             f"the recording is of format {facts.get('format')!r}; this version reads {FORMAT}"
         )
-    origin = Origin.read(found.texts, facts)
+    origin = Origin.read(bag.texts, facts)
     try:
         names = tuple(map(str, json.loads(facts["joint_names"])))
     except (KeyError, ValueError) as error:
         raise InvalidInput(f"the recording does not name its joints: {error}") from None
-    changes = [(place, msg.read(CHANGE, raw)) for place, _, raw in _only(found, CHANGE)]
+    changes = _only(bag, CHANGE)
     if not changes:
         raise InvalidInput("the recording is truncated before its first state")
-    tunable = tuple(name for name in changes[-1][1].tunable if name != SWITCHES)
-    origin = replace(origin, scene=origin.scene.model_copy(update={"tunable": tunable}))
-    ticks = [tick for tick in _only(found, TICK) if tick[0] > changes[0][0]]
-    made, offset_at = _joined(origin, names, changes, ticks)
-    if origin.scene.sensors is not None:
-        made = replace(made, measured=_measured(path, made, offset_at))
+    tunable = msg.read(CHANGE, changes[-1].data).tunable
+    scene = origin.scene.model_copy(
+        update={"tunable": tuple(name for name in tunable if name != SWITCHES)}
+    )
+    ticks = [tick for tick in _only(bag, TICK) if tick.place > changes[0].place]
+    contents, timeline = _joined(replace(origin, scene=scene), names, changes, ticks)
+    if scene.sensors is not None:
+        contents = replace(contents, measured=_measured(path, contents, timeline))
     events = list[Event]()
-    for place, _, raw in _only(found, LOG):
-        log = msg.read(LOG, raw)
-        events.append(Event(1e-9 * log.stamp + origin.dt * offset_at(place), log.msg))
-    events += [Event(made.time[-1], f"file: {damage}") for damage in found.damage]
-    return replace(made, events=tuple(events))
+    for message in _only(bag, LOG):
+        log = msg.read(LOG, message.data)
+        events.append(
+            Event(1e-9 * log.stamp + origin.dt * timeline.offset_at(message.place), log.msg)
+        )
+    events += [Event(contents.time[-1], f"file: {damage}") for damage in bag.damage]
+    return replace(contents, events=tuple(events))
 
 
-def left(found: BagContents) -> tuple[str, ...]:
+def left(bag: BagContents) -> tuple[str, ...]:
     """Topics of a file that are not of the recording itself, such as commands as received."""
-    kinds = found.topics.items()
+    kinds = bag.topics.items()
     states = [topic for topic, kind in kinds if kind == JOINT_STATE][:1]
     own = [topic for topic, kind in kinds if kind in (TICK, CHANGE, LOG, STRING)]
-    return found.besides(*states, *own)
+    return bag.besides(*states, *own)
 
 
-def _only(found: BagContents, kind: str) -> list[BagMessage]:
-    return [message for messages in found.of(kind).values() for message in messages]
+def _only(bag: BagContents, kind: str) -> list[BagMessage]:
+    return [message for messages in bag.of(kind).values() for message in messages]
+
+
+class _Timeline:
+    """Changes and ticks in the order of their file, in a time that continues across resets.
+
+    A tick ends one step after its predecessor, and a change is at the same time. A change that is
+    earlier is a reset; everything else is a gap. Ticks, and changes after gaps, begin a row.
+
+    Args:
+        places: Places in the file, of changes, then of ticks.
+        steps: Their steps in the simulation's own time.
+        changes: Number of changes.
+
+    Attributes:
+        order: Indices in order of the file.
+        is_tick: Whether each in this order is a tick, or a change.
+        step: Step of each in the continuing time.
+        row: Row of each.
+        first: The first one of each row.
+        last: The last one of each row.
+        gaps: Rows before which ticks are missing.
+    """
+
+    def __init__(self, places: Indices, steps: Indices, changes: int) -> None:
+        self.order = np.argsort(places)
+        self.is_tick = self.order >= changes
+        self._places, self._steps = places[self.order], steps[self.order]
+        ahead = np.diff(self._steps, prepend=self._steps[0])
+        self.step = self._steps[0] + np.cumsum(np.maximum(ahead, self.is_tick))
+        begins = self.is_tick | (ahead > 0)
+        begins[0] = True
+        self.row, self.first = np.cumsum(begins) - 1, np.flatnonzero(begins)
+        self.last = np.append(self.first[1:], len(begins)) - 1
+        self.gaps = tuple(self.row[begins & (ahead != self.is_tick)].tolist())
+
+    def offset_at(self, place: int) -> int:
+        """Steps by which the continuing time is ahead of the simulation's at a place in a file."""
+        at = max(int(np.searchsorted(self._places, place, side="right")) - 1, 0)
+        return int(self.step[at] - self._steps[at])
 
 
 def _joined(
-    origin: Origin, names: tuple[str, ...], changes: Sequence[tuple[int, Any]],
+    origin: Origin, names: tuple[str, ...], changes: Sequence[BagMessage],
     ticks: Sequence[BagMessage],
-) -> tuple[Contents, Callable[[int], int]]:  # fmt: skip
-    """A recording from its changes and ticks, in a time that continues across resets.
-
-    Returns:
-        The recording, and a function: by how many ticks its time is ahead of the simulation's at a
-        place in the file.
-    """
+) -> tuple[Contents, _Timeline]:  # fmt: skip
+    """A recording from its changes and ticks."""
     scene, n = origin.scene, len(names)
-    change_places, states = zip(*changes, strict=True)
-    places = np.array([*change_places, *(place for place, *_ in ticks)])
-    order = np.argsort(places)
-    rows = msg.tick_layout(states[0].state.size, n).read([raw for *_, raw in ticks])
+    states = [msg.read(CHANGE, change.data) for change in changes]
+    rows = msg.tick_layout(states[0].state.size, n).read([tick.data for tick in ticks])
     seconds = rows["stamp"][:, 0] + 1e-9 * rows["stamp"][:, 1]
     stamps = np.concatenate([[1e-9 * change.stamp for change in states], seconds])
-    places = places[order]
-    own, ticked = np.round(stamps / origin.dt).astype(np.int64)[order], order >= len(states)
-    # A tick ends one step after what precedes it, and a change is at the same time. A change that
-    # is earlier is a reset; everything else is a gap. Ticks and changes after gaps begin a row.
-    ahead = np.diff(own, prepend=own[0])
-    steps = own[0] + np.cumsum(np.maximum(ahead, ticked))
-    begins = ticked | (ahead > 0)
-    begins[0] = True
-    row, first = np.cumsum(begins) - 1, np.flatnonzero(begins)
-    last = np.append(first[1:], len(order)) - 1
+    places = np.array([message.place for message in (*changes, *ticks)])
+    timeline = _Timeline(places, np.round(stamps / origin.dt).astype(np.int64), len(states))
+    order, is_tick, first, last = timeline.order, timeline.is_tick, timeline.first, timeline.last
 
     p = np.array([_complete(change, scene, n) for change in states])
     x = np.concatenate([[change.state for change in states], rows["state"]])[order]
@@ -276,33 +306,28 @@ def _joined(
     )
     # The effective command from a time is that of the tick that begins there, else of the last.
     following = np.append(first[1:], len(order) - 1)
-    acting = np.cumsum(ticked)[following]
+    acting = np.cumsum(is_tick)[following]
     command = np.vstack([np.zeros(n), rows["command"]])[acting]
-    hold = np.append(np.uint8(FREE), rows["hold"])[acting] * np.append(ticked[first[1:]], False)
+    hold = np.append(np.uint8(FREE), rows["hold"])[acting] * np.append(is_tick[first[1:]], False)
     arrays = {
-        "time": steps[first] * origin.dt, "q": q, "v": v, "z": z, "command": command,
-        "local_error": error, "time_stepped": time_stepped, "p": p[np.cumsum(~ticked)[last] - 1],
+        "time": timeline.step[first] * origin.dt, "q": q, "v": v, "z": z, "command": command,
+        "local_error": error, "time_stepped": time_stepped, "p": p[np.cumsum(~is_tick)[last] - 1],
     }  # fmt: skip
-    kept: dict[str, Any] = {name: read_only(np.array(array)) for name, array in arrays.items()}
+    columns: dict[str, Any] = {name: read_only(np.array(x)) for name, x in arrays.items()}
     jumps = [
-        Jump(int(row[at]), read_only(x[at - 1].copy()), read_only(before), earlier.tunable,
-             max(change.substep, 0.0))
+        Jump(int(timeline.row[at]), read_only(x[at - 1].copy()), read_only(before),
+             earlier.tunable, max(change.substep, 0.0))
         for at, before, (earlier, change) in zip(
-            np.flatnonzero(~ticked)[1:], p[:-1], pairwise(states), strict=True
+            np.flatnonzero(~is_tick)[1:], p[:-1], pairwise(states), strict=True
         )
         if change.substep != UNCHANGED
     ]  # fmt: skip
-
-    def offset_at(place: int) -> int:
-        at = max(int(np.searchsorted(places, place, side="right")) - 1, 0)
-        return int(steps[at] - own[at])
-
-    made = Contents(
-        **kept, joint_names=names, origin=origin, jumps=tuple(jumps),
-        held=held_of(scene.constraints, kept["p"][-1]), hold=hold if hold.any() else None,
-        gaps=tuple(row[begins & (ahead != ticked)].tolist()), substep=max(states[0].substep, 0.0),
+    contents = Contents(
+        **columns, joint_names=names, origin=origin, jumps=tuple(jumps),
+        held=held_of(scene.constraints, columns["p"][-1]), hold=hold if hold.any() else None,
+        gaps=timeline.gaps, substep=max(states[0].substep, 0.0),
     )  # fmt: skip
-    return made, offset_at
+    return contents, timeline
 
 
 def _complete(change: Any, scene: Scene, n: int) -> Array:
@@ -313,19 +338,19 @@ def _complete(change: Any, scene: Scene, n: int) -> Array:
     return np.insert(p, _external_place(scene, p), np.zeros(n))
 
 
-def _measured(path: Path, made: Contents, offset_at: Callable[[int], int]) -> Measured | None:
+def _measured(path: Path, motion: Contents, timeline: _Timeline) -> Measured | None:
     """Measurements at each time, NaN where the file has none; None if it has none at all."""
-    assert made.origin is not None
-    n, dt, found = len(made.joint_names), made.origin.dt, dict[int, Array]()
+    assert motion.origin is not None
+    n, dt, row_of_step = len(motion.joint_names), motion.origin.dt, dict[int, Array]()
     states = read_bag(path, lambda name, kind: kind == JOINT_STATE).of(JOINT_STATE)
-    for place, _, raw in next(iter(states.values()), []):
-        state = msg.read(JOINT_STATE, raw)
+    for message in next(iter(states.values()), []):
+        state = msg.read(JOINT_STATE, message.data)
         if state.position.size == state.effort.size == n:
-            step = round(1e-9 * state.stamp / dt) + offset_at(place)
+            step = round(1e-9 * state.stamp / dt) + timeline.offset_at(message.place)
             row = np.concatenate([state.position, state.velocity, state.effort])
-            found.setdefault(step, row)  # the first is that of the tick, before a change
-    unknown = np.full(3 * n, np.nan)
-    rows = [found.get(step, unknown) for step in np.rint(made.time / dt).astype(int).tolist()]
+            row_of_step.setdefault(step, row)  # the first is that of the tick, before a change
+    unknown, steps = np.full(3 * n, np.nan), np.rint(motion.time / dt).astype(int).tolist()
+    rows = [row_of_step.get(step, unknown) for step in steps]
     return None if np.isnan(rows).all() else Measured.of(np.array(rows))
 
 

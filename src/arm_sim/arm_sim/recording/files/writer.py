@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import yaml
 from mcap.reader import make_reader
@@ -15,8 +16,12 @@ from arm_dynamics.writing import writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files.reader import BAGS
 
-Place = tuple[Path, Path | None]
-"""An MCAP file, and the folder of its bag, if it is in one."""
+
+class Place(NamedTuple):
+    """An MCAP file, and the folder of its bag, if it is in one."""
+
+    file: Path
+    folder: Path | None
 
 
 class McapWriter(Writer):
@@ -34,7 +39,7 @@ class McapWriter(Writer):
 
     def __init__(self, place: Place) -> None:
         self._place, self._kinds = place, dict[str, int]()
-        self.file = place[0].open("wb")
+        self.file = place.file.open("wb")
         super().__init__(self.file)
         self.start("ros2", "arm_sim")
 
@@ -49,10 +54,10 @@ class McapWriter(Writer):
         """Write the index for readers, close the file, and describe the bag."""
         with self.file:
             self.finish()  # type: ignore[no-untyped-call]
-        complete(*self._place)
+        complete(self._place)
 
 
-def where(path: Path) -> Place:
+def place_of(path: Path) -> Place:
     """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
 
     Raises:
@@ -62,16 +67,19 @@ def where(path: Path) -> Place:
     """
     if path.suffix == ".mcap":
         check_folder(path)
-        return path, None
+        return Place(path, None)
     if path.suffix:
-        raise InvalidInput(f"'{path}' ends in '{path.suffix}'; allowed: .mcap, or a folder's name")
+        raise InvalidInput(
+            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, or a folder's name; a table: "
+            "pandas.DataFrame(recording.to_dict()).to_csv(…)"
+        )
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise NotWritten(f"'{path}' cannot be created: {error.strerror}") from None
-    if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
-        raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{strange[0]}'")
-    return path / f"{path.name}_0.mcap", path
+    if foreign := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
+        raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{foreign[0]}'")
+    return Place(path / f"{path.name}_0.mcap", path)
 
 
 def check_folder(path: Path) -> None:
@@ -81,7 +89,7 @@ def check_folder(path: Path) -> None:
 
 
 def new_file(path: Path) -> Place:
-    """``where`` of a path that does not exist; the file is created, so that it is one's own.
+    """``place_of`` a path that does not exist; the file is created, so that no other writer is.
 
     Raises:
         InvalidInput: If it exists, even since a moment ago.
@@ -93,27 +101,29 @@ def new_file(path: Path) -> Place:
     )
     if path.exists():
         raise exists
-    file, folder = where(path)
+    place = place_of(path)
     with writing(path):
         try:
-            file.touch(exist_ok=False)
+            place.file.touch(exist_ok=False)
         except FileExistsError:
             raise exists from None
-    return file, folder
+    return place
 
 
-def complete(file: Path, folder: Path | None) -> None:
+def complete(place: Place) -> None:
     """Write the ``metadata.yaml`` of a file's bag, if any; layout of rosbag2, version 9."""
+    file, folder = place
     if folder is None:
         return
     with file.open("rb") as raw:
         summary = make_reader(raw).get_summary()
     assert summary is not None and summary.statistics is not None
-    told = summary.statistics
+    statistics = summary.statistics
+    start, end = statistics.message_start_time, statistics.message_end_time
     span = {
-        "duration": {"nanoseconds": told.message_end_time - told.message_start_time},
-        "starting_time": {"nanoseconds_since_epoch": told.message_start_time},
-        "message_count": told.message_count,
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": statistics.message_count,
     }
     topics = [
         {
@@ -124,7 +134,7 @@ def complete(file: Path, folder: Path | None) -> None:
                     yaml.safe_load(channel.metadata["offered_qos_profiles"]) or [],
                 "type_description_hash": "",
             },
-            "message_count": told.channel_message_counts.get(number, 0),
+            "message_count": statistics.channel_message_counts.get(number, 0),
         }
         for number, channel in summary.channels.items()
     ]  # fmt: skip

@@ -16,7 +16,7 @@ from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
 from arm_dynamics.ros.common.topics import advertise, subscribe
-from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.display import Display
@@ -120,6 +120,7 @@ class SimNode(Node):
         engine.configure(params.command_timeout, params.stale_policy)
         engine.on_failure.append(self._report_failure)
         engine.on_staleness.append(self._report_staleness)
+        engine.on_pause.append(self._report_pause)
         return engine
 
     def _loop_of(self, params: SimParams) -> RealtimeLoop:
@@ -148,6 +149,10 @@ class SimNode(Node):
 
     def _start(self) -> None:
         self.get_logger().info(greeting(self.simulator, self.params))
+        commands = self.resolve_topic_name(JOINT_COMMANDS.name)
+        self.get_logger().info(f"commands come from {commands}; to see the arm: ./arm watch")
+        if self.recorder is not None:
+            self.get_logger().info(f"recording to {self.recorder.path}")
         if unused := self.params.unused:
             self.get_logger().warning(
                 f"parameters without effect, since time steps are triggered by "
@@ -192,6 +197,10 @@ class SimNode(Node):
         if self.context.ok():
             self.get_logger().error(self.engine.failure)
 
+    def _report_pause(self) -> None:
+        happened = "paused" if self.engine.paused else "running on"
+        self.get_logger().info(f"{happened} at {1e-9 * self.engine.stamp:.3f} s")
+
     def _report_staleness(self) -> None:
         if self.engine.commands.stale:
             after, policy = self.params.command_timeout, in_force(self.params.stale_policy)
@@ -221,6 +230,10 @@ class SimNode(Node):
             self._background.close()
         if self.recorder is not None:
             self.recorder.close()
+            self.get_logger().info(
+                f"recorded {self.recorder.ticks} time steps ({self.recorder.lost} lost), "
+                f"{self.recorder.thread.written} bytes, to {self.recorder.path}"
+            )
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.histogram.percentiles()
             trips = f", round trip {round_trip}" if round_trip.count else ""

@@ -84,15 +84,15 @@ typedef struct {
  * Loops, not memcpy: that would read single stores back in one wide load, which waits for them. */
 enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its work space */ };
 #define LIST(...) __VA_ARGS__
-#define CALL(equation, given, found) \
+#define CALL(equation, arguments, results) \
   do { \
-    const real* const all_given[] = {LIST given}; \
-    real* const all_found[] = {LIST found}; \
+    const real* const inputs_[] = {LIST arguments}; \
+    real* const outputs_[] = {LIST results}; \
     const real* arg[MOST_ARGUMENTS]; \
     real *res[MOST_ARGUMENTS], w[SZ_W] __attribute__((aligned(64))); \
     long long int iw[MOST_INTEGERS]; \
-    for (size_t k_ = 0; k_ < sizeof all_given / sizeof *all_given; ++k_) arg[k_] = all_given[k_]; \
-    for (size_t k_ = 0; k_ < sizeof all_found / sizeof *all_found; ++k_) res[k_] = all_found[k_]; \
+    for (size_t k_ = 0; k_ < sizeof inputs_ / sizeof *inputs_; ++k_) arg[k_] = inputs_[k_]; \
+    for (size_t k_ = 0; k_ < sizeof outputs_ / sizeof *outputs_; ++k_) res[k_] = outputs_[k_]; \
     (equation)(arg, res, iw, w, 0); \
   } while (0)
 

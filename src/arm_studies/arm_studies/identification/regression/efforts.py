@@ -50,8 +50,9 @@ def with_age[T](
     if not abs(age) > NORMAL_95 * doubt:
         return fit, []
     return fit, [
-        f"efforts are {1e3 * age:.2g} ± {1e3 * NORMAL_95 * doubt:.1g} ms older than the positions "
-        "beside them; they are compared with the motion at that time"
+        f"efforts are {1e3 * abs(age):.2g} ± {1e3 * NORMAL_95 * doubt:.1g} ms "
+        f"{'older' if age > 0.0 else 'newer'} than the positions beside them; they are compared "
+        "with the motion at that time"
     ]
 
 

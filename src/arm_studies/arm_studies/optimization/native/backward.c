@@ -84,9 +84,9 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
       memcpy(tried, k, sizeof tried);
       for (int i = 0; i < count; ++i) {
         const int m = at[i];
-        const double wanted = k[m] + size * step[i];
-        tried[m] = fmin(high[m], fmax(low[m], wanted));
-        inside &= tried[m] == wanted;
+        const double target = k[m] + size * step[i];
+        tried[m] = fmin(high[m], fmax(low[m], target));
+        inside &= tried[m] == target;
         promised += slope[m] * (tried[m] - k[m]);
       }
       if (value(H, g, tried) <= now + 0.1 * promised) break;

@@ -40,15 +40,15 @@ static PyObject** field_of(const state_t* of, PyObject* state, int field) {
 }
 
 /* Read finite numbers from an array of doubles or a list of floats: 0 if it is anything else. */
-static int read_numbers(PyObject* given, npy_intp count, double* to) {
-  if (!PyList_CheckExact(given)) {
-    const double* const x = numbers(given, count);
+static int read_numbers(PyObject* values, npy_intp count, double* to) {
+  if (!PyList_CheckExact(values)) {
+    const double* const x = numbers(values, count);
     if (x) memcpy(to, x, (size_t)count * sizeof *x);
     return x != NULL;
   }
-  int plain = PyList_GET_SIZE(given) == count;
+  int plain = PyList_GET_SIZE(values) == count;
   for (npy_intp i = 0; plain && i < count; ++i) {
-    PyObject* const one = PyList_GET_ITEM(given, i);
+    PyObject* const one = PyList_GET_ITEM(values, i);
     plain = PyFloat_CheckExact(one);
     if (plain) to[i] = PyFloat_AS_DOUBLE(one);
   }

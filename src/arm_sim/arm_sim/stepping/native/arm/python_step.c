@@ -48,10 +48,10 @@ static PyObject* state_of(const stepped_t* of, long long count) {
 
 /* Advance by the tick after some others under a command, and return the state; False if it cannot be computed, and None if
  * the command is not plain numbers, which is left to Python. */
-static PyObject* advance(PyObject* capsule, PyObject* const* given, Py_ssize_t count) {
+static PyObject* advance(PyObject* capsule, PyObject* const* arguments, Py_ssize_t count) {
   const stepped_t* const of = PyCapsule_GetPointer(capsule, NULL);
-  const int plain = count == 2 && read_numbers(given[0], of->state.joints, of->arm->command);
-  const long long before = plain ? PyLong_AsLongLong(given[1]) : -1;
+  const int plain = count == 2 && read_numbers(arguments[0], of->state.joints, of->arm->command);
+  const long long before = plain ? PyLong_AsLongLong(arguments[1]) : -1;
   if (before < 0) { /* or too large for this type */
     PyErr_Clear();
     Py_RETURN_NONE;

@@ -23,7 +23,7 @@ typedef struct {
   const double *W, *c; /* motion per force, and motion without forces */
   const double *friction, *holding; /* coefficients of sliding and static friction ... */
   double *mu, *held;                /* ... and the fraction of them in the current continuation step */
-  double* given;   /* direction of a sliding contact, two numbers each, ... */
+  double* direction;   /* direction of a sliding contact, two numbers each, ... */
   double* slides;  /* ... and whether it slides */
   double* allowed; /* whether a contact may transmit a force */
 } cones_t;

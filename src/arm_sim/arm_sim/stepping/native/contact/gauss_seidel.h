@@ -27,7 +27,7 @@ static int sweep(const scene_t* scene, const cones_t* cones, double* r, int swee
           if (j / 3 != k) others[i] += AT(cones->W, MC, 3 * k + i, j) * r[j];
       }
       answers[k] =
-          solve_contact(block, others, cones->mu[k], cones->held[k], cones->slides[k] != 0.0 ? cones->given + 2 * k : 0);
+          solve_contact(block, others, cones->mu[k], cones->held[k], cones->slides[k] != 0.0 ? cones->direction + 2 * k : 0);
       for (int i = 0; i < 3; ++i) {
         change[k] = fmax(change[k], fabs(answers[k].force[i] - r[3 * k + i]));
         r[3 * k + i] = answers[k].force[i];

@@ -66,8 +66,8 @@ static double equations(const scene_t* scene, const cones_t* cones, const double
     }
     for (int i = 0; i < 2 && !holds; ++i) {
       if (cones->slides[k] != 0.0) {
-        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->given[2 * k + i];
-        J[MC * (n + 1 + i) + n] = mu * cones->given[2 * k + i];
+        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->direction[2 * k + i];
+        J[MC * (n + 1 + i) + n] = mu * cones->direction[2 * k + i];
       } else F[n + 1 + i] = r[n + 1 + i] - mu * pressed * z[i] / size;
     }
     if (!holds && cones->slides[k] == 0.0) turning_rows(scene, cones, k, rho, pressed, z, size, regular, J);
@@ -91,7 +91,7 @@ static void read_answers(const scene_t* scene, const cones_t* cones, const doubl
     for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
     answers[k].state = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed ? STICKS : SLIDES;
     for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
-      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->given[2 * k + i] : -z[i] / size;
+      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->direction[2 * k + i] : -z[i] / size;
   }
 }
 

@@ -134,14 +134,14 @@ static void start_to_slide(double W[3][3], const double* c, double mu, answer_t*
   }
 }
 
-/* Solve for one contact, which sticks up to `held`; `given` is the direction of a sliding one, else null. */
-static answer_t solve_contact(double W[3][3], const double* c, double mu, double held, const double* given) {
+/* Solve for one contact, which sticks up to `held`; `direction` is that of a sliding one, else null. */
+static answer_t solve_contact(double W[3][3], const double* c, double mu, double held, const double* direction) {
   answer_t answer;
   answer = apart; /* as an initializer it may become memset in C++ */
   if (c[0] >= 0.0) return answer;
-  if (given) {
-    const double grip = grip_of(W, mu, given[0], given[1]);
-    if (grip > 0.0) put_sliding(&answer, -c[0] / grip, mu, given[0], given[1]);
+  if (direction) {
+    const double grip = grip_of(W, mu, direction[0], direction[1]);
+    if (grip > 0.0) put_sliding(&answer, -c[0] / grip, mu, direction[0], direction[1]);
     else answer.state = UNSOLVABLE;
     return answer;
   }

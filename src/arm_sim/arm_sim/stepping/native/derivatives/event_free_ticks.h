@@ -55,8 +55,8 @@ static void predict_modes(const scene_t* scene, const engine_t* engine, predicti
 }
 
 /* Whether a motion begins with the predicted numbers: it then is the predicted one. */
-static int is_as_predicted(const scene_t* scene, const prediction_t* tick, const event_free_t* made) {
-  return same(made->begin, tick->x, NX) && same(made->p, tick->p, P_LENGTH) && same(made->end, tick->after, NX);
+static int is_as_predicted(const scene_t* scene, const prediction_t* tick, const event_free_t* motion) {
+  return same(motion->begin, tick->x, NX) && same(motion->p, tick->p, P_LENGTH) && same(motion->end, tick->after, NX);
 }
 
 /* Margins to boundaries between modes of a state in the tick. */
@@ -70,7 +70,7 @@ static void find_margins(const scene_t* scene, const real* x, const real* u, con
 static void make_event_free(const scene_t* scene, const prediction_t* tick, const real* x, const real* u,
                             const engine_t* engine, int starts, int* event_free, event_free_lanes_t* lanes) {
   double numbers[LANES * EVENT_FREE];
-  event_free_t made[LANES];
+  event_free_t motions[LANES];
   long long of_lane[LANES], any = 0;
   real limit[NC + 1], margins[2][2];
   if (LANES > 1) memset(numbers, 0, sizeof numbers); /* of lanes that make no such tick */
@@ -78,20 +78,21 @@ static void make_event_free(const scene_t* scene, const prediction_t* tick, cons
   lanes->predicted = 1;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
-    made[j] = event_free_of(scene, numbers + j * EVENT_FREE);
-    event_free[j] = event_free[j] && engine->event_free_tick(engine->scene, tick + j, made + j) && is_closed(scene, made + j);
+    motions[j] = event_free_of(scene, numbers + j * EVENT_FREE);
+    event_free[j] =
+        event_free[j] && engine->event_free_tick(engine->scene, tick + j, motions + j) && is_closed(scene, motions + j);
     if (!event_free[j]) continue;
     any = 1;
-    lanes->held |= !all_moves(scene, made[j].p + NP);
-    lanes->closed |= touches(scene, made[j].p);
-    lanes->predicted &= is_as_predicted(scene, tick + j, made + j);
+    lanes->held |= !all_moves(scene, motions[j].p + NP);
+    lanes->closed |= touches(scene, motions[j].p);
+    lanes->predicted &= is_as_predicted(scene, tick + j, motions + j);
   }
   if (!any) return;
-  read_arms(lanes->p, P_LENGTH, made->p, EVENT_FREE, of_lane);
-  read_arms(limit, NC, made->grip, EVENT_FREE, of_lane);
-  read_arms(lanes->begin, NX, made->begin, EVENT_FREE, of_lane);
-  read_arms(lanes->end, NX, made->end, EVENT_FREE, of_lane);
-  read_arms(lanes->after, NX, made->after, EVENT_FREE, of_lane);
+  read_arms(lanes->p, P_LENGTH, motions->p, EVENT_FREE, of_lane);
+  read_arms(limit, NC, motions->grip, EVENT_FREE, of_lane);
+  read_arms(lanes->begin, NX, motions->begin, EVENT_FREE, of_lane);
+  read_arms(lanes->end, NX, motions->end, EVENT_FREE, of_lane);
+  read_arms(lanes->after, NX, motions->after, EVENT_FREE, of_lane);
   find_margins(scene, lanes->begin, u, lanes, limit, margins[0]);
   find_margins(scene, lanes->end, u, lanes, limit, margins[1]);
   for (int j = 0; j < LANES; ++j) {

@@ -19,7 +19,7 @@ typedef struct {
   const scene_t* stepped;
   const tangents_t* tangents;
   void (*propagate_step)(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u, const double* p,
-                         const double* h, const double* given, long long count, double* after, double* columns);
+                         const double* h, const double* columns_before, long long count, double* after, double* columns);
   void (*close)(const double* end, const double* p, const double* begin, double* slopes);
 } helpers_t;
 
@@ -113,12 +113,12 @@ static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const
 static void take_steps(const scene_t* scene, const helpers_t* helpers, const tick_t* tick, const record_t* segment,
                        const double* steps, motion_t* motion, real* speed) {
   for (int k = 0; k < segment->steps; ++k) {
-    real given[NX + NW + 1][NV + 1], moved[NX][NV + 1], x[NX];
-    memset(given, 0, sizeof given);
-    for (int i = 0; i < NX; ++i) copy(given[i], ROWS(motion)[i], NV);
-    for (int i = NX; i <= NV; ++i) given[i][i] = 1.0;
+    real before[NX + NW + 1][NV + 1], moved[NX][NV + 1], x[NX];
+    memset(before, 0, sizeof before);
+    for (int i = 0; i < NX; ++i) copy(before[i], ROWS(motion)[i], NV);
+    for (int i = NX; i <= NV; ++i) before[i][i] = 1.0;
     copy(x, motion->x, NX);
-    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, given[0], NV + 1,
+    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, before[0], NV + 1,
                             motion->x, moved[0]);
     for (int i = 0; i < NX; ++i) {
       copy(ROWS(motion)[i], moved[i], NV);
@@ -143,7 +143,7 @@ static enum refusal pass_segment(const scene_t* scene, const helpers_t* helpers,
   for (int i = 0; i < NX; ++i)
     for (int j = 0; j < NV; ++j) ROWS(motion)[i][j] += speed[i] * delay[j];
   for (int j = 0; j < NV; ++j) motion->delay[j] += delay[j];
-  if (NC && any_closed(scene, segment)) close_end(scene, helpers, segment, (const real(*)[NV])begun, motion);
+  if (any_closed(scene, &segment->p)) close_end(scene, helpers, segment, (const real(*)[NV])begun, motion);
   return refused;
 }
 

@@ -142,9 +142,9 @@ static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const r
   LOCAL(guards_t, end, guards_of, GUARDS);
   double apart = 0.0, largest = 0.0;
   tick->which[0] = 0;
-  if (segment->length <= INSTANT * tick->length) /* a switch that does not change the motion, such as that of a current ... */
-    return find_boundaries(scene, segment->begin, tick, segment) ? SAME_INSTANT
-                                                                 : NO_REFUSAL; /* ... that leaves its limit, is none */
+  /* A switch that does not change the motion, such as that of a current that leaves its limit, is no event. */
+  if (segment->length <= INSTANT * tick->length)
+    return find_boundaries(scene, segment->begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL;
   find_guards(scene, segment->begin, tick, segment, &begin);
   find_guards(scene, segment->end, tick, segment, &end);
   const int zero = find_zero(scene, &end, segment->end, tick, segment);

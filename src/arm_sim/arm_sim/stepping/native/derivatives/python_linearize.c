@@ -13,16 +13,16 @@ typedef struct {
 
 /* Derivatives by the state and by the command, side by side; None if there are none, or the arguments are not a state and plain numbers: this
  * is left to Python. */
-static PyObject* linearize(PyObject* capsule, PyObject* const* given, Py_ssize_t count) {
+static PyObject* linearize(PyObject* capsule, PyObject* const* arguments, Py_ssize_t count) {
   const linearized_t* const own = PyCapsule_GetPointer(capsule, NULL);
   const linearize_t* const of = &own->of;
   const state_t* const state = &own->state;
   const npy_intp n = state->joints, nz = state->internal, nx = 2 * n + nz;
   double x[nx], r[n], after[nx];
-  if (count != 2 || !Py_IS_TYPE(given[0], state->type)) Py_RETURN_NONE;
-  if (!read_numbers(*field_of(state, given[0], Q), n, x) || !read_numbers(*field_of(state, given[0], V), n, x + n))
+  if (count != 2 || !Py_IS_TYPE(arguments[0], state->type)) Py_RETURN_NONE;
+  if (!read_numbers(*field_of(state, arguments[0], Q), n, x) || !read_numbers(*field_of(state, arguments[0], V), n, x + n))
     Py_RETURN_NONE;
-  if (!read_numbers(*field_of(state, given[0], Z), nz, x + 2 * n) || !read_numbers(given[1], n, r)) Py_RETURN_NONE;
+  if (!read_numbers(*field_of(state, arguments[0], Z), nz, x + 2 * n) || !read_numbers(arguments[1], n, r)) Py_RETURN_NONE;
   PyObject* const slopes = PyArray_SimpleNew(2, ((npy_intp[]){nx, nx + n}), NPY_DOUBLE);
   if (!slopes) return NULL;
   double* const to = PyArray_DATA((PyArrayObject*)slopes);

@@ -15,41 +15,43 @@
 #define NO_BRAKE 1e-12 /* ... and a deceleration, in [rad/s²] or [m/s²] */
 
 /* Take from velocities what bilateral constraints do not allow. */
-static void project_onto_loops(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment, real* way) {
+static void project_onto_loops(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment,
+                               real* motion) {
   real push[NU * (NM + 3 * NC) + 1], reaction[NU], bears[2 * NU], drift[NM + 1], A[NM * NU + 1], V[NU * NU], lost[NM + 1],
       back[NU];
   if (!(scene->constrained && ND)) return;
   CALL(scene->statics, (x, tick->u, segment->p.tunable), (push, reaction, bears, drift));
   for (int k = 0; k < NM; ++k) {
-    lost[k] = dot(push + k * NU, way, NU);
+    lost[k] = dot(push + k * NU, motion, NU);
     for (int i = 0; i < NU; ++i) A[i * NM + k] = push[k * NU + i];
   }
   solve_least(NM, NU, A, V, 1, lost, back);
-  for (int i = 0; i < NU; ++i) way[i] -= back[i];
+  for (int i = 0; i < NU; ++i) motion[i] -= back[i];
 }
 
 /* Velocities after a push of a joint, without friction of those that are held. */
-static void find_way(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment, real* way) {
-  for (int i = 0; i < NU; ++i) way[i] = i == joint;
-  if (NC && any_closed(scene, segment)) {
+static void find_motion(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment,
+                        real* motion) {
+  for (int i = 0; i < NU; ++i) motion[i] = i == joint;
+  if (any_closed(scene, &segment->p)) {
     LOCAL_MODES(loose, segment->p);
     real settling[NU * NU];
     for (int i = 0; i < ND; ++i)
       if (is_held(scene, segment, i) && scene->static_level[i] > 0.0) loose.direction[i] = 1.0;
     CALL(scene->settled, (x, loose.tunable), (settling));
-    copy(way, settling + joint * NU, NU);
+    copy(motion, settling + joint * NU, NU);
     return;
   }
-  project_onto_loops(scene, x, tick, segment, way);
+  project_onto_loops(scene, x, tick, segment, motion);
 }
 
 /* Whether a stop blocks a motion. */
-static int is_blocked(const scene_t* scene, const real* x, const real* way, double sign) {
+static int is_blocked(const scene_t* scene, const real* x, const real* motion, double sign) {
   int any = 0;
   for (int i = 0; scene->rigid && i < NU; ++i)
-    if (fabs(way[i]) > SHARE)
-      any |=
-          (x[i] <= scene->rigid_stop[0][i] && sign * way[i] < 0.0) || (x[i] >= scene->rigid_stop[1][i] && sign * way[i] > 0.0);
+    if (fabs(motion[i]) > SHARE)
+      any |= (x[i] <= scene->rigid_stop[0][i] && sign * motion[i] < 0.0)
+             || (x[i] >= scene->rigid_stop[1][i] && sign * motion[i] > 0.0);
   return any;
 }
 
@@ -57,20 +59,20 @@ static int is_blocked(const scene_t* scene, const real* x, const real* way, doub
  * contacts may leave none, or move other joints with it. */
 static int find_gains(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment,
                       double* gain) {
-  real way[NU], slope[NX];
+  real motion[NU], slope[NX];
   int count = 0;
-  find_way(scene, joint, x, tick, segment, way);
-  const double largest = largest_of(way, NU);
+  find_motion(scene, joint, x, tick, segment, motion);
+  const double largest = largest_of(motion, NU);
   if (largest <= SHARE) return 0;
   for (int side = 0; side < 2; ++side) {
     const double sign = side ? -1.0 : 1.0;
-    if (is_blocked(scene, x, way, sign)) continue;
+    if (is_blocked(scene, x, motion, sign)) continue;
     LOCAL_MODES(pushed, segment->p);
     for (int i = 0; i < ND; ++i)
-      if (is_held(scene, segment, i) && scene->static_level[i] > 0.0 && fabs(way[i]) > SHARE * largest)
-        pushed.direction[i] = sign * way[i] > 0.0 ? 1.0 : -1.0;
+      if (is_held(scene, segment, i) && scene->static_level[i] > 0.0 && fabs(motion[i]) > SHARE * largest)
+        pushed.direction[i] = sign * motion[i] > 0.0 ? 1.0 : -1.0;
     CALL(scene->rhs, (x, tick->u, pushed.tunable), (slope));
-    gain[count++] = sign * dot(slope + NU, way, NU) / dot(way, way, NU);
+    gain[count++] = sign * dot(slope + NU, motion, NU) / dot(motion, motion, NU);
   }
   return count;
 }

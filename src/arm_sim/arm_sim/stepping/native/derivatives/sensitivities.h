@@ -52,16 +52,10 @@ static int is_held(const scene_t* scene, const record_t* segment, int joint) {
   return ND && segment->p.direction[joint] == 0.0;
 }
 
-static int any_closed(const scene_t* scene, const record_t* segment) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed > 0.0;
-  return any;
-}
-
 /* Add a matrix, column by column, times rows of NV columns. */
-static void add_product(const scene_t* scene, int rows, int inner, const real* matrix, const real (*given)[NV],
+static void add_product(const scene_t* scene, int rows, int inner, const real* matrix, const real (*factor)[NV],
                         real (*sum)[NV]) {
   for (int i = 0; i < rows; ++i)
     for (int k = 0; k < inner; ++k)
-      for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * given[k][j];
+      for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * factor[k][j];
 }

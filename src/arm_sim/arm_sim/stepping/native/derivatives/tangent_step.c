@@ -8,7 +8,7 @@
 
 /* One step of length h[0] from x under the effective command, with columns of (x, w, h): NX + NU + NT + 1 rows. */
 EXPORTED void propagate_step(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u,
-                             const double* p, const double* h, const double* given, long long count, double* after,
+                             const double* p, const double* h, const double* tangents_before, long long count, double* after,
                              double* columns) {
   real derivatives[NSTEP];
   column rows[NX + NU + NT + 1], moved[NX];
@@ -16,7 +16,7 @@ EXPORTED void propagate_step(const scene_t* scene, const tangents_t* tangents, c
   const column* parts[3] = {rows, rows + NX, rows + NX + NU + NT};
   CALL(scene->advance, (x, u, p, h), (after, derivatives, 0, 0, 0));
   for (long long c = 0; c < count; c += WIDTH) {
-    take(rows, given, alone, 0, NX + NU + NT + 1, count, c);
+    take(rows, tangents_before, alone, 0, NX + NU + NT + 1, count, c);
     tangents->propagate(derivatives, parts, moved);
     put(moved, columns, alone, 0, NX, count, c);
   }

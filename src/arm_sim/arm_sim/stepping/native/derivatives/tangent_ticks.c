@@ -20,15 +20,10 @@ typedef struct {
 #define GROUP (2 * NX + NU + NP + NA + NSTEP + NBEGIN + NEND + EVENT_FREE_LANES)
 
 static group_t group_of(const scene_t* scene, real* numbers) {
-  group_t group;
-  group.x = numbers;
-  group.next = group.x + NX;
-  group.u = group.next + NX;
-  group.p = group.u + NU;
-  group.limits = group.p + NP;
-  group.at_begin = group.limits + NA + NSTEP;
-  group.at_end = group.at_begin + NBEGIN;
-  group.tick = event_free_lanes_of(scene, group.at_end + NEND);
+  real *u = numbers + 2 * NX, *limits = u + NU + NP, *at_begin = limits + NA + NSTEP, *at_end = at_begin + NBEGIN;
+  group_t group = {
+      .x = numbers, .next = numbers + NX, .u = u, .p = u + NU, .limits = limits, .at_begin = at_begin, .at_end = at_end};
+  group.tick = event_free_lanes_of(scene, at_end + NEND);
   return group;
 }
 
@@ -41,21 +36,26 @@ static void make_step(const scene_t* scene, group_t* group, const real* x, const
        (group->next, group->limits + NA, dense, dense ? dense + NX : 0, dense ? dense + 2 * NX : 0));
 }
 
-/* Ticks without events: the number of arms that make one. The engine of one arm finds their modes, and takes the steps that are
- * made in predicted ones. `starts`: whether the beginning itself is varied. */
-static int make_event_free_ticks(const scene_t* scene, group_t* group, const engine_t* engine, int starts) {
+/* Make tick k of the arms that have no event in it, and mark the others: the number of arms that make one. The engine of one arm
+ * finds their modes, and takes the steps that are made in predicted ones. */
+static int make_event_free_ticks(const scene_t* scene, group_t* group, const arms_t* arms, const columns_t* to, long long k) {
   LOCAL_PREDICTIONS(of_begin);
   real place[PLACES + 1], dense[3 * NX];
   int count = 0;
   begin_ticks(scene, group->x, group->u, group->p, &group->length, of_begin, place);
   if (scene->dense_derivative) {
-    predict_modes(scene, engine, of_begin, &group->tick);
+    predict_modes(scene, arms->engine, of_begin, &group->tick);
     make_step(scene, group, group->x, group->tick.p, dense);
     find_places(scene, group->next, place);
     write_steps(scene, group->next, dense, place, of_begin);
   }
-  make_event_free(scene, of_begin, group->x, group->u, engine, starts, group->event_free, &group->tick);
-  for (int j = 0; j < LANES; ++j) count += group->event_free[j];
+  make_event_free(scene, of_begin, group->x, group->u, arms->engine, to->initial_state_varied && !k, group->event_free,
+                  &group->tick);
+  for (int j = 0; j < LANES; ++j) {
+    count += group->event_free[j];
+    if (group->event_free[j]) to->ticks_before_event[group->of_lane[j]] = k + 1;
+    else arms->unfinished[group->of_lane[j]] = 1;
+  }
   if (!count) return 0;
   const event_free_lanes_t* tick = &group->tick;
   if (tick->held) CALL(scene->rest_begin, (tick->begin, group->u, tick->p), (group->at_begin));
@@ -126,13 +126,8 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
     for (long long k = 0; k < arms->ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, group.of_lane, r);
       CALL(scene->acting, (group.x, r), (group.u, group.limits));
-      const int any = scene->eventful ? make_event_free_ticks(scene, &group, arms->engine, to->initial_state_varied && !k) : 1;
-      for (int j = 0; scene->eventful && j < LANES; ++j) {
-        if (group.event_free[j]) to->ticks_before_event[group.of_lane[j]] = k + 1;
-        else arms->unfinished[group.of_lane[j]] = 1;
-      }
-      if (!any) break;
       if (!scene->eventful) make_step(scene, &group, group.x, group.p, 0);
+      else if (!make_event_free_ticks(scene, &group, arms, to, k)) break;
       if (to->starts_from_identity && !k && !group.tick.held) differentiate_by_rows(scene, &group, to);
       else propagate_columns(scene, &group, to, k);
       mark_stops(scene, arms, group.of_lane, group.x, group.next, 1);

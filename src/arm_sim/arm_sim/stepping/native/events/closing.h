@@ -34,9 +34,7 @@ static void find_closed(const scene_t* scene, const real* x, const segment_t* se
 
 /* Project positions and velocities onto the closed contacts, and onto the anchors of sticking ones. */
 static void close_contacts(const scene_t* scene, real* x, const segment_t* segment, const real* anchor) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
-  if (!any) return;
+  if (!any_closed(scene, &segment->p)) return;
   real after[2 * NU];
   for (int turn = 0; turn < 2; ++turn) {
     find_closed(scene, x, segment, anchor, after);

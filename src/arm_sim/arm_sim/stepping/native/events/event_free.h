@@ -38,11 +38,11 @@ static void make_steps(const scene_t* scene, const real* x, const real* u, const
   CALL(scene->step, (x, u, p, h, step->inside),
        (step->next, step->inside + NX, step->inside + 2 * NX, step->near, step->near + NU));
   if (!moving) return;
-  real found[4 * NX];
-  CALL(scene->moving_step, (x, u, p, h), (found, found + NX, found + 2 * NX, found + 3 * NX));
+  real moved[4 * NX];
+  CALL(scene->moving_step, (x, u, p, h), (moved, moved + NX, moved + 2 * NX, moved + 3 * NX));
   for (int k = 0; k < 4 * NX; ++k)
     for (int j = 0; j < LANES; ++j)
-      if (moves[j]) LANE((k < NX ? step->next + k : step->inside + k - NX)[0], j) = LANE(found[k], j);
+      if (moves[j]) LANE((k < NX ? step->next + k : step->inside + k - NX)[0], j) = LANE(moved[k], j);
 }
 
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
@@ -135,7 +135,7 @@ static real stays_event_free(const scene_t* scene, const real* x, const real* u,
   if (NX > 2 * NU) return 0.0 * event_free;
   event_free = event_free && varies_evenly(scene, x, step->next, step->inside, *h);
   if (scene->near_loads) return event_free && stays_held(scene, step->near, p);
-  real found[LOADS + 1];
-  loads_at(scene, step->next, u, p, found);
-  return event_free && stays_held(scene, found, p);
+  real end_load[LOADS + 1];
+  loads_at(scene, step->next, u, p, end_load);
+  return event_free && stays_held(scene, end_load, p);
 }

@@ -105,10 +105,8 @@ static void solve_impact_with_stops(const scene_t* scene, const real* x, segment
     for (int i = 0; i < MC; ++i) jump->impulse[i] = 0.0;
     apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, held);
     if (jump->touching) {
-      for (int i = 0; i < NU; ++i) {
-        met[i] = x[i];
-        met[NU + i] = jump->after[i];
-      }
+      copy(met, x, NU);
+      copy(met + NU, jump->after, NU);
       find_inertia(scene, x, segment, &inertia);
       find_geometry(scene, met, segment, &geometry);
       if (find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump) == INFINITY) return;
@@ -124,9 +122,9 @@ static void solve_impact_with_stops(const scene_t* scene, const real* x, segment
     for (int i = 0; i < NU; ++i) {
       if (segment->p.direction[i] == 0.0) jump->after[i] = part * jump->leaves[i];
       jump->gain += 0.5 * held[i] * (x[NU + i] + jump->after[i]);
-      met[i] = x[i];
-      met[NU + i] = jump->after[i];
     }
+    copy(met, x, NU);
+    copy(met + NU, jump->after, NU);
     for (int i = 0; i < MC; ++i) jump->gain += 0.5 * jump->impulse[i] * geometry.speed[i];
     find_geometry(scene, met, segment, &geometry);
     for (int i = 0; i < MC; ++i) jump->gain += 0.5 * jump->impulse[i] * geometry.speed[i];

@@ -14,14 +14,14 @@ static void evaluate_contact_guards(const scene_t* scene, const guarded_t* at, g
     const real *r = at->loads.force + 3 * k, *s = at->geometry.speed + 3 * k;
     const contact_mode_t* mode = at->segment->p.contact + k;
     if (mode->closed == 0.0) {
-      guards->contact[2 * k] =
+      *normal_guard(guards, k) =
           at->ground[k] - at->geometry.place[3 * k] - SINKING * at->t - GAP_ROUNDING * at->geometry.size[k];
       continue;
     }
-    guards->contact[2 * k] = -r[0];
-    if (mode->sticks != 0.0) guards->contact[2 * k + 1] = hypot(r[1], r[2]) - stick_limit(scene, at->segment, k) * r[0];
+    *normal_guard(guards, k) = -r[0];
+    if (mode->sticks != 0.0) *tangential_guard(guards, k) = hypot(r[1], r[2]) - stick_limit(scene, at->segment, k) * r[0];
     else if (scene->holding[k] > 0.0)
-      guards->contact[2 * k + 1] = -(mode->along[0] * s[1] + mode->along[1] * s[2]) - at->rounding;
+      *tangential_guard(guards, k) = -(mode->along[0] * s[1] + mode->along[1] * s[2]) - at->rounding;
   }
 }
 
@@ -44,12 +44,12 @@ static int travel_may_cross(const scene_t* scene, const segment_t* segment, cons
 /* Whether a force is close to its limit at the end of a piece. */
 static int force_may_cross(const scene_t* scene, const segment_t* segment, const guard_values_t* end, int k) {
   const contact_mode_t* mode = segment->p.contact + k;
-  const double push = -end->contact[2 * k];
+  const double push = -*normal_guard(end, k);
   if (mode->closed == 0.0) return 0;
   for (int l = 0; l < NC; ++l)
-    if (segment->p.contact[l].closed != 0.0 && push < -NEAR * end->contact[2 * l]) return 1;
+    if (segment->p.contact[l].closed != 0.0 && push < -NEAR * *normal_guard(end, l)) return 1;
   return mode->sticks != 0.0 && scene->holding[k] > 0.0
-         && end->contact[2 * k + 1] > -NEAR * stick_limit(scene, segment, k) * push;
+         && *tangential_guard(end, k) > -NEAR * stick_limit(scene, segment, k) * push;
 }
 
 static int contacts_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {

@@ -35,6 +35,10 @@ static void fill(const scene_t* scene, guard_values_t* guards, double value) {
   for (int i = 0; i < GUARD_VALUES; ++i) guards->contact[i] = value;
 }
 
+/* Two guards of a contact: its gap or normal force; its tangential force or speed. */
+static double* normal_guard(const guard_values_t* guards, int k) { return guards->contact + 2 * k; }
+static double* tangential_guard(const guard_values_t* guards, int k) { return guards->contact + 2 * k + 1; }
+
 /* A state after a motion of length t in a segment, and what guards there depend on. */
 typedef struct {
   const real* x;
@@ -65,8 +69,7 @@ typedef struct {
 
 /* Whether a contact is closed or a joint sticks. */
 static int anything_held(const scene_t* scene, const segment_t* segment) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
+  int any = any_closed(scene, &segment->p);
   for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0;
   return any;
 }

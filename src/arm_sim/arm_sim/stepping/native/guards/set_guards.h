@@ -18,14 +18,13 @@ static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard
     if (sets.set[i] != 0.0) guards->joint[i] = -INFINITY;
   for (int k = 0; k < NC; ++k) {
     if (sets.set[NU + k] == 0.0) continue;
-    guards->contact[2 * k] = -INFINITY;
-    if (segment->p.contact[k].sticks != 0.0) guards->contact[2 * k + 1] = -INFINITY;
+    *normal_guard(guards, k) = -INFINITY;
+    if (segment->p.contact[k].sticks != 0.0) *tangential_guard(guards, k) = -INFINITY;
   }
   for (int i = 0; i < PARTS; ++i)
     if (sets.set[i] != 0.0) *guards->sets = fmax(*guards->sets, set_excess(segment, &sets, (int)sets.set[i]));
 }
 
-/* A set that is near its limit at the end of a piece may have given way inside it. */
 /* A set that is near its limit at the end of a piece may have given way inside it. */
 static int set_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   (void)scene;

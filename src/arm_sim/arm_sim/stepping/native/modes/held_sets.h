@@ -11,9 +11,10 @@
 #define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */
 #define OPENS 1e-3           /* ... and part of a contact's that is sliding if it does not only open */
 
-static void find_statics(const scene_t* scene, const real* x, const segment_t* segment, statics_t* found) {
+static void find_statics(const scene_t* scene, const real* x, const segment_t* segment, statics_t* balance) {
   segment->memory->work += scene->statics_cost;
-  CALL(scene->statics, (x, segment->u, segment->p.tunable), (found->push, found->reaction, found->capacity, found->drift));
+  CALL(scene->statics, (x, segment->u, segment->p.tunable),
+       (balance->push, balance->reaction, balance->capacity, balance->drift));
 }
 
 /* What is held, with its reactions of the least norm and its limits. */

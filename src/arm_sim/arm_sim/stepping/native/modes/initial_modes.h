@@ -124,12 +124,12 @@ static void guess_from_velocities(const scene_t* scene, const real* x, segment_t
     const int still = scene->holding[k] > 0.0 && (size <= scene->slowest || contact->slow != 0.0),
               turns = scene->friction[k] > 0.0 && !still;
     contact->slides = !still;
-    contact->given[0] = turns ? s[0] / size : 1.0;
-    contact->given[1] = turns ? s[1] / size : 0.0;
+    contact->direction[0] = turns ? s[0] / size : 1.0;
+    contact->direction[1] = turns ? s[1] / size : 0.0;
     contact_mode_t* mode = segment->p.contact + k;
     mode->closed = contact->touching;
     mode->sticks = contact->touching != 0.0 && still;
-    for (int i = 0; i < 2; ++i) mode->along[i] = contact->given[i];
+    for (int i = 0; i < 2; ++i) mode->along[i] = contact->direction[i];
     mode->fixed = still;
     guess_from_ended(mode, contact);
   }

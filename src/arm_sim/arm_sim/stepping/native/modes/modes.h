@@ -130,7 +130,7 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
   for (int i = 0; i < 3; ++i)
     c[i] = loads->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
   answer_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
-                                  contact->slides != 0.0 ? contact->given : 0);
+                                  contact->slides != 0.0 ? contact->direction : 0);
   if (answer.state == UNSOLVABLE) return 0;
   if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* on the boundary */
   put_mode(mode, &answer);
@@ -175,7 +175,7 @@ static void solve_all_contacts(const scene_t* scene, const real* x, segment_t* s
     limit[k] = with_static ? stick_limit(scene, segment, k) : scene->friction[k];
     cones.slides[k] = segment->contact[k].slides;
     cones.allowed[k] = segment->contact[k].touching;
-    for (int i = 0; i < 2; ++i) cones.given[2 * k + i] = segment->contact[k].given[i];
+    for (int i = 0; i < 2; ++i) cones.direction[2 * k + i] = segment->contact[k].direction[i];
   }
   if (!solve_of_least_norm(scene, &cones, &inertia, answers)) return;
   for (int k = 0; k < NC; ++k) {

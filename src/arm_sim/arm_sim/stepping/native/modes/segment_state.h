@@ -17,7 +17,7 @@
 typedef struct {
   real touching;
   real slides;    /* slides already, in the direction ... */
-  real given[2];
+  real direction[2];
   real slow;      /* treated as at rest although it creeps */
   real ended;     /* end of its last mode: APART, SLIDES, else STICKS ... */
   real slips[2];  /* ... and its next sliding direction */

@@ -21,10 +21,7 @@ enum outcome { REJECTED, ACCEPTED, ENDED, STEP_TOO_SMALL };
 
 /* Of a tick of length h; `step`: what the last tick left, 0: not known yet. */
 static inline substeps_t first_substep(double h, double step) {
-  substeps_t at;
-  at.done = at.trial = 0.0;
-  at.step = step > 0.0 ? step : h;
-  at.last = 0;
+  substeps_t at = {0.0, step > 0.0 ? step : h, 0.0, 0};
   return at;
 }
 

@@ -29,8 +29,8 @@
 /* h + G y is in cones of `size` rows each; G is stored row by row. */
 typedef struct {
   int cones, rows, unknowns;
-  const int* size;
-  const double *h, *G;
+  int* size;
+  double *h, *G;
 } conic_t;
 
 /* Square of a vector in the cone's form, without cancellation near its edge: positive inside. */

@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Self-stresses: combinations of the reactions of what is held that cause no motion, and the sets of parts that share them.
+ */
+
+#pragma once
+#include "contact/friction_cones.h"
+
+#define PARTS (NU + NC)         /* joints, then contacts */
+#define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
+#define SHARES (NM + FORCES)    /* forces of constraints, and reactions */
+#define DEPENDS 1e-10    /* pivot of the balance of forces that is rounding; its columns are scaled to 1 */
+#define CANCELS 1e-12    /* the same of an entry of a self-stress, and of a whole column */
+
+/* The balance of forces at a state. */
+typedef struct {
+  real* push;     /* joint torques per force of a constraint, and per unknown force of a contact */
+  real* reaction; /* holding torques of the least norm, ... */
+  real* capacity; /* ... and the largest that dry friction bears, pushed forwards and backwards */
+  real* drift;    /* accelerations of the constraints' rows without acceleration of the joints */
+} statics_t;
+#define STATICS (NU * (NM + MC) + 3 * NU + NM)
+
+static statics_t statics_of(const scene_t* scene, real* numbers) {
+  real* reaction = numbers + NU * (NM + MC);
+  statics_t statics = {numbers, reaction, reaction + NU, reaction + 3 * NU};
+  return statics;
+}
+
+/* A part: a held joint with the bounds of its reaction; a contact that sticks up to a fraction of its normal force, or only
+ * presses; or none of these. */
+typedef struct {
+  int held, sticks;
+  double force[3], least, most, fraction;
+} part_t;
+static const part_t loose = {0, 0, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
+
+/* Self-stresses, and the sets of parts that share them. */
+typedef struct {
+  int count, sets;
+  int *set, *of; /* of each part and of each stress, its set from 1 on; 0 for what statics determines */
+  double* stress;
+} stresses_t;
+
+/* Declare self-stresses and their arrays. */
+#define LOCAL_STRESSES(stresses) \
+  int stresses##_set[PARTS], stresses##_of[SHARES]; \
+  double stresses##_room[FORCES * SHARES]; \
+  stresses_t stresses = {0, 0, stresses##_set, stresses##_of, stresses##_room}
+
+/* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`; `basic` receives the column of
+ * each row that gets a pivot, else it remains -1. */
+static void eliminate(int rows, int columns, double* T, int begin, int end, int* basic) {
+  for (;;) {
+    int row = -1, column = 0;
+    double largest = DEPENDS;
+    for (int i = 0; i < rows; ++i)
+      for (int j = begin; j < end && basic[i] < 0; ++j)
+        if (fabs(T[columns * i + j]) > largest) {
+          largest = fabs(T[columns * i + j]);
+          row = i;
+          column = j;
+        }
+    if (row < 0) return;
+    basic[row] = column;
+    const double pivot = T[columns * row + column];
+    for (int j = 0; j < columns; ++j) T[columns * row + j] /= pivot;
+    for (int i = 0; i < rows; ++i) {
+      const double factor = T[columns * i + column];
+      if (i == row || factor == 0.0) continue;
+      for (int j = 0; j < columns; ++j) T[columns * i + j] -= factor * T[columns * row + j];
+      T[columns * i + column] = 0.0;
+    }
+  }
+}
+
+static int part_of(const scene_t* scene, int reaction) { return reaction < MC ? NU + reaction / 3 : reaction - MC; }
+
+/* The balance with columns of size 1, or zero where a force is not transmitted or moves nothing. */
+static void scale_columns(const scene_t* scene, const statics_t* statics, const part_t* parts, double* T, double* size) {
+  double widest = 0.0;
+  for (int j = 0; j < SHARES; ++j) {
+    size[j] = 0.0;
+    for (int i = 0; i < NU; ++i) {
+      T[SHARES * i + j] = j < NM + MC ? statics->push[i + NU * j] : j - NM - MC == i && parts[i].held ? -1.0 : 0.0;
+      size[j] = fmax(size[j], fabs(T[SHARES * i + j]));
+    }
+    widest = fmax(widest, size[j]);
+  }
+  for (int j = 0; j < SHARES; ++j) {
+    if (size[j] <= CANCELS * widest) size[j] = 0.0;
+    for (int i = 0; i < NU; ++i) T[SHARES * i + j] = size[j] > 0.0 ? T[SHARES * i + j] / size[j] : 0.0;
+  }
+}
+
+/* Number the sets of parts that share self-stresses. */
+static void find_sets(const scene_t* scene, stresses_t* stresses) {
+  int* set = stresses->set;
+  stresses->sets = 0;
+  for (int i = 0; i < PARTS; ++i) set[i] = 0;
+  for (int j = 0; j < stresses->count; ++j) {
+    const int number = stresses->of[j] = ++stresses->sets;
+    for (int i = 0; i < FORCES; ++i) {
+      const int other = set[part_of(scene, i)];
+      if (stresses->stress[FORCES * j + i] == 0.0 || other == number) continue;
+      for (int k = 0; k < PARTS && other; ++k) set[k] = set[k] == other ? number : set[k];
+      for (int k = 0; k < j && other; ++k) stresses->of[k] = stresses->of[k] == other ? number : stresses->of[k];
+      set[part_of(scene, i)] = number;
+    }
+  }
+}
+
+/* Self-stresses: a basis of the combinations of reactions that move nothing. */
+static void find_stresses(const scene_t* scene, const statics_t* statics, const part_t* parts, stresses_t* stresses) {
+  double T[NU * SHARES], size[SHARES];
+  int basic[NU];
+  scale_columns(scene, statics, parts, T, size);
+  for (int i = 0; i < NU; ++i) basic[i] = -1;
+  eliminate(NU, SHARES, T, 0, NM, basic); /* forces of constraints have no limits: they follow from the others */
+  eliminate(NU, SHARES, T, NM, SHARES, basic);
+  stresses->count = 0;
+  for (int j = NM; j < SHARES; ++j) {
+    int free = size[j] > 0.0;
+    for (int i = 0; i < NU; ++i) free &= basic[i] != j;
+    if (!free) continue;
+    double* stress = stresses->stress + FORCES * stresses->count++;
+    for (int i = 0; i < FORCES; ++i) stress[i] = 0.0;
+    stress[j - NM] = 1.0 / size[j];
+    for (int i = 0; i < NU; ++i)
+      if (basic[i] >= NM && fabs(T[SHARES * i + j]) > CANCELS) stress[basic[i] - NM] = -T[SHARES * i + j] / size[basic[i]];
+  }
+  find_sets(scene, stresses);
+}

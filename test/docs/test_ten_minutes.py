@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page "Ten minutes", typed from top to bottom as a newcomer does, on a bare machine.
+
+It has an empty home, and no ROS, environment or compiled scene. Libraries are linked to those that
+are here, except with ``--nightly``, when pip loads them. The time of each step is printed, and
+every picture is looked at.
+"""
+
+import re
+import sys
+import time
+from contextlib import suppress
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import page_files
+import pages
+import pytest
+from browser import opened
+from installed import OFFLINE, copied, link_libraries
+from PIL import Image, ImageColor
+from typed import Typed
+
+from arm_sim.exceptions import ViewError
+from arm_sim.figures import COLORS
+
+LIMIT = 600.0  # [s]
+ACTIVATE = ". my_env/bin/activate"
+OTHERS = re.compile(r"\./arm|pip install \.$")  # begin other pages; instead of another
+STEPS = [x for x in pages.steps(pages.ROOT / "docs/start.md") if not OTHERS.match(x.text)]
+
+
+class Newcomer:
+    """Types what the page says in the folder of the project, and takes the times."""
+
+    def __init__(self, folder: Path, *, network: bool) -> None:
+        self.project, home = copied(folder / "project"), folder / "home"
+        (home / "bin").mkdir(parents=True)
+        (home / "bin/python3.12").symlink_to(Path(sys.base_prefix) / "bin/python3.12")
+        page_files.put("my_arm.urdf", self.project, folder)
+        self.times: list[tuple[float, str]] = []
+        self._network = network
+        self._environment = {
+            "HOME": str(home), "PATH": f"{home}/bin:/usr/local/bin:/usr/bin:/bin", "TERM": "xterm",
+            "LANG": "C.UTF-8", "TMPDIR": str(folder), **({} if network else OFFLINE),
+        }  # fmt: skip
+
+    def type(self, line: str) -> str:
+        """Type a line, in the environment if it is there; a page in the browser is looked at."""
+        begin, goes_on = time.monotonic(), line.startswith("arm view")
+        activated = f"{ACTIVATE} && {line}" if (self.project / "my_env").is_dir() else line
+        typed = Typed(activated, self.project, self._environment)
+        try:
+            typed.listen(enough=r"http://\S+\s" if goes_on else None)
+            if goes_on:
+                (url,) = re.findall(r"http://\S+", typed.said)
+                with suppress(ViewError):  # there may be no browser
+                    falls_in_browser(url, self.project / f"{line.split()[-1]}.png")
+            else:
+                assert typed.process.returncode == 0, typed.said
+        finally:
+            typed.end()
+        if "-m venv" in line and not self._network:
+            link_libraries(self.project / "my_env")
+        self.times.append((time.monotonic() - begin, line))
+        return typed.said
+
+    def python(self, blocks: list[str]) -> str:
+        """Type blocks of Python one after another."""
+        clock = "import time; print('after', time.monotonic())"
+        (self.project / "typed.py").write_text(
+            "\n".join([clock, *(f"{x}\n{clock}" for x in blocks)])
+        )
+        printed = self.type("python typed.py")
+        ends = [float(x) for x in re.findall(r"^after (.*)\r", printed, re.M)]
+        names = [block.strip().splitlines()[-1] for block in blocks]
+        self.times[-1:] = zip(np.diff(ends), names, strict=True)
+        return printed
+
+
+def falls_in_browser(url: str, picture: Path) -> None:
+    """Without a controller the arm falls, and its energies are drawn."""
+    with opened(url, size=(1280, 720)) as page:
+        page.click("Run")
+        page.handle.get_by_label("controller").dispatch_event("click")
+        page.handle.get_by_role("option", name="nothing").dispatch_event("click")
+        shows = lambda pattern: re.search(pattern, page.handle.inner_text("body"))  # noqa: E731
+        page.until(lambda: shows(r"kinetic\s+[1-9]"), "kinetic energy")
+        page.click("Pause")
+        page.until(lambda: shows("paused"), "a pause")
+        page.handle.screenshot(path=picture, timeout=2e5)  # [ms]
+    assert len(house_colors(picture)) >= 2
+
+
+def house_colors(picture: Path) -> set[str]:
+    """Colours of the house style that a picture has."""
+    shown = {color for _, color in Image.open(picture).convert("RGB").getcolors(1 << 24)}
+    return {color for color in COLORS if ImageColor.getrgb(color) in shown}
+
+
+def frames(film: Path) -> tuple[int, int, int]:
+    """Number of frames of a film, milliseconds of each, and width in pixels."""
+    with Image.open(film) as image:
+        return image.n_frames, image.info["duration"], image.width
+
+
+@pytest.mark.group("view")
+def test_ten_minutes(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    newcomer = Newcomer(tmp_path, network=request.config.getoption("--nightly"))
+    printed = ""
+    for kind, steps in groupby(STEPS, lambda step: step.kind):
+        texts = [step.text for step in steps]
+        if kind == "python":
+            printed += newcomer.python(texts)
+        else:
+            printed += "".join(map(newcomer.type, texts))
+    total = sum(seconds for seconds, _ in newcomer.times)
+    print(*(f"{seconds:6.1f} s  {line}" for seconds, line in newcomer.times), sep="\n")
+    print(f"{total:6.1f} s in all; pictures: {newcomer.project}")
+    assert total < LIMIT
+    assert "WARNING" not in printed and re.search(r"22\.17|2\.217\d*e\+01", printed)
+    assert {COLORS[0], COLORS[1], COLORS[-1]} <= house_colors(newcomer.project / "falling.png")
+    small, large = (frames(newcomer.project / name) for name in ("pendulum.gif", "slide.gif"))
+    assert small[0] > 160 and small[1] == 30
+    assert large == (small[0], 30, pytest.approx(200 / 96 * small[2], abs=2))
+    (one_line,) = re.findall(r"`(python -c [^`]+)`", (pages.ROOT / "README.md").read_text())
+    (newcomer.project / "falling.png").unlink()
+    newcomer.type(one_line)
+    assert COLORS[0] in house_colors(newcomer.project / "falling.png")
