@@ -5,12 +5,11 @@ The ros2 command line is not on PyPI, so they are held against what the packages
 """
 
 import re
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
+from ros2 import fill
 
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.params import listed
@@ -60,10 +59,6 @@ def test_parameters_exist() -> None:
             assert name in PARAMETERS[node], (node, name)
 
 
-def test_there_are_requests() -> None:
-    assert len(REQUESTS) >= 8
-
-
 @pytest.mark.parametrize(("name", "kind", "text"), REQUESTS, ids=lambda part: part[:40])
 def test_requests_are_of_their_type(name: str, kind: str, text: str) -> None:
     package, folder, word = kind.split("/")
@@ -72,21 +67,3 @@ def test_requests_are_of_their_type(name: str, kind: str, text: str) -> None:
     request = {"srv": "Request", "action": "Goal"}.get(folder)
     fill((getattr(found, request) if request else found)(), yaml.safe_load(text))
     assert name.split("/")[-1] in NAMES or package == "simulation_interfaces"
-
-
-def fill(message: Any, values: dict[str, Any]) -> None:
-    """Every key must be a field, and every number of the field's type."""
-    for key, value in values.items():
-        kind = message.get_fields_and_field_types()[key]
-        inner = getattr(message, key)
-        if isinstance(value, dict):
-            fill(inner, value)
-        elif isinstance(value, list) and "/" in kind:
-            package, word = kind.removeprefix("sequence<").rstrip(">").split("/")
-            made = [getattr(import_module(f"{package}.msg"), word)() for _ in value]
-            for one, fields in zip(made, value, strict=True):
-                fill(one, fields)
-        elif isinstance(value, list) and any(isinstance(x, int | float) for x in value):
-            setattr(message, key, [float(x) for x in value])
-        else:
-            setattr(message, key, float(value) if isinstance(inner, float) else value)

@@ -91,27 +91,6 @@ int decay(const real* x, const real* u, double h, double largest, control_t* con
 """
 _SCENE = """
 #include "arm/arm.c"
-EXPORTED double impulse_at(const scene_t* scene, const real* x, const double* rebound, double* W,
-                           double* B, double* before, double* impulse) {
-  real still[NU];
-  LOCAL_TICK(segment, still);
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
-  LOCAL(jump_t, jump, jump_of, JUMP);
-  clear(still, NU);
-  for (int k = 0; k < NC; ++k) segment.contact[k].touching = 1.0;
-  for (int i = 0; i < ND; ++i) segment.p.direction[i] = 1.0;
-  find_geometry(scene, x, &segment, &geometry);
-  find_inertia(scene, x, &segment, &inertia);
-  for (int i = 0; i < MC; ++i) before[i] = geometry.speed[i];
-  for (int i = 0; i < MC * MC; ++i) W[i] = inertia.W[i];
-  for (int i = 0; i < NU * MC; ++i) B[i] = inertia.B[i];
-  jump.touching = 1;
-  for (int k = 0; k < NC; ++k) jump.rebound[k] = rebound[k];
-  jump.gain = find_impulse(scene, &inertia, before, 1.0, segment.contact, &jump);
-  for (int i = 0; i < MC; ++i) impulse[i] = jump.impulse[i];
-  return jump.gain;
-}
 EXPORTED double hit(const scene_t* scene, real* x, int rebounds) {
   real still[NU];
   LOCAL_TICK(segment, still);
@@ -240,17 +219,6 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
     return after if done else None
 
 
-@dataclass
-class Impulse:
-    """Speeds of the points before, W, B, impulses, and the energy gained (inf if unsolvable)."""
-
-    before: np.ndarray
-    W: np.ndarray
-    B: np.ndarray
-    impulse: np.ndarray
-    gain: float
-
-
 class Engine:
     """The whole engine of a scene with contacts; nothing acts on its joints."""
 
@@ -262,18 +230,8 @@ class Engine:
         self._own = Kernel(functions, "native", driver, local=INCLUDED).library
         self._scene = ctypes.c_void_p(address_of(self._own))
         self._library = _library(_SCENE)
-        for name in ("impulse_at", "hit"):
-            getattr(self._library, name).restype = ctypes.c_double
+        self._library.hit.restype = ctypes.c_double
         self._sizes = plant.model.n, 3 * len(plant.points)
-
-    def impulse(self, x: np.ndarray, rebound: np.ndarray) -> Impulse:
-        """Impulses that give all points speeds of rebound of shape (nc,), as if all touched."""
-        n, m = self._sizes
-        W, B = np.zeros((m, m), order="F"), np.zeros((n, m), order="F")
-        before, impulse = np.zeros(m), np.zeros(m)
-        arrays = x, rebound, W, B, before, impulse
-        gain = self._library.impulse_at(self._scene, *map(_address, arrays))
-        return Impulse(before, W, B, impulse, gain)
 
     def impact(self, x: np.ndarray, rebounds: bool = True) -> tuple[np.ndarray, float]:
         """State after the impacts of the points that touch and approach, and the energy lost."""
@@ -291,11 +249,8 @@ class Engine:
         None if one of them was too fast for that.
         """
         after = np.array(x, float)
-        return (
-            after
-            if self._library.stop_at(self._scene, _address(after), _address(direction))
-            else None
-        )
+        stops = self._library.stop_at(self._scene, _address(after), _address(direction))
+        return after if stops else None
 
     def rounded(self, x: np.ndarray) -> np.ndarray:
         """State with joints at rest that contacts keep there but for rounding."""

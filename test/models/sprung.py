@@ -34,7 +34,7 @@ class SprungOracle(Oracle):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self.scene = scene
-        given = [scene.joint(name).spring for name in self.names]
+        given = [scene.joint(name).spring for name in self.every]
         self.k = np.array([s.stiffness if s else 0.0 for s in given])
         self.rest = np.array([s.rest if s else 0.0 for s in given])
         self.d = np.array([s.damping if s else 0.0 for s in given])

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from models.touching import contact, rails
 from reference.independent import Motion, simulate
 
 NEAR = 1e-10
@@ -12,32 +13,10 @@ TIMES = np.linspace(0.0, 1.0, 21)
 G = 9.81
 
 
-def rails(*axes: str, mass: float = 2.0) -> str:
-    """A body on rails along axes, one after another: joints x, y, z and the body ``body``."""
-    names = ["base", *(f"slide_{axis}" for axis in axes[:-1]), "body"]
-    points = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
-    links = "".join(
-        f'<link name="{name}"><inertial><mass value="{mass if name == "body" else 0}"/>'
-        '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        for name in names
-    )
-    joints = "".join(
-        f'<joint name="{axis}" type="prismatic"><parent link="{a}"/><child link="{b}"/>'
-        f'<axis xyz="{points[axis]}"/>'
-        '<limit lower="-9" upper="9" effort="99" velocity="99"/></joint>'
-        for axis, a, b in zip(axes, names, names[1:], strict=False)
-    )
-    return f'<robot name="rails">{links}{joints}</robot>'
-
-
-def moved(
-    axes: str, command: dict[str, float] | None = None, *, times: np.ndarray = TIMES,
-    mass: float = 2.0, **scene: Any,
-) -> Motion:  # fmt: skip
-    """The motion of a body on rails; its account must close."""
+def moved(axes: str, command: dict[str, float] | None = None, **scene: Any) -> Motion:
+    """The motion of a body of 2 kg on rails; its account must close."""
     joints = {"*": {"limits": {"stop": False}}, **scene.pop("joints", {})}
-    given = {"robot": {"urdf": rails(*axes, mass=mass)}, "joints": joints, **scene}
-    motion = simulate(given, command or {}, times)
+    motion = simulate({**rails(axes, 2.0), "joints": joints, **scene}, command or {}, TIMES)
     assert abs(motion.balance).max() < NEAR
     return motion
 
@@ -59,8 +38,8 @@ def test_dry_friction_stops_a_body_and_holds_it() -> None:
 
 def test_a_ball_bounces_to_rest() -> None:
     """From h with restitution e it rests after (1 + e)/(1 - e) √(2h/g), having rebounded e² h."""
-    contact = {"type": "contact", "frame": "body", "restitution": 0.5}
-    run = moved("z", constraints=[contact], initial={"position": {"z": 0.2}})
+    ball = contact("body", restitution=0.5)
+    run = moved("z", constraints=[ball], initial={"position": {"z": 0.2}})
     first = np.sqrt(0.4 / G)
     t = TIMES[(first < TIMES) & (2 * first > TIMES)] - first
     rebound = 0.5 * np.sqrt(2 * G * 0.2)
@@ -79,7 +58,7 @@ def test_the_range_of_the_urdf_has_stops_by_default() -> None:
 def test_a_command_between_every_two_times() -> None:
     """1 N, then none, then held by friction under less than it can hold."""
     commands = np.repeat([[1.0], [0.0], [0.25]], [5, 10, 5], axis=0)
-    scene = {"robot": {"urdf": rails("x")}, "joints": {"x": {"friction": {"coulomb": 0.5}}}}
+    scene = rails("x", 2.0) | {"joints": {"x": {"friction": {"coulomb": 0.5}}}}
     run = simulate(scene, commands, TIMES)
     t, pushed = TIMES, 0.25
     fast = np.minimum(t, pushed)

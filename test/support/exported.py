@@ -157,3 +157,13 @@ def assert_no_compiler_warns(folder: Path, name: str, *warnings: str) -> None:
         for file in (f"{name}.c", f"test_{name}.c"):
             flags = *language, *STRICT, *warnings
             assert said_by(compiler, *flags, "-fsyntax-only", folder / file) == ""
+
+
+def assert_portable(
+    folder: Path, name: str, levels: tuple[str, ...] = ("-O2",),
+    languages: tuple[tuple[str, ...], ...] = (C11,),
+) -> None:  # fmt: skip
+    """No compiler warns, sanitizers find nothing, and code needs only what it may."""
+    assert_no_compiler_warns(folder, name)
+    assert_sound(folder, name)
+    assert_clean(folder / f"{name}.c", name, levels, languages)

@@ -15,8 +15,7 @@ from forging import running
 from typist import Typist, answer
 
 import models
-from arm_dynamics.exceptions import NoAnswer
-from arm_dynamics.ros.common.caller import Caller
+from arm_dynamics.ros.common.caller import Caller, Silence
 from arm_dynamics.task_space import TaskSpace
 
 pytestmark = pytest.mark.ros
@@ -166,8 +165,7 @@ def test_points_from_a_file(arm: Any, tmp_path: Path) -> None:
 def test_a_node_that_is_there_but_silent_need_not_be_started(
     arm: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    silence = NoAnswer("/sim/reset exists but did not answer")
-    silence.offered = True
+    silence = Silence("/sim/reset exists but did not answer")
     monkeypatch.setattr(Caller, "ask", Mock(side_effect=silence))
     said = arm("reset").output
     assert "did not answer\n  --node selects another node" in said and "SCENE" not in said

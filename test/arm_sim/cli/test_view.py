@@ -286,7 +286,7 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         assert page._status.content == "waiting"
         for _ in times[:2]:
             page._update(0.1)
-        curves = page._charts._charts
+        curves = page._charts._panel.charts
         for title, values in (("torque [N m]", effort), ("error [rad]", error),
                               ("energy [J]", energy)):  # fmt: skip
             chart = curves[f"left: {title}"]

@@ -8,7 +8,7 @@ import pytest
 from samples import sampled
 
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.derivatives import Gradients, Linearizer
+from arm_sim.derivatives import Linearizer
 from models import features
 from tolerances import ALGEBRA, assert_close
 
@@ -54,10 +54,7 @@ def outcome(linearizer: Linearizer, x: np.ndarray, tau: np.ndarray, side: int | 
         return str(refused)
 
 
-some = pytest.mark.parametrize("name", sampled(SCENES, 2))
-
-
-@some
+@pytest.mark.parametrize("name", sampled(SCENES, 2))
 def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
     simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
     places = simulator.arm.plant.parameters.places(BY)
@@ -73,31 +70,3 @@ def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
                 assert_close(found, expected, ALGEBRA)
         event_free += not fast.event_free.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
     assert event_free >= 20  # of 40
-
-
-@some
-def test_gradients_and_products_pass_events_and_what_lies_between_them(name: str) -> None:
-    simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
-    rng, n, steps = np.random.default_rng(4), simulator.n, 80
-    hold = simulator.dynamics.gravity(simulator.model.q0)
-    pushes = rng.normal(size=(1, 4, n)) * (1.0 + 0.3 * abs(hold))
-    tau = hold + np.repeat(pushes, 20, axis=1)
-    given = simulator.state.q[None], np.zeros((1, n)), tau, steps
-    g = rng.normal(size=(1, steps + 1, 2 * n))
-    found = simulator.rollout_gradient(*given, g, side=1)
-    changes = rng.normal(size=(1, n)), np.zeros((1, n)), rng.normal(size=tau.shape)
-    moved = simulator.rollout_jvp(*given, *changes, side=1)
-    compiled = simulator.arm.compiled
-    slow = by_events(simulator, tuple(range(len(simulator.arm.parameters))))
-    derivatives = compiled.derivatives
-    vars(derivatives)["gradients"] = Gradients(
-        compiled.plant, compiled.choice, slow, compiled.backend
-    )
-    expected = simulator.rollout_gradient(*given, g, side=1)
-    for part in ("q0", "v0", "tau"):
-        assert_close(getattr(found, part), getattr(expected, part), ALGEBRA)
-    assert_close(found.parameters["payload"], expected.parameters["payload"], ALGEBRA)
-    by_all = sum(
-        (of * by).sum() for of, by in zip((found.q0, found.v0, found.tau), changes, strict=True)
-    )
-    assert_close((g * moved).sum(), by_all, ALGEBRA)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled derivatives of ticks, of a panda and of many arms: against differences of ticks."""
+"""Derivatives of ticks of many arms: each is as alone, and as on the virtual machine."""
 
 from typing import Any
 
@@ -8,43 +8,8 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim import NotDifferentiable, Simulator
+from arm_sim import Simulator
 from tolerances import BACKENDS, assert_close
-
-SLOPE = 1e-10
-"""Derivatives of a smooth tick against differences of eighth order, relative to the largest."""
-
-WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
-"""Of central differences over 1 … 4 steps (Fornberg, Math. Comp. 51, 1988, table 1)."""
-
-
-def slopes(sim: Simulator, x: np.ndarray, tau: np.ndarray, h: float) -> np.ndarray:
-    """(A, B) side by side by differences of eighth order, of steps ``h`` of what matters."""
-    p, point = sim.arm.parameters, np.r_[x, tau]
-    size = h * np.r_[sim.arm.plant.laws.scale, np.ones(sim.n)]
-
-    def after(place: np.ndarray) -> np.ndarray:
-        sim.arm.restore(place[: len(x)], p, 0)
-        sim.step(place[len(x) :])
-        return sim.arm.x.copy()
-
-    return np.column_stack([
-        sum(w * (after(point + k * e) - after(point - k * e)) / e.max()
-            for k, w in enumerate(WEIGHTS, 1))
-        for e in np.diag(size)
-    ])  # fmt: skip
-
-
-def check(sim: Simulator, tau: Any, h: float = 2e-3) -> None:
-    state, x, tau = sim.state, sim.arm.x.copy(), np.array(tau, dtype=float)
-    found = np.hstack(sim.linearize(state, tau))
-    assert_close(found, slopes(sim, x, tau, h), SLOPE)
-
-
-def test_an_arm_in_space() -> None:
-    sim = models.simulator("skew_axes", stops=False, integrator="rk4", dt=0.02)
-    sim.reset(sim.model.q0, np.linspace(-0.5, 0.5, sim.n))
-    check(sim, sim.dynamics.gravity(sim.state.q))
 
 
 def many(sim: Simulator, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,15 +47,6 @@ def test_many_with_events() -> None:
         np.testing.assert_array_equal(A[arm], alone[0])
         np.testing.assert_array_equal(B[arm], alone[1])
     assert np.abs(A[1] - A[0]).max() > 0.1  # it bounced
-
-
-def test_many_name_the_arm_without_a_derivative() -> None:
-    sim = models.simulator("two_link", integrator="rk4")
-    place = sim.model.stops.place[1]
-    q = np.array([[0.1, 0.2], [place[0], 0.2]])
-    v = np.array([[0.0, 0.0], [0.3, 0.0]])
-    with pytest.raises(NotDifferentiable, match="arm 1: .* begins with an impact"):
-        sim.linearize_many(q, v, np.zeros(2))
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,7 @@ from exported import (
     CPP17,
     Library,
     Ticks,
-    assert_clean,
-    assert_no_compiler_warns,
-    assert_sound,
+    assert_portable,
     compilers,
     pointer,
 )
@@ -25,7 +23,7 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.arrays import Array
 from arm_sim import NotDifferentiable, Simulator
 from arm_sim.export import DERIVATIVES, export
-from tolerances import EXPORT, FINITE_DIFF, assert_close
+from tolerances import EXPORT, assert_close
 
 FIXED = {"sim": {"integrator": "rk4", "dt": 1e-4}}
 DRY = {"joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}}
@@ -112,41 +110,9 @@ def test_derivatives_are_those_of_the_simulator_or_refused(
     assert answered > 0.8 * differentiable > 0.5 * TICKS
 
 
-def test_derivatives_are_differences_of_ticks(case: Case) -> None:
-    """Of positions, velocities and commands, by ticks of the same library."""
-    ticks, n, step = case.ticks(), case.n, 1e-6
-    limit = np.minimum(case.simulator.model.command_limit, 5.0)
-    command = np.random.default_rng(4).uniform(0.5, 0.9, n) * limit
-    for k in range(300):
-        code, A, B = case.slopes(ticks, command)
-        if k > 20 and code == 0:
-            break
-        assert ticks.step(command) == 0
-    assert code == 0
-    before = ticks.memory.copy()
-
-    def after(place: int, change: float) -> Array:
-        ticks.memory[:] = before
-        acted = command.copy()
-        if place < 2 * n:
-            ticks.memory[place] += change  # the state comes first
-        else:
-            acted[place - 2 * n] += change
-        assert ticks.step(acted) == 0
-        return np.concatenate(ticks.state()[:2])
-
-    loops = case.simulator.model.scene.bilateral
-    for place in range(0 if not loops else 2 * n, 3 * n):
-        slope = (after(place, step) - after(place, -step)) / (2.0 * step)
-        made = A[:, place] if place < 2 * n else B[:, place - 2 * n]
-        assert_close(made[: 2 * n], slope, FINITE_DIFF)
-
-
 @pytest.mark.parametrize("case", always(SCENES), indirect=True)
 def test_it_is_as_portable_as_the_rest(case: Case) -> None:
-    assert_no_compiler_warns(case.folder, case.name)
-    assert_sound(case.folder, case.name)
-    assert_clean(case.folder / f"{case.name}.c", case.name, ("-Os",), (CPP17,))
+    assert_portable(case.folder, case.name, ("-Os",), (CPP17,))
     assert "derivatives, A" in (case.folder / f"test_{case.name}.c").read_text()
 
 

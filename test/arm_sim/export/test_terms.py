@@ -10,9 +10,8 @@ import pytest
 from exported import (
     BITS,
     Library,
-    assert_clean,
     assert_no_compiler_warns,
-    assert_sound,
+    assert_portable,
     compilers,
     run_test_program,
 )
@@ -59,9 +58,6 @@ class Case:
 @pytest.fixture(scope="module", params=SCENES)
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
     return Case(request.param, tmp_path_factory.mktemp("exported"))
-
-
-small = pytest.mark.parametrize("case", always(SCENES, "four_bar"), indirect=True)
 
 
 def test_terms_are_those_of_dynamics(case: Case) -> None:
@@ -146,19 +142,10 @@ def test_the_test_program_passes_and_notices_a_wrong_number(case: Case, tmp_path
     assert status == 1 and re.search(r"gravity +\S+ WRONG", said)
 
 
-@small
-def test_no_compiler_warns(case: Case) -> None:
-    assert_no_compiler_warns(case.folder, case.library.name)
-
-
-@small
-def test_sanitizers_find_nothing(case: Case) -> None:
-    assert_sound(case.folder, case.library.name)
-
-
-@small
-def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
-    assert_clean(case.folder / f"{case.library.name}.c", case.library.name)
+@pytest.mark.parametrize("case", always(SCENES, "four_bar"), indirect=True)
+def test_code_is_portable(case: Case) -> None:
+    """No warning, nothing for sanitizers; mathematics only, and nothing that can be written."""
+    assert_portable(case.folder, case.library.name)
 
 
 DRY = {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}

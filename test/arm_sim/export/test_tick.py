@@ -89,9 +89,6 @@ def case(request: pytest.FixtureRequest, made: Callable[[str], Case]) -> Case:
     return made(request.param)
 
 
-small = pytest.mark.parametrize("case", always(SCENES, *SMALL), indirect=True)
-
-
 def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
     simulator, ticks, commands = case.simulator, case.ticks(), case.commands()
     simulator.reset()
@@ -143,13 +140,9 @@ def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> No
     assert ticks.text(99) == "unknown code"
 
 
-@small
-def test_no_compiler_warns(case: Case) -> None:
+@pytest.mark.parametrize("case", always(SCENES, *SMALL), indirect=True)
+def test_no_compiler_warns_and_sanitizers_find_nothing(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.name)
-
-
-@small
-def test_sanitizers_find_nothing(case: Case) -> None:
     assert_sound(case.folder, case.name)
 
 

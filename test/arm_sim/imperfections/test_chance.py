@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from arm_sim.imperfections.chance import Chance, Channel, even, normal
+from arm_sim.imperfections.chance import Chance, Channel, normal
 
 TICKS = np.arange(400)
 
@@ -19,11 +19,6 @@ def rows(chance: Chance, ticks: np.ndarray = TICKS) -> np.ndarray:
 def test_ticks_may_be_asked_in_any_order_and_again(rng: np.random.Generator) -> None:
     order = rng.permutation(TICKS)
     np.testing.assert_array_equal(rows(noise(), order), rows(noise())[order])
-
-
-def test_a_late_tick_is_drawn_without_those_before() -> None:
-    far = 10**9 + 7
-    np.testing.assert_array_equal(noise().at(far), rows(noise(), np.array([far - 100, far]))[1])
 
 
 def test_seeds_channels_and_arms_are_uncorrelated() -> None:
@@ -42,10 +37,3 @@ def test_noise_has_its_mean_and_deviation_and_is_white() -> None:
     for lag in (1, 2, 63, 64, 65):  # across blocks as within
         together = np.corrcoef(samples[lag:, 0], samples[:-lag, 0])[0, 1]
         assert abs(together) < 5.0 / np.sqrt(count)
-
-
-def test_even_numbers_fill_their_range() -> None:
-    samples = rows(Chance(1, Channel.STATES, even(2)), np.arange(20_000))
-    counts, _ = np.histogram(samples, bins=10, range=(0.0, 1.0))
-    assert counts.sum() == samples.size
-    np.testing.assert_allclose(counts, samples.size / 10, rtol=0.08)  # five deviations

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from arm_sim.integrators.methods import METHODS
-from arm_sim.integrators.tableaux import NYSTROM4, Tableau
 from tolerances import CLOSED_FORM
 
 Tree = tuple["Tree", ...]
@@ -72,38 +71,6 @@ def test_conditions_up_to_the_stated_order(name: str) -> None:
     for nodes in range(1, tableau.order + 1):
         worst = max(abs(residual(tree, A, b)) for tree in trees(nodes))
         assert worst < CLOSED_FORM, f"order {nodes}: {worst:.1e}"
-
-
-def coloured(tree: Tree, A: np.ndarray, A_: np.ndarray) -> list[np.ndarray]:
-    """Weights of the stages of a tree in all its colours: in a Nyström method a branch that leads
-    to a single branch may stand for a velocity, the rate of a position, whose weights are ā.
-    """
-    found = [np.ones(len(A))]
-    for branch in tree:
-        ways = [A @ weight for weight in coloured(branch, A, A_)]
-        if len(branch) == 1:
-            ways += [A_ @ weight for weight in coloured(branch[0], A, A_)]
-        found = [weight * way for weight in found for way in ways]
-    return found
-
-
-def nystrom_residuals(tableau: Tableau, nodes: int) -> list[float]:
-    """Of w' = g(q, w), q' = v at all coloured trees (Hairer, Nørsett, Wanner, section II.14)."""
-    A, b = matrix(tableau.a), np.array(tableau.b)
-    A_, b_ = matrix(tableau.positions[:-1]), np.append(tableau.positions[-1], 0.0)
-    found = [
-        (b @ weight) * density(t) - 1.0 for t in trees(nodes) for weight in coloured(t, A, A_)
-    ]
-    stems = [tree for tree in trees(nodes) if len(tree) == 1]
-    for stem in stems:
-        found += [(b_ @ weight) * density(stem) - 1.0 for weight in coloured(stem[0], A, A_)]
-    return found
-
-
-def test_nystrom_conditions() -> None:
-    for nodes in range(1, NYSTROM4.order + 1):
-        assert max(map(abs, nystrom_residuals(NYSTROM4, nodes))) < CLOSED_FORM
-    assert max(map(abs, nystrom_residuals(NYSTROM4, NYSTROM4.order + 1))) > 1e-6
 
 
 @pytest.mark.parametrize(("name", "first_seen"), [("dopri5", [5]), ("dop853", [6, 4])])

@@ -12,6 +12,7 @@ import models
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_sim.plant.plant import Plant
 from models.touching import contact
+from reference.independent.tree import Point, Tree
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 BALL, POINT = 0.07, 0.0
@@ -27,61 +28,52 @@ CASES = [
 ANY = pytest.mark.parametrize(("plane", "frame", "radius"), CASES)
 
 
-@cache
-def plant(plane: str, frame: str, radius: float, raised: float = 0.0) -> Plant:
+def scene(plane: str, frame: str, radius: float, raised: float = 0.0) -> dict[str, Any]:
     """A Panda with one contact, nothing about which lies along an axis."""
     on_plane = ON_PLANE + raised * NORMAL
     surface = {"frame": plane, "point": on_plane.tolist(), "normal": NORMAL.tolist()}
     touch = contact(frame, point=PLACE.tolist(), radius=radius, friction=0.4, plane=surface)
     robot = {"urdf": models.scene("panda").robot.urdf, "lock": FINGERS}
     joints = {"*": {"limits": {"stop": False}}}
-    return Plant(ArmModel(load_scene({"robot": robot, "joints": joints, "constraints": [touch]})))
+    return {"robot": robot, "joints": joints, "constraints": [touch]}
+
+
+@cache
+def plant(*about: Any) -> Plant:
+    return Plant(ArmModel(load_scene(scene(*about))))
 
 
 class Bodies:
     """The ball and its plane at a state, by Pinocchio."""
 
-    def __init__(self, made: Plant, plane: str, frame: str, radius: float) -> None:
-        self.model, self.data = made.model.pin, made.model.pin.createData()
+    def __init__(self, plane: str, frame: str, radius: float) -> None:
+        self.tree = Tree(scene(plane, frame, radius), {})
         self._plane, self._frame, self._radius = plane, frame, radius
 
     def at(self, q: np.ndarray, v: np.ndarray) -> dict[str, np.ndarray]:
-        pin.forwardKinematics(self.model, self.data, q, v)
-        pin.updateFramePlacements(self.model, self.data)
-        R, p, velocity = self._moving(self._plane)
-        _, _, velocity_of_ball = self._moving(self._frame)
-        n = R @ NORMAL
-        centre = self._placed(self._frame, PLACE)
-        touching = centre - self._radius * n
+        self.tree.move(q, v)
+        n = self._placement(self._plane).rotation @ NORMAL
+        apart = self._place(self._frame, PLACE) - self._place(self._plane, ON_PLANE)
+        touching = self._place(self._frame, PLACE) - self._radius * n
         return {
-            "normal": n, "point": touching,
-            "gap": n @ (centre - p - R @ ON_PLANE) - self._radius,
-            "speed": velocity_of_ball(touching) - velocity(touching),
+            "normal": n, "point": touching, "gap": n @ apart - self._radius,
+            "speed": self.rows(touching) @ v,
         }  # fmt: skip
 
-    def rows(self, q: np.ndarray, point: np.ndarray) -> np.ndarray:
+    def rows(self, point: np.ndarray) -> np.ndarray:
         """Velocity of the ball's material point against the plane's by joint velocity, (3, n)."""
-        return self._jacobian(self._frame, q, point) - self._jacobian(self._plane, q, point)
+        ball, plane = (
+            Point(self.tree, frame, self._placement(frame).actInv(point)).jacobian()
+            for frame in (self._frame, self._plane)
+        )
+        return ball - plane
 
-    def _moving(self, frame: str) -> tuple[np.ndarray, np.ndarray, Any]:
-        if frame == "world":
-            return np.eye(3), np.zeros(3), lambda _: np.zeros(3)
-        i = self.model.getFrameId(frame)
-        M = self.data.oMf[i]
-        w = pin.getFrameVelocity(self.model, self.data, i, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        p = M.translation
-        return M.rotation, p, lambda at: w.linear + np.cross(w.angular, at - p)
+    def _place(self, frame: str, point: np.ndarray) -> np.ndarray:
+        return Point(self.tree, frame, point).place()
 
-    def _placed(self, frame: str, point: np.ndarray) -> np.ndarray:
-        R, p, _ = self._moving(frame)
-        return p + R @ point
-
-    def _jacobian(self, frame: str, q: np.ndarray, point: np.ndarray) -> np.ndarray:
-        if frame == "world":
-            return np.zeros((3, self.model.nv))
-        i, world = self.model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        J = pin.computeFrameJacobian(self.model, self.data, q, i, world)
-        return J[:3] - pin.skew(point - self.data.oMf[i].translation) @ J[3:]
+    def _placement(self, frame: str) -> pin.SE3:
+        model, data = self.tree.model, self.tree.data
+        return pin.SE3.Identity() if frame == "world" else data.oMf[model.getFrameId(frame)]
 
 
 def state(seed: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -96,7 +88,7 @@ def test_gap_velocity_and_place_are_those_of_the_material_points(
     made = plant(plane, frame, radius)
     for seed in range(3):
         q, v, _ = state(seed, made.model.n)
-        wanted = Bodies(made, plane, frame, radius).at(q, v)
+        wanted = Bodies(plane, frame, radius).at(q, v)
         assert made.mechanics.contact is not None
         place, speed, size = (
             np.array(x).ravel() for x in made.mechanics.contact.geometry(np.hstack([q, v]))
@@ -117,7 +109,7 @@ def test_forces_act_on_both_bodies_and_hold_what_they_are_to_hold(
 ) -> None:
     """M a + h = τ + (J_ball - J_plane)ᵀ F; material points that stick do not accelerate."""
     made = plant(plane, frame, radius)
-    dynamics, bodies = Dynamics(made.model), Bodies(made, plane, frame, radius)
+    dynamics, bodies = Dynamics(made.model), Bodies(plane, frame, radius)
     q, v, tau = state(5, made.model.n)
     p = np.array([1.0, sticks, 0.6, 0.8, 1.0])
     assert made.mechanics.contact is not None
@@ -128,7 +120,8 @@ def test_forces_act_on_both_bodies_and_hold_what_they_are_to_hold(
     sites = np.array(made.mechanics.contact.sites(q))
     if not sticks:
         assert_close(force[1:], -0.4 * force[0] * p[2:4], ALGEBRA)
-    push = bodies.rows(q, sites[:, 3]).T @ (sites[:, :3] @ force)
+    bodies.at(q, v)
+    push = bodies.rows(sites[:, 3]).T @ (sites[:, :3] @ force)
     assert_close(dynamics.inverse(q, v, a), tau + push, ALGEBRA)
     held = 3 if sticks else 1
     assert_close(rate[:held], np.zeros(held), 1e-8)

@@ -63,18 +63,12 @@ BAD = {
 def test_what_no_arm_can_have_is_refused(
     sim: Simulator, name: str, value: list[float], said: str
 ) -> None:
-    before = sim.arm.parameters
+    """Of one arm, and of one of many, which is named."""
+    before, some = sim.arm.parameters, np.zeros((2, 2))
     with pytest.raises(InvalidInput, match=f"^{said}"):
         sim.set_parameter(name, value)
     np.testing.assert_array_equal(sim.arm.parameters, before)
-
-
-@pytest.mark.parametrize(("name", "value", "said"), BAD.values(), ids=BAD)
-def test_likewise_for_one_of_many_arms(
-    sim: Simulator, name: str, value: list[float], said: str
-) -> None:
-    rows = [sim.arm.plant.parameters.of(name, sim.arm.parameters), np.array(value)]
-    some = np.zeros((2, 2))
+    rows = [sim.arm.plant.parameters.of(name, before), np.array(value)]
     said = said.replace("payload 1", "payload 1 of arm 1").replace(r"\] =", r"\] of arm 1 =")
     with pytest.raises(InvalidInput, match=f"^{said}"):
         sim.rollout(some, some, some, 1, parameters={name: rows})

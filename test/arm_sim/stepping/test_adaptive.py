@@ -77,16 +77,6 @@ def test_estimate_of_an_arm_far_from_its_stops_is_that_of_one_without() -> None:
     assert errors[0][-1] > 1e-8
 
 
-def test_starts_afresh_after_reset() -> None:
-    """What was learned of the step size must not leak into the next run: same start, same bits."""
-    sim = models.simulator("double_pendulum", tolerance=1e-8, dt=0.05)
-    first = sim.run(0.5).q
-    sim.reset(q=[3.0, 0.0], v=[9.0, -9.0])
-    sim.run(0.5)
-    sim.reset()
-    np.testing.assert_array_equal(sim.run(0.5).q, first)
-
-
 def test_torque_changes_between_ticks_are_met_exactly(rng: np.random.Generator) -> None:
     """A torque that jumps each tick: error control gives what very short fixed steps give."""
     torque = rng.normal(0.0, 10.0, (20, 2))

@@ -188,10 +188,6 @@ def elbow_up(x: float, z: float) -> np.ndarray:
     )
 
 
-def height(q: np.ndarray) -> np.ndarray:
-    return np.asarray(L1 * np.sin(q[..., 0]) + L2 * np.sin(q[..., 0] + q[..., 1]))
-
-
 def jacobian(q: np.ndarray) -> np.ndarray:
     """Of the tip's (x, z)."""
     a, b = q[0], q[0] + q[1]

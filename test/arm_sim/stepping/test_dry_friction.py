@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import always
 
-import models
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import CLOSED_FORM, assert_close
@@ -86,34 +84,6 @@ def test_stopping_keeps_the_order_of_the_method() -> None:
         sim.reset(q=[0.0], v=[5.0])
         errors.append(abs(sim.run(1.0).q[-1, 0] - 1.12673463916486289))
     assert errors[1] < errors[0] / 2**3.5
-
-
-@pytest.mark.parametrize(
-    "options",
-    always(OPTIONS.values(), OPTIONS["rk4 10 ms"], OPTIONS["error control"]),
-    ids=OPTIONS,
-)
-def test_holds_an_arm_against_its_weight(options: dict[str, Any]) -> None:
-    """Two rods held out level by friction alone, just above and just below what that takes."""
-    urdf = str(models.SCENES / "two_link.urdf")
-    weight = models.dynamics("two_link").gravity([0.0, 0.0])
-    for factor, holds in ((1.01, True), (0.99, False)):
-        levels = dict(zip(("shoulder", "elbow"), factor * weight, strict=True))
-        joints = {name: {"friction": {"coulomb": float(level)}} for name, level in levels.items()}
-        sim = Simulator({"robot": {"urdf": urdf}, "joints": joints}, **options)
-        run = sim.run(0.1)
-        assert (np.abs(run.q).max() == 0.0) == holds
-
-
-def test_reversal_under_a_swinging_torque_never_chatters(rng: np.random.Generator) -> None:
-    """Speed changes sign at most twice a period, and friction never adds energy."""
-    sim = wheel({"integrator": "rk4", "dt": 1e-3})
-    times = 1e-3 * np.arange(4000)
-    run = sim.run(4.0, 2.0 * np.sin(2 * np.pi * times)[:, None])
-    moving = np.sign(run.v[run.v[:, 0] != 0.0, 0])
-    assert np.count_nonzero(np.diff(moving)) <= 2 * 4
-    work = np.cumsum(run.tau[:-1, 0] * np.diff(run.q[:, 0]))
-    assert (run.energy[1:] - run.energy[0] <= work + 1e-12).all()
 
 
 @ALL

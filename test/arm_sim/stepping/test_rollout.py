@@ -297,21 +297,3 @@ def test_no_ticks_leave_the_state_as_it_is(rng: np.random.Generator) -> None:
         np.testing.assert_array_equal(sim.rollout(q, v, tau, 0)[:, 0], np.hstack((q, v)))
     g = np.ones((3, 1, 4))
     assert sim.rollout_gradient(q, v, np.ones((3, 0, 2)), 0, g).tau.shape == (3, 0, 2)
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        {"joints": {"*": {"friction": {"coulomb": 0.5, "static": 0.7}}}},
-        {"sim": {"tolerance": 1e-6}},
-    ],
-    ids=["events", "error control"],
-)
-def test_rollouts_again_have_the_same_bits(more: dict[str, Any]) -> None:
-    """What the first one learned of sub-steps and events is forgotten by the second."""
-    scene = load_scene("two_link").model_dump(exclude_unset=True) | more
-    sim, rng = Simulator(scene), np.random.default_rng(2)
-    q0, v0 = rng.normal(0.0, 0.5, (5, 2)), rng.normal(0.0, 2.0, (5, 2))
-    first = sim.rollout(q0, v0, [1.0, -0.5], 60)
-    np.testing.assert_array_equal(sim.rollout(q0, v0, [1.0, -0.5], 60), first)
-    np.testing.assert_array_equal(sim.rollout(q0[::-1], v0[::-1], [1.0, -0.5], 60)[::-1], first)

@@ -26,12 +26,6 @@ def test_the_instant_is_found_to_rounding(f: Callable[[float, float], float], ro
     assert f(found, root) > 0.0 and f(found - 1e-15, root) <= 0.0
 
 
-@pytest.mark.parametrize(("name", "most"), [("steep", 40), ("bent the other way", 30)])
-def test_in_few_trials(name: str, most: int) -> None:
-    """Every trial is a motion computed: a bisection alone would take 52 of them."""
-    assert locate(lambda t: SHAPES[name](t, 0.3123456), 1.0).evaluations <= most
-
-
 def test_a_wall_is_found_by_bisection() -> None:
     """Where the value cannot be computed beyond it, it counts as infinite."""
     found = locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import POINTS, RollingCharts, Sample, add_charts
+from arm_sim.view.charts import POINTS, ChartPanel, RollingCharts, Sample
 
 
 def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
@@ -31,7 +31,8 @@ def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
 def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: Any) -> None:
     time, names = np.arange(4.0), ("hip", "knee")
     rows = np.column_stack([time, 10.0 * time])
-    chart, empty = add_charts(server, {"torque [N m]": names, "error [rad]": names}).values()
+    panel = ChartPanel(server)
+    chart, empty = (panel.add(title, names) for title in ("torque [N m]", "error [rad]"))
     chart.draw(time, 1.0 + rows)
     plot, text = chart.plot, chart.legend
     assert ">4<" in text.content and ">31<" in text.content  # the last ones
@@ -39,7 +40,7 @@ def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: A
     assert plot.data[0].tolist() == time.tolist()
     assert [curve.tolist() for curve in plot.data[1:3]] == (1.0 + rows).T.tolist()
     for now, values in ((2.0, ">3<"), (1.5, ">2<"), (-1.0, ">1<"), (9.0, ">4<")):
-        chart.read(now)
+        panel.read(now)
         assert values in text.content
 
 
@@ -50,10 +51,10 @@ def test_rolling_plots_forget_what_is_old_and_leave_out_what_is_unknown(server: 
         energy = np.array([np.nan if k < 150 else k])
         rolling.add("arm", 0.01 * k, lambda k=k, e=energy: Sample(np.array([k]), np.zeros(1), e))
     assert rolling.draw() and not rolling.draw(60.0)
-    total, _, torque = (chart.plot for chart in rolling._charts.values())
+    total, _, torque = (chart.plot for chart in rolling._panel.charts.values())
     np.testing.assert_allclose(torque.data[0], 1.0 + 0.1 * np.arange(10))
     np.testing.assert_allclose(torque.data[1], 100.0 + 10.0 * np.arange(10))
     np.testing.assert_allclose(total.data[0], 1.5 + 0.1 * np.arange(5))
     rolling.clear("arm")
     rolling.draw()
-    assert "–" in rolling._charts["torque [N m]"].legend.content
+    assert "–" in rolling._charts["arm"]["torque"].legend.content

@@ -106,7 +106,7 @@ def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) ->
     assert (left.state.step, right.state.step) == (50, 100)
     assert bench._status.content == "t = 0.100 s, paused"
     kinds = "energy [J]", "error [rad]", "torque [N m]"
-    curves = bench._charts._charts
+    curves = bench._charts._panel.charts
     assert list(curves) == [f"{name}: {kind}" for name in ("left", "right") for kind in kinds]
     _, error, torque = (curves[f"left: {kind}"].values for kind in kinds)
     np.testing.assert_allclose(torque[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)

@@ -103,7 +103,7 @@ def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
     run = Simulator("two_link").run(0.3, [1.0, 0.0])
     with show(run, run, port=0, name=["one", "other"]) as page:
         assert isinstance(page, Player)
-        curves = page._charts
+        curves = page._panel.charts
     torque, energies = curves["one: torque [N m]"], curves["other: energy [J]"]
     np.testing.assert_array_equal(torque.time, run.time)
     np.testing.assert_array_equal(torque.values, run.tau)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from .description import only
-from .flow import Flow
+from .flow import Flow, Law
 
 Array = np.ndarray
 
 
-class Bristles:
+class Bristles(Law):
     """z' = v - σ0 |v| z / g(v), F = σ0 z + σ1 z'; the rest of the friction acts elsewhere."""
 
     size = 1
@@ -27,9 +27,6 @@ class Bristles:
         self.Fc = friction["coulomb"]
         self.Fs = friction.get("static", self.Fc)
         self.vs = friction.get("stribeck_velocity", 1.0)
-
-    def initial(self, q: float, v: float) -> tuple[float, ...]:
-        return (0.0,)
 
     def kinks(self, q: float, v: float, z: Array) -> tuple[float, ...]:
         return (v,)

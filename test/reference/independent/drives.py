@@ -9,30 +9,22 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .description import only
-from .flow import Flow
+from .flow import Flow, Law
 
 Array = np.ndarray
 
 
-class Torque:
+class Torque(Law):
     """A joint without actuator: the command is its torque."""
-
-    size = 0
 
     def __init__(self, joint: int) -> None:
         self.joint = joint
-
-    def initial(self, q: float, v: float) -> tuple[float, ...]:
-        return ()
-
-    def kinks(self, q: float, v: float, z: Array) -> tuple[float, ...]:
-        return ()
 
     def flow(self, q: float, v: float, z: Array, u: float, signs: Array) -> Flow:
         return Flow(u, supplied=u * v)
 
 
-class Motor:
+class Motor(Law):
     """A motor on a rigid gear, or the motor's half of a flexible drive."""
 
     def __init__(self, joint: int, said: Mapping[str, Any]) -> None:
@@ -45,12 +37,6 @@ class Motor:
         self.constant = said.get("torque_constant", 0.0) * self.ratio  # [N m/A] at the joint
         self.inertia = said.get("rotor_inertia", 0.0) * self.ratio**2
         self.size = int(self.command == "voltage" and self.L > 0.0)
-
-    def initial(self, q: float, v: float) -> tuple[float, ...]:
-        return (0.0,) * self.size
-
-    def kinks(self, q: float, v: float, z: Array) -> tuple[float, ...]:
-        return ()
 
     def flow(self, q: float, v: float, z: Array, u: float, signs: Array) -> Flow:
         """V = L di/dt + R i + K v at the joint, torque K i with K = N K_t."""
@@ -69,7 +55,7 @@ class Motor:
         return Flow(self.constant * i, slope, stored, volts * i, self.R * i * i)
 
 
-class Flexible:
+class Flexible(Law):
     """A motor whose rotor is tied to the link by a spring, a damper and a hysteresis.
 
     States: those of the motor, its angle and speed as seen at the joint, and w.
@@ -132,7 +118,7 @@ class Flexible:
         )  # fmt: skip
 
 
-def drive(joint: int, settings: Mapping[str, Any]) -> Torque | Motor | Flexible:
+def drive(joint: int, settings: Mapping[str, Any]) -> Law:
     """What stands between the command and the joint."""
     if "actuator" not in settings:
         return Torque(joint)

@@ -25,7 +25,7 @@ class Coupling:
 
     def __init__(self, tree: Tree, said: Mapping[str, Any]) -> None:
         only(said, "coupling", "type", "name", "joints", "ratio", "offset")
-        first, second = (tree.names.index(name) for name in said["joints"])
+        first, second = (tree.joint_names.index(name) for name in said["joints"])
         self._A = np.zeros(tree.n)
         self._A[[first, second]] = 1.0, -said["ratio"]
         self._offset = said.get("offset", 0.0)

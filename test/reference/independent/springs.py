@@ -7,45 +7,32 @@ from typing import Any
 import numpy as np
 
 from .description import only
-from .flow import Flow
+from .flow import Flow, Law
 from .tree import Point, Tree
 
 Array = np.ndarray
 
 
-class JointSpring:
+class JointSpring(Law):
     """τ = -k (q - rest) - d v."""
-
-    size = 0
 
     def __init__(self, joint: int, said: Mapping[str, Any]) -> None:
         only(said, "spring", "stiffness", "rest", "damping")
         self.joint, self.k = joint, said["stiffness"]
         self.rest, self.d = said.get("rest", 0.0), said.get("damping", 0.0)
 
-    def initial(self, q: float, v: float) -> tuple[float, ...]:
-        return ()
-
-    def kinks(self, q: float, v: float, z: Array) -> tuple[float, ...]:
-        return ()
-
     def flow(self, q: float, v: float, z: Array, u: float, signs: Array) -> Flow:
         bent = q - self.rest
         return Flow(-self.k * bent - self.d * v, (), 0.5 * self.k * bent**2, lost=self.d * v**2)
 
 
-class SoftStop:
+class SoftStop(Law):
     """Pushes back with k δ + d δ' at a depth δ beyond one end of a range, and never pulls."""
-
-    size = 0
 
     def __init__(self, joint: int, at: float, way: int, said: Mapping[str, Any]) -> None:
         only(said, "stop", "stiffness", "damping")
         self.joint, self._at, self._way = joint, at, way
         self.k, self.d = said["stiffness"], said.get("damping", 0.0)
-
-    def initial(self, q: float, v: float) -> tuple[float, ...]:
-        return ()
 
     def kinks(self, q: float, v: float, z: Array) -> tuple[float, ...]:
         depth = self._way * (self._at - q)

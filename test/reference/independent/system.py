@@ -71,7 +71,7 @@ class System:
     def __init__(self, scene: Mapping[str, Any], command: Mapping[str, float]) -> None:
         only(scene, "scene", "robot", "gravity", "joints", "payloads", "constraints", "initial",
              "tunable", "sim", "springs")  # fmt: skip
-        names = Tree(scene, {}).names
+        names = Tree(scene, {}).joint_names
         said = {name: settings_of(scene, name) for name in names}
         self._check_followers(scene)
         for name, own in said.items():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rigid bodies, by Pinocchio: every joint of the URDF free, and a map to those that are."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,28 +13,30 @@ Array = np.ndarray
 AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-class Tree:
-    """Inertia and bias of the independent joints: all positions are P q + c.
+class FreeTree:
+    """All joints of a URDF, free as Pinocchio has them, and a map to those that move on their own.
 
     Attributes:
-        names: Independent joints in Pinocchio's order.
-        n: How many.
-        P: Speeds of all joints by those of the independent ones.
-        c: Positions of all joints where those are zero.
+        every: Names of all joints in Pinocchio's order.
+        joint_names: Of those that move on their own, in that order.
+        n: How many these are.
+        P: Speeds of all joints by those of the independent ones, shape (all, n).
+        c: Positions of all joints where those are zero, shape (all,).
     """
 
-    def __init__(self, scene: Mapping[str, Any], armature: Mapping[str, float]) -> None:
-        robot = scene["robot"]
-        self.model = pin.buildModelFromXML(robot["urdf"])
-        self.model.gravity.linear = np.array(scene.get("gravity", (0.0, 0.0, -9.81)), dtype=float)
-        for load in scene.get("payloads", ()):
+    def __init__(
+        self, urdf: str, gravity: Sequence[float], payloads: Iterable[Mapping[str, Any]],
+        held: Collection[str], start: Mapping[str, float],
+    ) -> None:  # fmt: skip
+        self.model = pin.buildModelFromXML(urdf)
+        self.model.gravity.linear = np.array(gravity, dtype=float)
+        for load in payloads:
             self._carry(load)
         self.data = self.model.createData()
-        every = list(self.model.names)[1:]
-        rules, held = mimics(robot["urdf"]), set(robot.get("lock", ()))
-        self.names = [name for name in every if name not in rules and name not in held]
-        self.n = len(self.names)
-        start = scene.get("initial", {}).get("position", {})
+        self.every = list(self.model.names)[1:]
+        rules = mimics(urdf)
+        self.joint_names = [x for x in self.every if x not in rules and x not in held]
+        self.n = len(self.joint_names)
 
         def place(name: str) -> tuple[Array, float]:
             if name in rules:
@@ -43,15 +45,11 @@ class Tree:
                 return factor * row, factor * at + offset
             if name in held:
                 return np.zeros(self.n), start.get(name, 0.0)
-            return np.eye(self.n)[self.names.index(name)], 0.0
+            return np.eye(self.n)[self.joint_names.index(name)], 0.0
 
-        placed = [place(name) for name in every]
-        self.P = np.array([row for row, _ in placed])
+        placed = [place(name) for name in self.every]
+        self.P = np.array([row for row, _ in placed]).reshape(len(placed), self.n)
         self.c = np.array([at for _, at in placed])
-        rotors = np.array([armature.get(name, 0.0) for name in every])
-        self._armature = self.P.T @ (rotors[:, None] * self.P)
-        self._upper = np.triu(np.ones((self.model.nv,) * 2), 1) + 0.5 * np.eye(self.model.nv)
-        self._angles = any(j.nq != 1 for j in self.model.joints[1:])
 
     def _carry(self, load: Mapping[str, Any]) -> None:
         xx, xy, xz, yy, yz, zz = load.get("inertia", (0.0,) * 6)
@@ -62,11 +60,22 @@ class Tree:
 
     def full(self, q: Array) -> Array:
         """Pinocchio's configuration; a continuous joint is a cosine and a sine there."""
-        at = self.P @ q + self.c
-        if not self._angles:
-            return at
-        pairs = zip(self.model.joints[1:], at, strict=True)
+        pairs = zip(self.model.joints[1:], self.P @ q + self.c, strict=True)
         return np.concatenate([[x] if j.nq == 1 else [np.cos(x), np.sin(x)] for j, x in pairs])
+
+
+class Tree(FreeTree):
+    """Inertia and bias of the independent joints."""
+
+    def __init__(self, scene: Mapping[str, Any], armature: Mapping[str, float]) -> None:
+        robot, gravity = scene["robot"], scene.get("gravity", (0.0, 0.0, -9.81))
+        start = scene.get("initial", {}).get("position", {})
+        super().__init__(
+            robot["urdf"], gravity, scene.get("payloads", ()), set(robot.get("lock", ())), start
+        )
+        rotors = np.array([armature.get(name, 0.0) for name in self.every])
+        self._armature = self.P.T @ (rotors[:, None] * self.P)
+        self._upper = np.triu(np.ones((self.model.nv,) * 2), 1) + 0.5 * np.eye(self.model.nv)
 
     def mass(self, q: Array) -> Array:
         """M(q), shape (n, n)."""

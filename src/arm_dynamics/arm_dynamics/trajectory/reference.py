@@ -148,14 +148,10 @@ class Limits:
         Returns:
             Velocity and position limits of the model, and this acceleration.
         """
-        return cls(
-            np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf),
-            np.full(model.n, float(acceleration)),
-            model.position_lower,
-            model.position_upper,
-            model.joint_names,
-            model.joint_types,
-        )
+        speed = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)
+        rise, names, types = float(acceleration), model.joint_names, model.joint_types
+        lower, upper = model.position_lower, model.position_upper
+        return cls(speed, np.full(model.n, rise), lower, upper, names, types)
 
     def name(self, joint: int) -> str:
         """Return the name of joint number ``joint`` for a message."""
@@ -165,8 +161,7 @@ class Limits:
         """Return the unit of a joint's quantity after a space, for a message."""
         if not self.joint_types:
             return ""
-        slides = self.joint_types[joint] == "prismatic"
-        return " " + _UNITS[quantity][slides]
+        return " " + _UNITS[quantity][self.joint_types[joint] == "prismatic"]
 
 
 @frozen
@@ -282,8 +277,7 @@ class Trajectory:
             Shape (segments, 3, n, m).
         """
         powers = np.power.outer(shares, np.arange(6.0)).T
-        motion: Array = np.moveaxis(self.polynomials, 1, 3) @ powers
-        return motion
+        return np.asarray(np.moveaxis(self.polynomials, 1, 3) @ powers)
 
     def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
         """The same in rows: times, shape (k,), and the three, each of shape (k, n)."""

@@ -124,9 +124,9 @@ def _run(
 def run_node(
     make: Callable[..., Any],
     words: Sequence[str] = (),
-    is_done: Callable[[Any], bool] = lambda node: False,
+    until: Callable[[Any], bool] = lambda node: False,
 ) -> tuple[int, Any]:
-    """Run a node in this process until it is done.
+    """Run a node in this process until it is interrupted, or a function of it returns true.
 
     Returns:
         The exit status, and the node, or None if it was ended before it was complete.
@@ -139,5 +139,5 @@ def run_node(
         nodes.append(make(**context))
         return nodes[0]
 
-    status = run(make_and_keep, list(words), lambda: is_done(nodes[0]))
+    status = run(make_and_keep, list(words), lambda: until(nodes[0]))
     return status, nodes[0] if nodes else None

@@ -108,9 +108,7 @@ def record(
         click.echo(f"recording to {path}", err=True)
         return node
 
-    status, node = run_node(
-        make, is_done=lambda node: monotonic() > end or bool(node.thread.failure)
-    )
+    status, node = run_node(make, until=lambda x: monotonic() > end or bool(x.thread.failure))
     if node is not None:
         _show_topics(node.count)
         for topic, lost in node.gaps.items():
@@ -254,7 +252,7 @@ def _play(path: Path, names: tuple[str, ...], rate: float) -> None:
         player.start(rate)
         return player
 
-    status, player = run_node(make, is_done=lambda node: bool(node.done))
+    status, player = run_node(make, until=lambda node: bool(node.done))
     if player is not None:
         click.echo(f"{player.published} messages published")
     sys.exit(status)

@@ -174,7 +174,8 @@ class EnergyAccount:
 
         In [J], shape (k, 2); arguments as those of ``flows``.
         """
-        return self._repeated(x, u, p)[:, [5, 4]]
+        *_, contacts, impacts = self._repeated(x, u, p).T
+        return np.column_stack([impacts, contacts])
 
     def turnover(self, x: Array, after: Array, p: Array) -> float:
         """Largest kinetic energy that a change of the velocities in one tick moves, in [J].

@@ -211,14 +211,12 @@ def doubt(
         return ""
     row = int(beyond.argmax())
     column = int(size[row].argmax())
-    place = f"joint '{motion.joint_names[column % n]}' at {motion.time[row]:.6g} s"
+    at = f"joint '{motion.joint_names[column % n]}' at {motion.time[row]:.6g} s"
     if np.isinf(error[row, column]):
-        return (
-            f"not trustworthy: {place}: a second run ({run.means}) cannot be computed from there"
-        )
+        return f"not trustworthy: {at}: a second run ({run.means}) cannot be computed from there"
     quantity = "speed" if column >= n else "position"
     text = (
-        f"not trustworthy: {quantity} of {place} is off by {size[row, column]:.1e} of 1 + |x|, "
+        f"not trustworthy: {quantity} of {at} is off by {size[row, column]:.1e} of 1 + |x|, "
         f"allowed {allowed[row]:.1e}, by a second run {run.how} ({run.means})"
     )
     stepped = int(motion.time_stepped[row] - motion.time_stepped[0])

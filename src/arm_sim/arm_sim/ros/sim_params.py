@@ -106,10 +106,8 @@ class SimParams(ThreadParams, DescriptionParams):
         0.1,
         "Simulated time after which a command is old [s]; 0: never; while the loop catches up, "
         "only real time counts",
-        low=0.0,
-        high=3600.0,
-        read_only=False,
-    )
+        low=0.0, high=3600.0, read_only=False,
+    )  # fmt: skip
     stale_policy: str = parameter(
         BRAKE,
         "What acts without a command or with an old one: brake stops the arm and its brakes hold "
@@ -168,5 +166,5 @@ def greeting(simulator: Simulator, params: SimParams) -> str:
     paused = ", paused at first" if params.paused else ""
     return (
         f"simulates {model.n} joints of '{model.pin.name}' by {choice.method.name}, "
-        f"time step {1e3 * choice.dt:g} ms, {pace}{paused}; from {at}"
+        f"time step {1e3 * choice.dt:g} ms, {pace}{paused}; from {at}; to see it: ./arm watch"
     )

@@ -70,16 +70,28 @@ class Chart:
             self.legend.content = text
 
 
-def add_charts(server: viser.ViserServer, names: Mapping[str, Sequence[str]]) -> dict[str, Chart]:
-    """Add a panel with charts, whose curves have these names by title."""
-    panel, charts = server.gui.add_panel(), dict[str, Chart]()
-    for title, curves in names.items():
-        with panel.add_tab(title):
-            charts[title] = Chart(server.gui, title, curves)
-    panel.dock_left()
-    panel.set_width(WIDTH)
+class ChartPanel:
+    """A panel of the page with charts by title, each on a tab."""
 
-    async def welcome(client: viser.ClientHandle) -> None:
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._gui, self._panel = server.gui, server.gui.add_panel()
+        self._panel.dock_left()
+        self._panel.set_width(WIDTH)
+        self.charts = dict[str, Chart]()
+        server.on_client_connect(self._welcome)
+
+    def add(self, title: str, names: Sequence[str]) -> Chart:
+        """Add a chart with curves of these names."""
+        with self._panel.add_tab(title):
+            self.charts[title] = Chart(self._gui, title, names)
+        return self.charts[title]
+
+    def read(self, time: float) -> None:
+        """Show the values at a time in [s] in all legends."""
+        for chart in self.charts.values():
+            chart.read(time)
+
+    async def _welcome(self, client: viser.ClientHandle) -> None:
         """Fold the plots away for a visitor whose picture they leave too narrow."""
         folded = False
 
@@ -87,15 +99,12 @@ def add_charts(server: viser.ViserServer, names: Mapping[str, Sequence[str]]) ->
             nonlocal folded
             if client.camera.aspect < TALL and not folded:
                 folded = True
-                own = client.gui.main_panel  # commands of a client, for a panel that all have
-                own._placement_uuid = panel._placement_uuid
-                own.minimize()
+                panel = client.gui.main_panel  # commands of a client, for a panel that all have
+                panel._placement_uuid = self._panel._placement_uuid
+                panel.minimize()
 
         client.camera.on_update(fold_if_narrow)
         await fold_if_narrow()
-
-    server.on_client_connect(welcome)
-    return charts
 
 
 class RollingCharts:
@@ -106,17 +115,15 @@ class RollingCharts:
         energies: Sequence[str], memory: float, sampled: float,
     ) -> None:  # fmt: skip
         self._sampled, self._last_draw = sampled, 0.0
-        self._samples: dict[str, deque[tuple[float, Sample]]] = {
-            arm: deque(maxlen=round(memory / sampled)) for arm in joints
-        }
-        curves = {}
+        length = round(memory / sampled)
+        self._samples = {arm: deque[tuple[float, Sample]](maxlen=length) for arm in joints}
+        self._panel, self._charts = ChartPanel(server), dict[str, dict[str, Chart]]()
         for arm, names in joints.items():
-            for field in ROLLING:
-                curves[self._title(arm, field)] = energies if field == "energies" else names
-        self._charts = add_charts(server, curves)
-
-    def _title(self, arm: str, field: str) -> str:
-        return f"{arm}: {ROLLING[field]}" if len(self._samples) > 1 else ROLLING[field]
+            of = f"{arm}: " if len(joints) > 1 else ""
+            self._charts[arm] = {
+                field: self._panel.add(of + title, energies if field == "energies" else names)
+                for field, title in ROLLING.items()
+            }
 
     def add(self, arm: str, time: float, sample: Callable[[], Sample]) -> None:
         """Add the sample that a function returns, if the last one is old enough."""
@@ -134,8 +141,7 @@ class RollingCharts:
             return False
         self._last_draw = monotonic()
         for arm, samples in self._samples.items():
-            for field in ROLLING:
-                chart = self._charts[self._title(arm, field)]
+            for field, chart in self._charts[arm].items():
                 rows = [(time, *getattr(sample, field)) for time, sample in samples]
                 table = np.array(rows).reshape(-1, 1 + len(chart.names))
                 finite = table[np.isfinite(table[:, 1:]).any(axis=1)]

@@ -117,11 +117,10 @@ class DrawnArm:
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
         self._hangs = any(visual.name in (PIVOT, RAIL) for visual in visuals)
         if self._hangs:
-            moving = [self.marker.extent(q, carried) for q in postures(model, _POSTURES)]
-            # rails may go on for ever
-            reached = np.clip(np.vstack(moving), -2 * self.size, 2 * self.size)
-            self.extent = np.vstack([self.extent, self.base + reached])
-            self.lowest = min(self.lowest, float(reached[:, 2].min()))
+            swing = np.vstack([self.marker.extent(q, carried) for q in postures(model, _POSTURES)])
+            reached = self.base + np.clip(swing, -self.size, self.size)  # rails go on for ever
+            self.extent = np.vstack([self.extent, reached])
+            self.lowest = min(self.lowest, max(float(swing[:, 2].min()), -2 * self.size))
 
     def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
         """Draw an instant; the caller groups changes that appear together."""

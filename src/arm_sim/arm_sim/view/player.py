@@ -17,7 +17,7 @@ from arm_sim.figures import units
 from arm_sim.recording import Recording
 from arm_sim.recording.figure import LONG, QUANTITIES
 from arm_sim.stepping.contact_forces import contact_forces
-from arm_sim.view.charts import add_charts
+from arm_sim.view.charts import ChartPanel
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant, contacts_of
 from arm_sim.view.page import View
@@ -59,15 +59,13 @@ class Player(View):
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
         self._loop = gui.add_checkbox("loop", True)
         self._status = gui.add_markdown("")
-        curves = dict[str, tuple[Sequence[str], Array, Array]]()
+        self._panel = ChartPanel(server)
         for recording, actor in self._motions:
             of = f"{actor.name}: " if len(actors) > 1 else ""
-            curves |= {f"{of}{title}": curve for title, curve in _curves(recording)}
+            for title, names, time, values in _curves(recording):
+                self._panel.add(of + title, names).draw(time, values)
             rows = np.unique(np.linspace(0, len(recording) - 1, WAY_POINTS).astype(int))
             actor.show_path(actor.marker.path(recording.q[rows]))
-        self._charts = add_charts(server, {title: names for title, (names, *_) in curves.items()})
-        for title, (_, time, values) in curves.items():
-            self._charts[title].draw(time, values)
         self.seek(begin)
 
     def play(self, on: bool = True) -> None:
@@ -84,8 +82,7 @@ class Player(View):
             for recording, actor in self._motions:
                 actor.draw(instant(recording, self.time))
         self._slider.value = self.time
-        for chart in self._charts.values():
-            chart.read(self.time)
+        self._panel.read(self.time)
         self._report("")
 
     def _seek(self, time: float) -> None:
@@ -137,22 +134,22 @@ def instant(recording: Recording, time: float) -> Instant:
     )  # fmt: skip
 
 
-def _curves(recording: Recording) -> Iterator[tuple[str, tuple[Sequence[str], Array, Array]]]:
-    """Titles of plots, with names, times and values of their curves."""
+def _curves(recording: Recording) -> Iterator[tuple[str, Sequence[str], Array, Array]]:
+    """Titles of charts, with names, times and values of their curves."""
     model = recording.dynamics.model
     for quantity, (attribute, *unit) in QUANTITIES.items():
         if np.isfinite(values := getattr(recording, attribute)).any():
             name = "torque" if quantity == "effort" else quantity
             title = f"{name} [{units(model.joint_types, *unit)}]"
-            yield title, (model.joint_names, recording.time, values)
+            yield (title, model.joint_names, recording.time, values)
     if recording.of_robot:
         return  # work and heat between its states are unknown
     if (error := recording.local_error).any():
-        yield "error [rad]", (("estimated error of q",), recording.time, error[:, None])
+        yield ("error [rad]", ("estimated error of q",), recording.time, error[:, None])
     rows = np.unique(np.linspace(0, len(recording) - 1, POINTS).astype(int))
     part = recording.part(rows)
     curves = {"kinetic": part.kinetic, "potential": part.potential, "total": part.energy}
     if len(recording) <= LONG or not recording.account.makes_ticks_again(recording.x):
         supplied, lost = recording.supplied[rows], recording.lost[rows]
         curves |= {"supplied": supplied, "lost": lost, "balance": recording.balance[rows]}
-    yield "energy [J]", (tuple(curves), part.time, np.column_stack(list(curves.values())))
+    yield ("energy [J]", tuple(curves), part.time, np.column_stack(list(curves.values())))

@@ -27,6 +27,10 @@ _POLL = 0.01  # [s] between checks for a server
 _POLL_COUNT = 0.05  # [s] between checks of the number of servers, while waiting for an answer
 
 
+class Silence(NoAnswer):
+    """A service that exists did not answer in time."""
+
+
 class PolledClient:
     """A client of a service that needs no executor; its node must not be spun elsewhere.
 
@@ -155,12 +159,10 @@ class Caller(TemporaryNode):
             if not client.ready():
                 raise NoAnswer(self._not_offered(client.name))
             doubt = "" if repeatable else " The request may have been carried out nevertheless"
-            silence = NoAnswer(
+            raise Silence(
                 f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
             )
-            silence.offered = True
-            raise silence
         return response
 
     def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:

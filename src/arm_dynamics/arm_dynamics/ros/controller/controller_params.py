@@ -49,18 +49,14 @@ class ControllerParams(ThreadParams, DescriptionParams):
         1.0,
         "Longest time between joint states; after a longer gap the arm is held at its position "
         "and the motion is not resumed [s]; 0: any",
-        low=0.0,
-        high=1e6,
-        read_only=False,
-    )
+        low=0.0, high=1e6, read_only=False,
+    )  # fmt: skip
     jump_limit: float = parameter(
         0.5,
         "Largest displacement of a joint between two states beyond that by its velocity; after a "
         "larger one (a reset, or a joint that was repositioned) the arm is held [rad, m]; 0: any",
-        low=0.0,
-        high=1e6,
-        read_only=False,
-    )
+        low=0.0, high=1e6, read_only=False,
+    )  # fmt: skip
     velocities: str = parameter(
         "states",
         "Where velocities come from: states, or positions, for robots whose states have none or "

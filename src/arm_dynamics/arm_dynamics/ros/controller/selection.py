@@ -178,10 +178,8 @@ class ControllerSelection:
 
     def _check_overreach(self) -> None:
         """Warn of gains that the loop, as late as it is now, does not carry."""
-        settings, maker = (
-            self._settings(self.params),
-            self._controllers.maker(self.params.controller),
-        )
+        settings = self._settings(self.params)
+        maker = self._controllers.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay
         self.overreach = overreach(maker, self._dynamics, settings, delay)

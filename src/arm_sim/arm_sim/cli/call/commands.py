@@ -74,7 +74,7 @@ def _command(service: Service) -> click.Command:
             options: The fields of the request.
         """
         from arm_dynamics.exceptions import NoAnswer, Refused
-        from arm_dynamics.ros.common.caller import Caller
+        from arm_dynamics.ros.common.caller import Caller, Silence
 
         request = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
         contents = [x for x in service.request if x.name != "joint_names"]
@@ -86,7 +86,7 @@ def _command(service: Service) -> click.Command:
         except NoAnswer as error:
             start = f"\n  start one in another terminal: ./arm {service.node} SCENE"
             raise click.ClickException(
-                f"{error}{'' if error.offered else start}"
+                f"{error}{'' if isinstance(error, Silence) else start}"
                 "\n  --node selects another node, --timeout waits longer"
             ) from None
         except Refused as error:

@@ -65,9 +65,9 @@ def trajectory_message(names: Iterable[str], waypoints: Iterable[Waypoint]) -> J
     """Waypoints of joints as a message; quantities that they lack are left empty."""
     message = JointTrajectory(joint_names=list(names))
     for waypoint in waypoints:
-        seconds, nanoseconds = divmod(round(1e9 * waypoint.time), 1_000_000_000)
         point = JointTrajectoryPoint()
-        point.time_from_start.sec, point.time_from_start.nanosec = seconds, nanoseconds
+        start = point.time_from_start
+        start.sec, start.nanosec = divmod(round(1e9 * waypoint.time), 1_000_000_000)
         for field, values in (
             ("positions", waypoint.q), ("velocities", waypoint.v), ("accelerations", waypoint.a),
             ("effort", waypoint.tau),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,19 +56,26 @@ def definition(kind: str) -> str:
     return "".join([own, *parts])
 
 
-_KINDS: dict[str, tuple[Any, Callable[[CdrWriter, Any], Any], Callable[[CdrReader], Any]]] = {
-    "builtin_interfaces/Time": (0, CdrWriter.time, CdrReader.nanoseconds),
-    "string": ("", CdrWriter.text, CdrReader.text),
-    "string[]": ((), CdrWriter.texts, lambda reader: tuple(reader.texts())),
-    "float64[]": (np.zeros(0), CdrWriter.doubles, CdrReader.doubles),
-    "float64": (
+class _Kind(NamedTuple):
+    """Serialization of a type of field."""
+
+    default: Any
+    write: Callable[[CdrWriter, Any], Any]  # returns the offset
+    read: Callable[[CdrReader], Any]
+
+
+_KINDS = {
+    "builtin_interfaces/Time": _Kind(0, CdrWriter.time, CdrReader.nanoseconds),
+    "string": _Kind("", CdrWriter.text, CdrReader.text),
+    "string[]": _Kind((), CdrWriter.texts, lambda reader: tuple(reader.texts())),
+    "float64[]": _Kind(np.zeros(0), CdrWriter.doubles, CdrReader.doubles),
+    "float64": _Kind(
         0.0, lambda writer, x: writer.array(np.array([x])),
         lambda reader: float(reader.array(1)[0]),
     ),
-    "uint8": (0, lambda writer, x: writer.put(bytes([x]), 1), CdrReader.byte),
-    "uint32": (0, CdrWriter.count, CdrReader.count),
+    "uint8": _Kind(0, lambda writer, x: writer.put(bytes([x]), 1), CdrReader.byte),
+    "uint32": _Kind(0, CdrWriter.count, CdrReader.count),
 }  # fmt: skip
-"""Of each type of field: what it is if it is not given, how it is written, and read."""
 
 
 @cache
@@ -82,8 +89,8 @@ def _laid_out(kind: str, values: dict[str, Any]) -> tuple[bytes, dict[str, int]]
     """A serialized message, and the offset of each field."""
     writer, places = CdrWriter(), dict[str, int]()
     for name, type_ in _fields(kind).items():
-        missing, write, _ = _KINDS[type_]
-        places[name] = write(writer, values.get(name, missing))
+        field = _KINDS[type_]
+        places[name] = field.write(writer, values.get(name, field.default))
     return bytes(writer.raw), places
 
 
@@ -99,7 +106,7 @@ def read(kind: str, raw: bytes) -> Any:
         InvalidInput: If the bytes are something else.
     """
     reader, fields = CdrReader(raw), _fields(kind).items()
-    return SimpleNamespace(**{name: _KINDS[type_][2](reader) for name, type_ in fields})
+    return SimpleNamespace(**{name: _KINDS[type_].read(reader) for name, type_ in fields})
 
 
 @dataclass(frozen=True)

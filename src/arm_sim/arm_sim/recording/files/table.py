@@ -35,7 +35,7 @@ _CELL = (
 _TIME = "allowed: a number, or a time such as 13:45:00.125 or 2025-05-31 13:45:00.125"
 _EPOCH = 1e8  # [s] above which times count from 1970
 _CLOCKS = {1e17: ("ns", 1e-9), 1e14: ("us", 1e-6), 1e11: ("ms", 1e-3)}  # by their least size then
-_STEPS = 1e-5, 0.99  # [s] between rows beyond which another unit is likely
+_SHORTEST, _LONGEST = 1e-5, 0.99  # [s] between rows: beyond them another unit is likely
 
 
 def value(cell: str) -> float | None:
@@ -144,8 +144,8 @@ class Table:
             first = Decimal(cells[0])
             times = np.array([float(Decimal(cell) - first) for cell in cells])
             self.notes.append(f"time counts from {first}{unit and f', read as {unit} since 1970'}")
-        step = float(np.median(np.diff(times))) if len(times) > 1 else _STEPS[0]
-        if factor == 1.0 and not _STEPS[0] <= step < _STEPS[1]:
+        step = float(np.median(np.diff(times))) if len(times) > 1 else _SHORTEST
+        if factor == 1.0 and not _SHORTEST <= step < _LONGEST:
             self.notes.append(
                 f"'{name}' has steps of {step:.3g}, read as s; another unit is stated in the "
                 f"name, as in '{name} [ms]'"

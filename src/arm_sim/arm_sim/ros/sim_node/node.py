@@ -16,7 +16,7 @@ from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
 from arm_dynamics.ros.common.topics import advertise, subscribe
-from arm_dynamics.ros.interfaces import JOINT_COMMANDS, ROBOT_DESCRIPTION
+from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.display import Display
@@ -149,24 +149,23 @@ class SimNode(Node):
 
     def _start(self) -> None:
         self.get_logger().info(greeting(self.simulator, self.params))
-        commands = self.resolve_topic_name(JOINT_COMMANDS.name)
-        self.get_logger().info(f"commands come from {commands}; to see the arm: ./arm watch")
         if self.recorder is not None:
             self.get_logger().info(f"recording to {self.recorder.path}")
-        if unused := self.params.unused:
+        if unused := params.unused:
             self.get_logger().warning(
                 f"parameters without effect, since time steps are triggered by "
-                f"{self.params.tick_source}: {', '.join(unused)}"
+                f"{params.tick_source}: {', '.join(unused)}"
             )
         self._outputs.publish()
         self._outputs.stamps.release()  # building took time
         if self.lockstep is not None:
             self._claim_privileges()
             self.lockstep.wait()
-        elif self.params.realtime:
+        elif params.realtime:
             middleware = MiddlewareThreads()
             self.engine.arriving = lambda: middleware.busy
             self.engine.queue.served = True
+            self._outputs.energy.watch(params.energy_period / (params.realtime_factor or 1.0))
             self.loop.start()
 
     def _apply(self, params: SimParams) -> None:
