@@ -148,7 +148,8 @@ class SimNode(Node):
         )  # fmt: skip
 
     def _start(self) -> None:
-        self.get_logger().info(greeting(self.simulator, self.params))
+        params = self.params
+        self.get_logger().info(greeting(self.simulator, params))
         if self.recorder is not None:
             self.get_logger().info(f"recording to {self.recorder.path}")
         if unused := params.unused:
