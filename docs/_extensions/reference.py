@@ -53,7 +53,7 @@ def parts(package: str, names: str) -> str:
 def terms() -> str:
     """The table of terms."""
     rows = (
-        f"| `{entry.asked}` | `{entry.name}` | {', '.join(entry.asks)} "
+        f"| `{entry.method_name}` | `{entry.name}` | {', '.join(entry.parameters)} "
         f"| {' × '.join(map(str, entry.shape))} | {entry.unit} | {entry.about} |"
         for entry in TERMS
     )

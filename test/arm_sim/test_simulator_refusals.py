@@ -104,7 +104,6 @@ class Holding:
 
 
 BAD_CONTROLLERS: dict[str, tuple[Any, Any, str]] = {
-    "a class": (Holding, None, "control is class Holding; an instance of it is expected"),
     "a function as reference": (Holding(), np.sin, "reference is of type ufunc; an object with"),
     "a reference without controller": (ZERO, np.sin, "a reference is for a controller with"),
     "a reference of a function": (lambda state: ZERO, np.sin, "a reference is for a controller"),

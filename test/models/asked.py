@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import Dynamics
-from arm_dynamics.dynamics.dynamics import asked
+from arm_dynamics.dynamics.dynamics import call_entry
 from arm_dynamics.terms import TERMS, Entry
 
 CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
@@ -32,9 +32,9 @@ LAWS = {
 
 
 def _answer(entry: Entry, dynamics: Dynamics, q: Any, v: Any, x: Any) -> Any:
-    frames = [dynamics.model.frame_names[-1]] if entry.which else []
-    made = asked(dynamics, entry, {"q": q, "v": v, "a": x, "tau": x}, *frames)
+    frames = [dynamics.model.frame_names[-1]] if entry.selectors else []
+    made = call_entry(dynamics, entry, {"q": q, "v": v, "a": x, "tau": x}, *frames)
     return np.stack(made, axis=-1) if entry.fields else made
 
 
-CALLS = {entry.asked: partial(_answer, entry) for entry in TERMS}
+CALLS = {entry.method_name: partial(_answer, entry) for entry in TERMS}

@@ -29,12 +29,4 @@ __all__ = [
     "ArmError", "ArmModel", "ConstraintError", "Dynamics", "InvalidInput", "KernelError",
     "ModelError", "Scene", "SceneError", "Term", "Unreachable", "load_scene",
 ]  # fmt: skip
-__getattr__, __dir__ = on_demand(
-    __name__,
-    {
-        "dynamics.dynamics": ("Dynamics", "Term"),
-        "model.arm": ("ArmModel",),
-        "scene.schema": ("Scene",),
-        "scene.load": ("load_scene",),
-    },
-)
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -26,15 +26,15 @@ def read_only(values: ArrayLike) -> Array:
     return array
 
 
-def each(answer: Callable[..., Array], *given: Array) -> Array:
-    """The result for vectors (n,), or those for each row of batches (k, n), by ``given[0]``.
+def each(function: Callable[..., Array], *arguments: Array) -> Array:
+    """The result for vectors (n,), or those for each row of batches (k, n), as the first is.
 
     A single vector among batches is used for every row.
     """
-    if given[0].ndim == 1:
-        return answer(*given)
-    columns = [x if x.ndim == 2 else repeat(x) for x in given]
-    return np.array([answer(*row) for row in zip(*columns, strict=False)])
+    if arguments[0].ndim == 1:
+        return function(*arguments)
+    columns = [x if x.ndim == 2 else repeat(x) for x in arguments]
+    return np.array([function(*row) for row in zip(*columns, strict=False)])
 
 
 Joints = int | Sequence[str]
@@ -46,9 +46,9 @@ def count(joints: Joints) -> int:
     return joints if isinstance(joints, int) else len(joints)
 
 
-def without_number(joints: Joints, given: Array) -> str:
-    """The joints to which no number belongs, as the end of a message, if too many are given."""
-    if not given.ndim or given.shape[-1] <= count(joints):
+def without_number(joints: Joints, values: Array) -> str:
+    """The joints to which no number belongs, as the end of a message, if there are too many."""
+    if not values.ndim or values.shape[-1] <= count(joints):
         return ""
     locked, rules = getattr(joints, "locked", ()), getattr(joints, "rules", ())
     names = {"locked": locked, "mimic": [name for name in rules if name not in locked]}
@@ -67,9 +67,9 @@ def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
         )
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]
-        whose = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
+        owner = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
         raise InvalidInput(
-            f"{name}{bad.tolist()} = {array[tuple(bad)]}{whose}; allowed: finite numbers"
+            f"{name}{bad.tolist()} = {array[tuple(bad)]}{owner}; allowed: finite numbers"
         )
     return array
 
@@ -166,12 +166,12 @@ def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
     return np.array(np.broadcast_to(array, (n,)))
 
 
-def vectors(joints: Joints, **given: ArrayLike) -> list[Array]:
+def vectors(joints: Joints, **values: ArrayLike) -> list[Array]:
     """Check related arguments: each of shape (n,), or a batch of a common length.
 
     Args:
         joints: Names or number of the joints.
-        given: Values by the names of the arguments.
+        values: By the names of the arguments.
 
     Returns:
         The values; if one is a batch, all have its shape (k, n).
@@ -179,7 +179,7 @@ def vectors(joints: Joints, **given: ArrayLike) -> list[Array]:
     Raises:
         InvalidInput: If one is anything else, or batches differ in length.
     """
-    arrays = [vector(name, value, joints) for name, value in given.items()]
+    arrays = [vector(name, value, joints) for name, value in values.items()]
     counts = {array.shape[0] for array in arrays if array.ndim == 2}
     if len(counts) > 1:
         raise InvalidInput(f"batches must have the same length, got {sorted(counts)}")

@@ -31,12 +31,12 @@ def sealed[C](cls: type[C]) -> type[C]:
     instead; ``_parts`` names attributes whose own are suggested for those that an object lacks.
     Subclasses are not sealed, unless they are decorated, too.
     """
-    made: Any = cls
-    made.__getattr__, made.__init__ = _lacking, with_arguments(made.__init__)
+    target: Any = cls
+    target.__getattr__, target.__init__ = _lacking, with_arguments(target.__init__)
     if is_dataclass(cls):
-        made.__setattr__ = _refuse
+        target.__setattr__ = _refuse
         return cls
-    init = made.__init__
+    init = target.__init__
 
     @wraps(init)
     def initialize(self: Any, *args: Any, **kwargs: Any) -> None:
@@ -44,8 +44,8 @@ def sealed[C](cls: type[C]) -> type[C]:
         if type(self) is cls:
             object.__setattr__(self, "_sealed", True)
 
-    made.__init__, made.__setattr__ = initialize, _refuse_once_sealed
-    made._sealed, made._parts = False, getattr(cls, "_parts", ())
+    target.__init__, target.__setattr__ = initialize, _refuse_once_sealed
+    target._sealed, target._parts = False, getattr(cls, "_parts", ())
     return cls
 
 
@@ -53,9 +53,9 @@ def sealed[C](cls: type[C]) -> type[C]:
 def frozen[C](cls: type[C]) -> type[C]:
     """Class decorator: a frozen dataclass that is ``sealed``, with a short ``repr`` of arrays."""
     own = "__repr__" in vars(cls)
-    made: Any = sealed(dataclass(frozen=True)(cls))
-    if not own and any("Array" in str(item.type) for item in fields(made)):
-        made.__repr__ = brief
+    target: Any = sealed(dataclass(frozen=True)(cls))
+    if not own and any("Array" in str(item.type) for item in fields(target)):
+        target.__repr__ = brief
     return cls
 
 
@@ -71,12 +71,12 @@ class _Brief(Repr):
 _BRIEF = _Brief(maxother=60, maxstring=60)
 
 
-def brief(what: Any) -> str:
+def brief(instance: Any) -> str:
     """The ``repr`` of a dataclass, in lines."""
-    shown = [item for item in fields(what) if item.repr and item.name[0] != "_"]
-    values = ((item.name, _BRIEF.repr(getattr(what, item.name))) for item in shown)
+    shown = [item for item in fields(instance) if item.repr and item.name[0] != "_"]
+    values = ((item.name, _BRIEF.repr(getattr(instance, item.name))) for item in shown)
     lines = (f"\n  {name}={' '.join(value.split())}" for name, value in values)
-    return f"{type(what).__name__}({','.join(lines)})"
+    return f"{type(instance).__name__}({','.join(lines)})"
 
 
 def with_arguments[**P, R](method: Callable[P, R]) -> Callable[P, R]:
@@ -95,20 +95,20 @@ def with_arguments[**P, R](method: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def check_arguments(whose: object, method: Callable[..., Any], given: Iterable[str]) -> None:
+def check_arguments(owner: object, method: Callable[..., Any], keywords: Iterable[str]) -> None:
     """Refuse keywords that a method, or the constructor, lacks."""
-    known = [*signature(method).parameters.values()][1:]
-    names = [] if any(x.kind is x.VAR_KEYWORD for x in known) else [x.name for x in known]
-    for name in set(given) - set(names) if names else ():
-        called = _called(whose, method).removesuffix(".__init__")
-        near = (
-            did_you_mean(name, names) or _hint(whose, name) or f"; allowed: {known_names(names)}"
-        )
+    parameters = [*signature(method).parameters.values()][1:]
+    takes_any = any(x.kind is x.VAR_KEYWORD for x in parameters)
+    names = [] if takes_any else [x.name for x in parameters]
+    for name in set(keywords) - set(names) if names else ():
+        called = _called(owner, method).removesuffix(".__init__")
+        near = did_you_mean(name, names) or _hint(owner, name)
+        near = near or f"; allowed: {known_names(names)}"
         raise UnknownArgument(f"{called} has no argument '{name}'{near}") from None
 
 
-def _called(whose: object, method: Callable[..., Any]) -> str:
-    return f"{getattr(whose, '_called', type(whose).__name__)}.{method.__name__}"
+def _called(owner: object, method: Callable[..., Any]) -> str:
+    return f"{getattr(owner, '_called', type(owner).__name__)}.{method.__name__}"
 
 
 def _lacking(self: Any, name: str) -> Any:
@@ -128,42 +128,42 @@ def _lacking(self: Any, name: str) -> Any:
     raise AttributeError(f"{cls.__name__} has no attribute '{name}'{near}", obj=self)
 
 
-def _refuse_once_sealed(self: Any, name: str, given: object) -> None:
+def _refuse_once_sealed(self: Any, name: str, value: object) -> None:
     cls = type(self)
     if name[0] != "_" and self._sealed:
-        if isinstance(found := getattr(cls, name, None), property):
-            settable = found.fset is not None
+        if isinstance(attribute := getattr(cls, name, None), property):
+            settable = attribute.fset is not None
         else:
             settable = any(name in vars(base).get("__annotations__", ()) for base in cls.__mro__)
         if not settable:
             instead = f"build another {cls.__name__}({', '.join(signature(cls).parameters)})"
             raise not_assignable(self, name, vars(self), instead)
-    object.__setattr__(self, name, given)
+    object.__setattr__(self, name, value)
 
 
-def _refuse(self: Any, name: str, given: object) -> None:
+def _refuse(self: Any, name: str, value: object) -> None:
     """Of frozen dataclasses; a class that extends one may have further attributes."""
     names = [item.name for item in fields(self)]
     if "__setattr__" in vars(type(self)) or name in names:
         instead = f"dataclasses.replace changes a copy: {known_names(names, 8)}"
         raise not_assignable(self, name, names, instead)
-    object.__setattr__(self, name, given)
+    object.__setattr__(self, name, value)
 
 
-def not_assignable(what: object, name: str, names: Iterable[str], instead: str) -> NotAssignable:
+def not_assignable(obj: object, name: str, names: Iterable[str], instead: str) -> NotAssignable:
     """The error for an attribute that cannot be set, with what to do instead.
 
     ``names`` are attributes that the object has besides those of its class.
     """
-    cls, hint = type(what), _hint(what, name)
-    known = [other for other in {*dir(cls), *names} if not other.startswith("_")]
-    if name in known:
+    cls, hint = type(obj), _hint(obj, name)
+    public = [other for other in {*dir(cls), *names} if not other.startswith("_")]
+    if name in public:
         return NotAssignable(f"{cls.__name__}.{name} cannot be set{hint or f'; {instead}'}")
-    near = hint or did_you_mean(name, known) or f"; {instead}"
+    near = hint or did_you_mean(name, public) or f"; {instead}"
     return NotAssignable(f"{cls.__name__} has no attribute '{name}'{near}")
 
 
-def _hint(what: object, name: str) -> str:
+def _hint(obj: object, name: str) -> str:
     """What to do instead, as the end of a message."""
-    hints = getattr(type(what), "_instead", {}).items()
+    hints = getattr(type(obj), "_instead", {}).items()
     return next((f"; {text}" for names, text in hints if name in names.split()), "")

@@ -72,11 +72,11 @@ class CdrReader:
         """Read a length."""
         return int(self._count.unpack_from(self._raw, self.skip(COUNT, COUNT))[0])
 
-    def count_of(self, what: str, most: int) -> int:
+    def count_of(self, noun: str, most: int) -> int:
         """Read a length that must not exceed ``most``."""
         count = self.count()
         if count > most:
-            raise InvalidInput(f"{count} {what}; allowed: up to {most}")
+            raise InvalidInput(f"{count} {noun}; allowed: up to {most}")
         return count
 
     def byte(self) -> int:

@@ -165,39 +165,39 @@ def known_names(names: Iterable[str], limit: int = 30) -> str:
     return (", ".join(listed[:limit]) + more) or "none"
 
 
-def did_you_mean(name: object, names: Iterable[str], whose: Mapping[str, str] = {}) -> str:
+def did_you_mean(name: object, names: Iterable[str], prefixes: Mapping[str, str] = {}) -> str:
     """A suggestion of the most similar name, as the end of a message; empty if none is similar.
 
     What other libraries call by the name comes first. Names that differ only in numbers are not
     similar: ``joint9`` does not suggest ``joint4``.
 
     Args:
-        name: What was given.
-        names: What there is.
-        whose: What is written before names that may be meant but are not similar.
+        name: The unknown name.
+        names: Those that there are.
+        prefixes: Prefixes of further names, which may be meant but are not similar.
     """
     if not isinstance(name, str):
         return ""
-    known = {other.casefold(): other for other in names}
-    inner = {x for x in ELSEWHERE if x.split(".")[0] in known}
-    whole, others = name.casefold(), [x for x in known if _bare(known[x]) != _bare(name)]
+    cased = {other.casefold(): other for other in names}
+    inner = {x for x in ELSEWHERE if x.split(".")[0] in cased}
+    whole, others = name.casefold(), [x for x in cased if _bare(cased[x]) != _bare(name)]
     part = sorted((other for other in others if len(other) > 3 and other in whole), key=len)
-    near = [x for x, y in ELSEWHERE.items() if x in {*inner, *whose} and name in y.split()]
+    near = [x for x, y in ELSEWHERE.items() if x in {*inner, *prefixes} and name in y.split()]
     near = near or get_close_matches(whole, others, 1, _ALMOST) or part[-1:]
     near = near or get_close_matches(whole, others, 1)
     if not near:
         return ""
-    return f"; did you mean '{known.get(near[0], whose.get(near[0], '') + near[0])}'?"
+    return f"; did you mean '{cased.get(near[0], prefixes.get(near[0], '') + near[0])}'?"
 
 
-def counted(count: int, what: str) -> str:
+def counted(count: int, noun: str) -> str:
     """A number of things, whose name has a plural in s."""
-    return f"{count or 'no'} {what}{'s' * (count != 1)}"
+    return f"{count or 'no'} {noun}{'s' * (count != 1)}"
 
 
-def not_copied(what: object, instead: str) -> ArmError:
-    """The error for what neither ``copy`` nor ``pickle`` can take, as it holds compiled code."""
-    name = type(what).__name__
+def not_copied(instance: object, instead: str) -> ArmError:
+    """The error for an object that holds compiled code, which ``copy`` and ``pickle`` lose."""
+    name = type(instance).__name__
     return ArmError(f"a {name} holds compiled code: it cannot be copied or pickled; {instead}")
 
 

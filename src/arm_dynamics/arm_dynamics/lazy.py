@@ -3,29 +3,40 @@
 
 from __future__ import annotations
 
+import ast
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 
-def on_demand(
-    package: str, homes: Mapping[str, Sequence[str]]
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+def on_demand(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Make ``__getattr__`` and ``__dir__`` of a package.
+
+    Its public names are in ``__all__``, and its block ``if TYPE_CHECKING:`` imports those that
+    are to be imported on first use, each from the module that defines it.
 
     Args:
         package: Its ``__name__``.
-        homes: Public names by the module within the package that defines them.
+        file: Its ``__file__``.
     """
-    module_of = {name: module for module, names in homes.items() for name in names}
+
+    @cache
+    def modules() -> dict[str, str]:
+        blocks = ast.parse(Path(file).read_text(encoding="utf-8")).body
+        inside = (node for block in blocks if isinstance(block, ast.If) for node in block.body)
+        imports = (node for node in inside if isinstance(node, ast.ImportFrom))
+        return {alias.name: str(node.module) for node in imports for alias in node.names}
 
     def look_up(name: str) -> Any:
-        if name not in module_of:
-            said = f"module {package!r} has no attribute {name!r}"
-            raise AttributeError(said, name=name, obj=sys.modules[package])
-        value = getattr(import_module(f"{package}.{module_of[name]}"), name)
-        setattr(sys.modules[package], name, value)  # later look-ups find it directly
+        module = sys.modules[package]
+        if name not in module.__all__:
+            message = f"module {package!r} has no attribute {name!r}"
+            raise AttributeError(message, name=name, obj=module)
+        value = getattr(import_module(modules()[name]), name)
+        setattr(module, name, value)  # later look-ups find it directly
         return value
 
     return look_up, lambda: sorted(sys.modules[package].__all__)

@@ -32,12 +32,4 @@ __all__ = [
     "computed_torque",
     "contact_history",
 ]
-__getattr__, __dir__ = on_demand(
-    __name__,
-    {
-        "exceptions": ("NotDifferentiable", "SimulationDiverged"),
-        "plant.actuation": ("CompiledControl", "computed_torque"),
-        "recording.recording": ("Recording",), "servo": ("JointCommand",), "state": ("State",),
-        "simulation": ("ClosedLoop", "Plan", "SimulatedArm", "Simulator", "contact_history"),
-    },
-)  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -157,18 +157,18 @@ def test_a_compiler_that_was_ended_is_named_with_the_signal() -> None:
 
 def test_an_interruption_ends_all_compilers(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[subprocess.Popen[str]] = []
-    start = compiler._started
+    start = subprocess.Popen
 
-    def interrupted(command: list[str]) -> subprocess.Popen[str]:
+    def interrupted(command: list[str], **options: object) -> subprocess.Popen[str]:
         if len(started) == 1:
             monkeypatch.setattr(started[0], "communicate", interrupt)
-        started.append(start(command))
+        started.append(start(command, **options))
         return started[-1]
 
     def interrupt() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(compiler, "_started", interrupted)
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
     with pytest.raises(KeyboardInterrupt):
         compiler._run(["sleep", "600"], ["sleep", "600"])
     assert [process.returncode for process in started] == [-signal.SIGTERM] * 2

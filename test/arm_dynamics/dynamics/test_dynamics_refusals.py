@@ -57,16 +57,5 @@ def test_every_method_refuses(value: object) -> None:
         dyn.friction(GOOD, GOOD)  # q and v, as of every other method
 
 
-@pytest.mark.parametrize("terms", [-1, 32, 255, 1.5, "gravity", None])
-def test_unknown_terms(terms: object) -> None:
-    with pytest.raises(InvalidInput, match="terms"):
-        models.dynamics("planar_3r").inverse(GOOD, GOOD, GOOD, terms=terms)
-
-
-def test_batches_of_different_length() -> None:
-    with pytest.raises(InvalidInput, match=r"2.*3|3.*2"):
-        models.dynamics("planar_3r").forward(np.zeros((2, 3)), np.zeros((3, 3)), GOOD)
-
-
 def test_refusals_are_value_errors_and_of_the_family() -> None:
     assert issubclass(InvalidInput, ValueError) and issubclass(InvalidInput, ArmError)

@@ -65,7 +65,7 @@ def test_dry_friction_beyond_the_limit_is_said_whichever_way_it_pushes(sign: flo
     """No pace helps: friction of 0.4 against a limit of 0.3, both ways."""
     dyn = Dynamics(rotor(0.5, viscous=0.0, coulomb=0.4))
     motion = np.zeros((1, 1)), np.array([[sign]]), np.zeros((1, 1))
-    with pytest.raises(Unreachable, match=r"take 0\.4 along .* its limit is 0\.3$"):
+    with pytest.raises(Unreachable, match=r"take 0\.4 N m along .* its limit is 0\.3 N m$"):
         torque_stretch(dyn, *motion, np.array([0.3]))
 
 
@@ -88,7 +88,7 @@ def test_the_joint_that_cannot_bear_its_weight_is_named(joint: int, name: str) -
     most = abs(dyn.gravity(q)[1])
     limit = most + 1.0
     limit[joint] = 0.5 * most[joint]
-    said = f"joint '{name}' take {most[joint]:.4g} along .* limit is {limit[joint]:.4g}$"
+    said = f"joint '{name}' take {most[joint]:.4g} N m along .* limit is {limit[joint]:.4g} N m$"
     with pytest.raises(Unreachable, match=said) as caught:
         torque_stretch(dyn, q, still, still, limit)
     assert_close(caught.value.residual, 0.5 * most[joint], INVERSE_PAIR)

@@ -68,5 +68,5 @@ def test_arms_have_chances_of_their_own_and_runs_repeat() -> None:
 def test_a_restart_forgets_what_is_on_the_way() -> None:
     line: Line[int] = Line(schema.Line(delay=0.002), DT, 3, Channel.STATES)
     line.send(0, 0)
-    line.restart(known=7)
+    line.restart(received=7)
     assert [line.receive(tick) for tick in range(5)] == [7] * 5

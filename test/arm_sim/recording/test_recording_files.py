@@ -241,17 +241,11 @@ def test_what_does_not_exist_is_an_error_of_ours(tmp_path: Path) -> None:
 
 
 def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path: Path) -> None:
-    for name in ("run.npz", "run.txt"):
-        with pytest.raises(InvalidInput, match=r"allowed: \.mcap, or a folder's name"):
-            recording.save(tmp_path / name)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
     with pytest.raises(InvalidInput, match=r"thesis\.tex"):
         recording.save(tmp_path / "mine")
     path = tmp_path / "nowhere" / "run.mcap"
-    for kind in (ArmError, FileNotFoundError):
-        with pytest.raises(kind, match="there is no folder '.*nowhere'"):
-            recording.save(path)
     with pytest.raises(FileNotFoundError, match="there is no folder '.*nowhere'"):
         place_of(path)  # for nodes, before anything is recorded
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]

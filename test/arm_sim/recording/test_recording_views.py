@@ -128,20 +128,10 @@ def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     np.testing.assert_array_equal(part, whole[:300])
 
 
-def test_joints_that_are_not_there_are_named(run: Recording) -> None:
-    with pytest.raises(InvalidInput, match="nose"):
-        run.plot(joints=["nose"])
-    other = Simulator(models.SCENES / "pendulum.yaml").run(0.01)
-    with pytest.raises(InvalidInput, match="share no joint"):
-        run.plot(other)
-
-
 def test_the_command_says_where_the_figure_is(run: Recording, tmp_path: Path) -> None:
     path, out = run.save(tmp_path / "run.mcap"), tmp_path / "figure.png"
     told = CliRunner().invoke(main, ["plot", str(path), str(path), "--out", str(out)])
     assert told.exit_code == 0 and str(out) in told.output and out.stat().st_size > 10_000
-    told = CliRunner().invoke(main, ["plot", str(tmp_path / "none.mcap")])
-    assert told.exit_code == 1 and "no recording" in told.output
 
 
 def test_a_change_between_ticks_does_not_affect_the_torque_before_it() -> None:
@@ -170,15 +160,7 @@ def test_a_part_says_what_held_the_arm_there() -> None:
     run = sim.run(0.3, JointCommand(position=sim.state.q))
     assert run.hold is not None and run.hold.any()
     np.testing.assert_array_equal(run.part(range(100, 300, 20)).hold, run.hold[100:300:20])
-
-
-@pytest.mark.parametrize("size", [10, 12])
-def test_a_mask_of_another_length_selects_no_part(size: int) -> None:
-    run = models.simulator("two_link").run(0.01)
-    assert len(run) == 11
-    np.testing.assert_array_equal(run.part(run.time > 0.0051).time, run.time[6:])
-    with pytest.raises(InvalidInput, match="indices or a mask of 11 are expected"):
-        run.part(np.arange(size) == 3)
+    np.testing.assert_array_equal(run.part(run.time > 0.2001).time, run.time[201:])
 
 
 @pytest.mark.parametrize("scene", ["two_link", "flexible_arm"])

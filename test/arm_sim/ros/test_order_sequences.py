@@ -25,10 +25,10 @@ from sim_by_hand import NAMES, by_hand, next_command
 from std_msgs.msg import Float64MultiArray
 
 import models
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.joint_state import address
 from arm_sim import Recording
 from arm_sim.replay import replay
 from arm_sim.ros import SimNode, node_library

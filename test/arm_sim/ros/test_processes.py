@@ -115,7 +115,7 @@ def test_a_node_is_ended_at_once_while_it_is_being_built(
         time.sleep(0.05)
     process.send_signal(end)
     said, _ = process.communicate(timeout=60.0)
-    assert (process.returncode, said) == (0, "")
+    assert (process.returncode, said) == (0, "starting the simulator …\n")
 
 
 def test_a_command_line_that_ros_cannot_read_ends_it_with_one_error(processes: Processes) -> None:

@@ -9,7 +9,7 @@ import pytest
 from recorded_engine import engine_of, run, scene
 
 from arm_dynamics.cdr import GIGA
-from arm_dynamics.ros.joint_state import address
+from arm_dynamics.codegen.addresses import address
 from arm_sim.recording.files.messages import tick_layout
 from arm_sim.ros.node_library import library
 from arm_sim.ros.record.chunks import PERIOD_NS, SIZE, Chunk

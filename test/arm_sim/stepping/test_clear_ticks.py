@@ -11,10 +11,10 @@ import pytest
 
 import models
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import pointer
 from arm_sim import Simulator
 from arm_sim.derivatives.events import TickTrace
 from arm_sim.stepping import Stepper
-from arm_sim.stepping.addresses import pointer
 from models.touching import contact
 
 PLANAR = {"robot": {"urdf": str(models.FOLDER / "planar_3r.urdf")}}

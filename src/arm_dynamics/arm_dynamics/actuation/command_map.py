@@ -81,8 +81,8 @@ class CommandMap:
             a: Joint accelerations in [rad/s²] or [m/s²], likewise.
             tau: Joint torques in [N m] or [N], likewise.
         """
-        torques: Array = self._uncogged(q, tau + self.rotor_inertia * a + self.rotor_damping * v)
-        return torques
+        rotors = self.rotor_inertia * a + self.rotor_damping * v
+        return np.asarray(self._uncogged(q, tau + rotors))
 
     def _uncogged(self, q: Quantity, tau: Quantity) -> Quantity:
         """Torques less those of cogging; a copy."""
@@ -139,10 +139,8 @@ def rigid_twin(scene: Scene) -> Scene:
     """
     if not any(joint.transmission for joint in scene.joints.values()):
         return scene
-    joints = {
-        name: joint.model_copy(update={"transmission": None})
-        for name, joint in scene.joints.items()
-    }
+    rigid = {"transmission": None}
+    joints = {name: joint.model_copy(update=rigid) for name, joint in scene.joints.items()}
     return scene.model_copy(update={"joints": joints})
 
 

@@ -24,17 +24,17 @@ _NO_STATE = ca.SX(0, 1)
 def states_of(drive: JointDrive, joint: int, name: str, turning: bool) -> list[InternalState]:
     """States of a drive at the joint of an index and a name, which turns or slides."""
     unit = "rad" if turning else "m"
-    found: list[tuple[StateKind, str, float]] = []
+    states: list[tuple[StateKind, str, float]] = []
     if drive.has_current:
         scale = min(1.0, 1.0 / abs(drive.torque_constant))
-        found.append((StateKind.CURRENT, "motor current [A]", scale))
+        states.append((StateKind.CURRENT, "motor current [A]", scale))
     if drive.coupling:
         position, velocity = StateKind.MOTOR_POSITION, StateKind.MOTOR_VELOCITY
-        found.append((position, f"motor position at the joint [{unit}]", 1.0))
-        found.append((velocity, f"motor velocity at the joint [{unit}/s]", 1.0))
+        states.append((position, f"motor position at the joint [{unit}]", 1.0))
+        states.append((velocity, f"motor velocity at the joint [{unit}/s]", 1.0))
         if drive.coupling.hysteresis:
-            found.append((StateKind.DEFLECTION, "transmission hysteresis [1]", 1.0))
-    return [InternalState(joint, kind, f"{name} {what}", scale) for kind, what, scale in found]
+            states.append((StateKind.DEFLECTION, "transmission hysteresis [1]", 1.0))
+    return [InternalState(joint, kind, f"{name} {title}", scale) for kind, title, scale in states]
 
 
 def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:

@@ -188,8 +188,8 @@ class Ensemble:
         torque = self._direct() * u
         for law, part in self.parts(z):
             if law.replaces_command.any():
-                chosen = ca.DM(law.replaces_command.astype(float))
-                torque = torque + chosen * law.equations(q, v, part, u).torque
+                replaced = ca.DM(law.replaces_command.astype(float))
+                torque = torque + replaced * law.equations(q, v, part, u).torque
         return torque
 
     def _direct(self) -> ca.SX:

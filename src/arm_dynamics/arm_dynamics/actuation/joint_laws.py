@@ -24,5 +24,5 @@ def friction_laws(model: ArmModel) -> tuple[FrictionLaw, ...]:
     Raises:
         SceneError: If the coefficients of a model contradict one another.
     """
-    found = (law.of(model) for law in FRICTION)
-    return tuple(law for law in found if law is not None)
+    laws = (kind.of(model) for kind in FRICTION)
+    return tuple(law for law in laws if law is not None)

@@ -30,32 +30,32 @@ class LugreFriction:
     @classmethod
     def of(cls, model: ArmModel) -> LugreFriction | None:
         """The model for the joints that have ``friction.lugre``; None if there are none."""
-        said = ((i, model.scene.joint(name)) for i, name in enumerate(model.joint_names))
-        asked = {i: joint.friction.lugre for i, joint in said if joint.friction.lugre}
-        return cls(model, asked) if asked else None
+        frictions = (model.scene.joint(name).friction for name in model.joint_names)
+        laws = {i: friction.lugre for i, friction in enumerate(frictions) if friction.lugre}
+        return cls(model, laws) if laws else None
 
-    def __init__(self, model: ArmModel, asked: Mapping[int, Lugre]) -> None:
+    def __init__(self, model: ArmModel, laws: Mapping[int, Lugre]) -> None:
         """Collect joints and their coefficients.
 
         Raises:
             SceneError: If the coefficients of a joint contradict one another.
         """
-        self._n, self._joints = model.n, list(asked)
+        self._n, self._joints = model.n, list(laws)
         self._dry = model.friction.by_law.of(self._joints)
-        self._laws = tuple(asked.values())
+        self._laws = tuple(laws.values())
         self._sigma0 = np.array([law.sigma0 for law in self._laws])
-        lowest = [[level.min() for level in self._dry.extremes(i)] for i in asked]
+        lowest = [[level.min() for level in self._dry.extremes(i)] for i in laws]
         self._coulomb, static = np.array(lowest).T
         scales = (static / self._sigma0).tolist()
         units = ["m" if kind == "prismatic" else "rad" for kind in model.joint_types]
-        titles = [f"{model.joint_names[i]} bristle deflection [{units[i]}]" for i in asked]
+        titles = [f"{model.joint_names[i]} bristle deflection [{units[i]}]" for i in laws]
         self.states = tuple(
             InternalState(i, StateKind.DEFLECTION, title, scale)
-            for i, title, scale in zip(asked, titles, scales, strict=True)
+            for i, title, scale in zip(laws, titles, scales, strict=True)
         )
         self.replaces_command = np.zeros(model.n, dtype=bool)
         self.summary = f"{counted(len(self.states), 'joint')}, as many states"
-        for i, law in asked.items():
+        for i, law in laws.items():
             _check(model, i, law)
 
     def initial(self, q: Array, v: Array) -> Array:
@@ -109,17 +109,17 @@ def _check(model: ArmModel, i: int, law: Lugre) -> None:
     sigma1, fading, (mean, skew) = law.sigma1, law.sigma1_velocity, model.friction.viscous
     viscous = mean[i] + skew[i] * np.array([1.0, -1.0])
     lowest, highest = dry.extremes(i)
-    needed = sigma1 * (highest - lowest) / lowest
-    given = zip(viscous, lowest, highest, strict=True)
-    active = [k for k, side in enumerate(given) if not lugre.is_passive(sigma1, *side, fading)]
+    required = sigma1 * (highest - lowest) / lowest
+    sides = zip(viscous, lowest, highest, strict=True)
+    active = [k for k, side in enumerate(sides) if not lugre.is_passive(sigma1, *side, fading)]
     if not active:
         return
-    worst = max(active, key=lambda k: float(needed[k] - viscous[k]))
+    worst = max(active, key=lambda k: float(required[k] - viscous[k]))
     slow = lugre.FADING * lowest[worst] / sigma1
     raise refusal(
         joint,
         f"lugre' is not passive, it could give out energy: viscous >= sigma1 (static - "
-        f"coulomb) / coulomb = {needed[worst]:.4g} is expected, got {viscous[worst]:.4g}; or let "
-        f"the damping fade: sigma1_velocity <= 4 sqrt(2 e) coulomb / sigma1 = {slow:.4g}, "
+        f"coulomb) / coulomb = {required[worst]:.4g} is expected, got {viscous[worst]:.4g}; or "
+        f"let the damping fade: sigma1_velocity <= 4 sqrt(2 e) coulomb / sigma1 = {slow:.4g}, "
         f"got {fading}",
     )

@@ -13,4 +13,4 @@ if TYPE_CHECKING:
     from arm_dynamics.codegen.kernel import Call, Kernel, generate, operations
 
 __all__ = ["Call", "Kernel", "generate", "operations"]
-__getattr__, __dir__ = on_demand(__name__, {"kernel": __all__})
+__getattr__, __dir__ = on_demand(__name__, __file__)

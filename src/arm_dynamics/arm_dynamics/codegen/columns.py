@@ -38,27 +38,28 @@ def column_function(function: ca.Function) -> str:
 
     for k in range(function.n_instructions()):
         kind = function.instruction_id(k)
-        into, given = function.instruction_output(k), function.instruction_input(k)
+        outputs, inputs = function.instruction_output(k), function.instruction_input(k)
         if kind == ca.OP_OUTPUT:
-            value = name(given[0])
-            spread = f"SPREAD({value})" if given[0] in numbers else value
-            lines.append(f"res[{into[1]}] = {spread};")
+            value = name(inputs[0])
+            spread = f"SPREAD({value})" if inputs[0] in numbers else value
+            lines.append(f"res[{outputs[1]}] = {spread};")
             continue
-        plain = all(i in numbers for i in given)
+        plain = all(i in numbers for i in inputs)
         if kind == ca.OP_CONST:
             value = repr(function.instruction_constant(k))
         elif kind == ca.OP_INPUT:
-            plain = given[0] == 0
-            value = f"c[{given[1]}]" if plain else f"arg[{given[0] - 1}][{given[1]}]"
+            argument, element = inputs
+            plain = argument == 0
+            value = f"c[{element}]" if plain else f"arg[{argument - 1}][{element}]"
         elif kind in _BINARY:
-            value = f" {_BINARY[kind]} ".join(map(name, given))
+            value = f" {_BINARY[kind]} ".join(map(name, inputs))
         elif kind in _UNARY:
-            value = _UNARY[kind](name(given[0]))
+            value = _UNARY[kind](name(inputs[0]))
         else:
             raise ValueError(f"no operation of linear functions: CasADi's number {kind}")
-        (numbers.add if plain else numbers.discard)(into[0])
-        declared.add(f"{'real n' if plain else 'column a'}{into[0]};")
-        lines.append(f"{name(into[0])} = {value};")
+        (numbers.add if plain else numbers.discard)(outputs[0])
+        declared.add(f"{'real n' if plain else 'column a'}{outputs[0]};")
+        lines.append(f"{name(outputs[0])} = {value};")
     body = "\n  ".join([*sorted(declared), "(void)c, (void)arg;", *lines])
     # Inlined into a loop, it would share the vector registers with what surrounds it.
     head = f"static __attribute__((noinline)) void {function.name()}"

@@ -110,16 +110,16 @@ def read_manifest(entry: Path) -> Manifest:
         manifest = Manifest.model_validate_json(beside.read_bytes())
     except ValidationError as error:
         raise KernelError(f"{beside} is damaged or of another version: {error}") from error
-    what = f"{entry} ({manifest.scene}: {manifest.kernel})"
+    name = f"{entry} ({manifest.scene}: {manifest.kernel})"
     if manifest.machine != (here := os.uname().machine):
-        raise KernelError(f"{what} was compiled for {manifest.machine}; this machine is {here}")
+        raise KernelError(f"{name} was compiled for {manifest.machine}; this machine is {here}")
     if lacking := processor.missing(manifest.instructions):
         raise KernelError(
-            f"{what} needs instructions that this processor lacks: {', '.join(lacking)}; "
+            f"{name} needs instructions that this processor lacks: {', '.join(lacking)}; "
             f"{ARM} build --processor compiles for older ones"
         )
     if hashlib.sha256(entry.read_bytes()).hexdigest() != manifest.sha256:
-        raise KernelError(f"{what} is damaged: its digest is not the one in {beside.name}")
+        raise KernelError(f"{name} is damaged: its digest is not the one in {beside.name}")
     return manifest
 
 
@@ -154,18 +154,18 @@ def put(path: Path, content: bytes, mode: int) -> None:
 def _check_owner(path: Path) -> None:
     """Refuse a file or folder that another user can have written, or that is a link."""
     try:
-        found = path.lstat()
+        status = path.lstat()
     except OSError as error:
         raise KernelError(f"{path} cannot be read: {error.strerror}") from error
-    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
         raise KernelError(f"{path} is not a plain file")
-    if found.st_uid not in (0, os.getuid()):
+    if status.st_uid not in (0, os.getuid()):
         raise KernelError(
-            f"{path} belongs to user {found.st_uid}, neither to root nor to this one "
+            f"{path} belongs to user {status.st_uid}, neither to root nor to this one "
             f"({os.getuid()})"
         )
-    if found.st_mode & _WRITABLE_BY_OTHERS:
+    if status.st_mode & _WRITABLE_BY_OTHERS:
         raise KernelError(
-            f"{path} can be written by others (mode {stat.S_IMODE(found.st_mode):o}); "
+            f"{path} can be written by others (mode {stat.S_IMODE(status.st_mode):o}); "
             "chmod go-w makes it safe"
         )

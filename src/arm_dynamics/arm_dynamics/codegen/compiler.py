@@ -98,8 +98,8 @@ def find_compiler(language: str = "c") -> tuple[str, ...] | None:
 
 
 @cache
-def _first_there(chosen: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
-    command = shlex.split(chosen)
+def _first_there(own: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
+    command = shlex.split(own)
     if command:
         return tuple(command) if shutil.which(command[0], path=path) else None
     return next(((name,) for name in names if shutil.which(name, path=path)), None)
@@ -109,12 +109,12 @@ def _first_there(chosen: str, names: tuple[str, ...], path: str | None) -> tuple
 def compiler_version(command: tuple[str, ...]) -> str:
     """First line of ``command --version``; empty if it does not run."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [*command, "--version"], capture_output=True, text=True, timeout=20, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return done.stdout.splitlines()[0] if done.returncode == 0 and done.stdout else ""
+    return process.stdout.partition("\n")[0] if process.returncode == 0 else ""
 
 
 def may_build(language: str = "c") -> bool:
@@ -159,19 +159,19 @@ def build(
     with others_may_build(), _building.setdefault(key, Lock()):
         if (destination := _destination.get()) is not None:
             return _build_into(destination, key, texts, language, flags + local)
-        found, refusals = compiled_scenes.search(key)
-        if found is None:
+        code, refusals = compiled_scenes.search(key)
+        if code is None:
             command = find_compiler(language)
             if command is None:
-                raise CompilerMissing(_nothing_found(language, refusals))
+                raise CompilerMissing(_no_compiler_message(language, refusals))
             entry, version = _own_entry(key, command)
             if user_cache.read(entry) is None:
                 library = _compiled(texts, language, command, flags + local, processor.NATIVE)
                 user_cache.write(entry, library)
-            found = Code(ctypes.CDLL(str(entry)), version, key)
+            code = Code(ctypes.CDLL(str(entry)), version, key)
     for refusal in refusals:
         _log.warning("%s", refusal)
-    return found
+    return code
 
 
 def destination() -> Destination | None:
@@ -194,13 +194,13 @@ def find(key: str) -> Code | None:
     """A library that ``build`` compiled before, by ``Code.key``; None if it no longer exists."""
     if _destination.get() is not None:
         return None
-    found, _ = compiled_scenes.search(key)
+    code, _ = compiled_scenes.search(key)
     command = find_compiler()
-    if found is None and command is not None:
+    if code is None and command is not None:
         entry, version = _own_entry(key, command)
         if user_cache.read(entry) is not None:
             return Code(ctypes.CDLL(str(entry)), version, key)
-    return found
+    return code
 
 
 @contextmanager
@@ -225,20 +225,19 @@ def building_into(destination: Destination) -> Iterator[None]:
 
 
 def _headers(texts: list[str], flags: tuple[str, ...]) -> list[str]:
-    """Texts of all headers that are found in our folder or by a flag -I, recursively."""
+    """Texts of all headers in our folder or in one of a flag -I, recursively."""
     folders = [Path(flag[2:]) for flag in flags if flag.startswith("-I")] + [NATIVE]
-    found: dict[Path, str] = {}
-    texts = [*texts]
-    while texts:
-        for name in _INCLUDE.findall(texts.pop()):
+    headers, unread = dict[Path, str](), [*texts]
+    while unread:
+        for name in _INCLUDE.findall(unread.pop()):
             for path in (folder / name for folder in folders):
-                if path not in found and path.is_file():
-                    found[path] = path.read_text(errors="replace")
-                    texts.append(found[path])
-    return [found[path] for path in sorted(found)]
+                if path not in headers and path.is_file():
+                    headers[path] = path.read_text(errors="replace")
+                    unread.append(headers[path])
+    return [headers[path] for path in sorted(headers)]
 
 
-def _nothing_found(language: str, refusals: list[str]) -> str:
+def _no_compiler_message(language: str, refusals: list[str]) -> str:
     title, variable, names = _COMPILERS[language]
     missing = f"no {title} compiler found (${variable}, {', '.join(names)})"
     if not compiled_scenes.folders():
@@ -254,7 +253,7 @@ def _build_into(
     """Compile into a folder of compiled scenes, unless the entry exists already."""
     command = find_compiler(language)
     if command is None:
-        raise CompilerMissing(_nothing_found(language, []))
+        raise CompilerMissing(_no_compiler_message(language, []))
     entry, version = destination.folder / f"{key}.so", compiler_version(command)
     needs = sorted(processor.needed(destination.target))
     try:
@@ -286,7 +285,7 @@ def _compiled(
     """A library of a source, which may be divided, and of further units."""
     source, *others = texts
     suffix = "c" if language == "c" else "cpp"
-    chosen = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
+    compile_ = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
     parts = [*units(source, len(os.sched_getaffinity(0))), *others]
     if (lines := source.count("\n")) > LONG:
         _log.info("compiling %d lines of C on %d cores", lines, len(parts))
@@ -299,33 +298,32 @@ def _compiled(
         if len(names) > 1:
             objects = [f"{name}.o" for name in names]
             pairs = zip(objects, names, strict=True)
-            _run(*([*chosen, "-c", "-o", made, name] for made, name in pairs))
+            _run(*([*compile_, "-c", "-o", output, name] for output, name in pairs))
             names = objects
-        _run([*chosen, "-o", str(library), *names, "-lm"])
+        _run([*compile_, "-o", str(library), *names, "-lm"])
         return library.read_bytes()
 
 
 def _run(*commands: list[str]) -> None:
     """Run all compiler commands in parallel; an interruption ends them."""
+    silent, pipe = subprocess.DEVNULL, subprocess.PIPE
     with ExitStack() as stack:
-        running = [stack.enter_context(_started(command)) for command in commands]
+        running = [
+            stack.enter_context(
+                subprocess.Popen(command, stdin=silent, stdout=silent, stderr=pipe, text=True)
+            )
+            for command in commands
+        ]
         try:
-            told = [process.communicate()[1] for process in running]
+            messages = [process.communicate()[1] for process in running]
         except BaseException:
             for process in running:
                 process.terminate()
             raise
-    for command, process, said in zip(commands, running, told, strict=True):
+    for command, process, message in zip(commands, running, messages, strict=True):
         if (status := process.returncode) < 0:
             name = signal.Signals(-status).name
             raise KernelError(f"{command[0]} was ended by {name} before it had compiled the code")
         if status > 0:
-            said = said[-2000:] or f"status {status}, and no message"
-            raise KernelError(f"{command[0]} refused generated code:\n{said}")
-
-
-def _started(command: list[str]) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        text=True,
-    )  # fmt: skip
+            message = message[-2000:] or f"status {status}, and no message"
+            raise KernelError(f"{command[0]} refused generated code:\n{message}")

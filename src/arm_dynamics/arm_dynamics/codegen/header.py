@@ -57,7 +57,7 @@ class Header:
             uses: Headers that it includes and whose types and constants it uses.
             only: The only structures and enumerations to read, in their order, for a file that
                 contains other code; empty: all.
-            lengths: Lengths of arrays that are given elsewhere, by name.
+            lengths: Lengths of arrays that are defined elsewhere, by name.
 
         Raises:
             ValueError: If it contains a declaration of another kind, or not these.
@@ -74,8 +74,8 @@ class Header:
         text = _SPACE.sub(
             " ", _QUALIFIERS.sub("", _COMMENTS.sub("", path.read_text(encoding="utf-8")))
         )
-        chosen = [_declaration(path, text, name) for name in only.split()]
-        for declaration in chosen or _DECLARATION.findall(text):
+        selected = [_declaration(path, text, name) for name in only.split()]
+        for declaration in selected or _DECLARATION.findall(text):
             self._read(declaration.strip())
 
     def structure(self, name: str) -> type[ctypes.Structure]:
@@ -98,48 +98,52 @@ class Header:
             setattr(library, name, function)
 
     def _read(self, text: str) -> None:
-        if found := _ENUM.match(text):
-            self._count(found[1])
-        elif found := _STRUCT.match(text):
-            self._structures[found[2]] = list(self._members(found[1]))
-        elif found := _POINTER_TYPE.match(text):
-            self._pointers.add(found[1])
-        elif not text.startswith("typedef") and (found := _FUNCTION.match(text)):
-            if found[1]:
-                quick = found[1].strip() == "QUICK"
-                self._functions[found[3]] = *self._signature(found[2], found[4]), quick
+        if match := _ENUM.match(text):
+            self._count(match[1])
+        elif match := _STRUCT.match(text):
+            members, name = match.groups()
+            self._structures[name] = list(self._members(members))
+        elif match := _POINTER_TYPE.match(text):
+            self._pointers.add(match[1])
+        elif not text.startswith("typedef") and (match := _FUNCTION.match(text)):
+            mark, result, name, arguments = match.groups()
+            if mark:
+                quick = mark.strip() == "QUICK"
+                self._functions[name] = *self._signature(result, arguments), quick
         elif not _OPAQUE.match(text):
             raise ValueError(f"{self._path}: cannot read '{text}'")
 
     def _signature(self, result: str, arguments: str) -> tuple[Any, list[Any]]:
-        given = [] if arguments.strip() in ("", "void") else arguments.split(",")
-        kinds = [kind for one in given for _, kind in self._declared(one.strip())]
+        listed = [] if arguments.strip() in ("", "void") else arguments.split(",")
+        kinds = [kind for one in listed for _, kind in self._declared(one.strip())]
         ((_, kind),) = self._declared(f"{result}_")
         return kind, kinds
 
     def _count(self, enumerators: str) -> None:
         value = -1
         for one in filter(None, map(str.strip, enumerators.split(","))):
-            name, _, given = map(str.strip, one.partition("="))
-            value = int(given) if given else value + 1
+            name, _, number = map(str.strip, one.partition("="))
+            value = int(number) if number else value + 1
             self.constants[name] = value
 
     def _members(self, text: str) -> Iterator[tuple[str, Any]]:
         for one in filter(None, map(str.strip, text.split(";"))):
-            if found := _POINTER_FIELD.match(one):
-                yield found[1], ctypes.c_void_p
+            if match := _POINTER_FIELD.match(one):
+                yield match[1], ctypes.c_void_p
             else:
                 yield from self._declared(one)
 
     def _declared(self, text: str) -> Iterator[tuple[str, Any]]:
         """Names and types in ``int64_t a, *b, c[3]``; of ``void``, the type is None."""
-        if (found := _FIELDS.match(text)) is None:
+        if (match := _FIELDS.match(text)) is None:
             raise ValueError(f"{self._path}: cannot read '{text}'")
-        for one in found[2].split(","):
-            if (name := _NAME.match(one.strip())) is None:
+        type_name, names = match.groups()
+        for one in names.split(","):
+            if (match := _NAME.match(one.strip())) is None:
                 raise ValueError(f"{self._path}: cannot read '{text}'")
-            kind = ctypes.c_void_p if name[1].strip() else self._type(found[1], text)
-            yield name[2], kind * self._length(name[3]) if name[3] else kind
+            stars, name, length = match.groups()
+            kind = ctypes.c_void_p if stars.strip() else self._type(type_name, text)
+            yield name, kind * self._length(length) if length else kind
 
     def _type(self, name: str, where: str) -> Any:
         if name == "void":
@@ -163,10 +167,10 @@ class Header:
 
 def _declaration(path: Path, text: str, name: str) -> str:
     """The declaration of a structure or an enumeration in C that also contains other code."""
-    known = re.search(rf"typedef struct \{{[^{{}}]*\}} {name}(?=;)|enum {name} \{{.*?\}}", text)
-    if known is None:
+    match = re.search(rf"typedef struct \{{[^{{}}]*\}} {name}(?=;)|enum {name} \{{.*?\}}", text)
+    if match is None:
         raise ValueError(f"{path}: there is no structure or enumeration '{name}'")
-    return known[0]
+    return match[0]
 
 
 @cache

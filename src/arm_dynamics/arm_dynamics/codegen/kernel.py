@@ -21,7 +21,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen import compiler, known_kernels
 from arm_dynamics.codegen.compiled_scenes import Code
 from arm_dynamics.codegen.header import Header
-from arm_dynamics.codegen.known_kernels import Signature
+from arm_dynamics.codegen.known_kernels import Note, Signature
 from arm_dynamics.codegen.split_functions import divided
 from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError, choices
 
@@ -111,10 +111,9 @@ class Kernel:
         Args:
             recipe: Text of all inputs from which the functions and the driver are generated.
         """
-        found = known_kernels.recall(recipe)
-        if found is None:
+        if (entry := known_kernels.recall(recipe)) is None:
             return None
-        kernel, (code, note) = cls([], "vm"), found
+        kernel, (code, note) = cls([], "vm"), entry
         kernel._load(code)
         kernel._signatures = {each.name: each for each in note.functions}
         kernel._operations = note.operations
@@ -125,7 +124,7 @@ class Kernel:
         if self.library is not None:
             counts = {name: self.operations(name) for name in self._signatures}
             functions = tuple(self._signatures.values())
-            known_kernels.keep(recipe, self._key, functions, counts)
+            known_kernels.keep(recipe, Note(key=self._key, functions=functions, operations=counts))
 
     @property
     def native(self) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels that are found by their inputs, without generating their source.
+"""Kernels that are recalled by their inputs, without generating their source.
 
 To find compiled code by the digest of its source, that source must be generated, which takes
 seconds for an arm of a hundred joints. A note in the user's own cache maps a recipe, the inputs of
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -67,26 +66,23 @@ def recall(recipe: str) -> tuple[Code, Note] | None:
     return (code, note) if code else None
 
 
-def keep(
-    recipe: str, key: str, functions: tuple[Signature, ...], operations: Mapping[str, int]
-) -> None:
+def keep(recipe: str, note: Note) -> None:
     """Note which code belongs to a recipe."""
-    note = Note(key=key, functions=functions, operations=dict(operations))
     user_cache.write(_place(recipe), note.model_dump_json().encode())
 
 
 @cache
 def digest_of(*packages: str) -> str:
     """Digest of all Python and C files below folders, such as those of packages."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for package in packages:
         for folder, folders, files in os.walk(package):
             folders.sort()
             for name in sorted(files):
                 if name.endswith((".py", ".c", ".h", ".hpp")):
                     with open(os.path.join(folder, name), "rb") as file:
-                        found.update(f"\0{name}\0".encode() + file.read())
-    return found.hexdigest()
+                        digest.update(f"\0{name}\0".encode() + file.read())
+    return digest.hexdigest()
 
 
 def _place(recipe: str) -> Path:

@@ -38,10 +38,10 @@ def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall
     call = kernel.call(name)
     dimensions = (ctypes.c_ssize_t * len(shape))(*shape)
     entry = ctypes.byref(call.entry) if call.entry else None
-    made: PythonCall = python_function(_SOURCE, _TAKES)(
+    function: PythonCall = python_function(_SOURCE, _TAKES)(
         entry, len(call.inputs), call.inputs[0].size, len(shape), dimensions, (call, kernel)
     )
-    return made
+    return function
 
 
 @cache
@@ -62,6 +62,6 @@ def python_function(source: Path, takes: tuple[type, ...], *folders: Path) -> An
     places = *own, f"-isystem{headers}", f"-isystem{np.get_include()}"
     code = compiler.build(versions + source.read_text(encoding="utf-8"), local=places)
     library = ctypes.PyDLL(code.library._name, handle=code.library._handle)
-    made = library.python_function
-    made.argtypes, made.restype = takes, ctypes.py_object
-    return made
+    library.python_function.argtypes = takes
+    library.python_function.restype = ctypes.py_object
+    return library.python_function

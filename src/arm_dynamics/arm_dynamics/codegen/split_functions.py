@@ -59,10 +59,13 @@ def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
         lines = body.splitlines()
         if len(lines) <= whole or not all(map(_PLAIN.fullmatch, lines)):
             return match.group()
-        known = list(map(_Line.of, lines))
-        parts = [known[k : k + piece] for k in range(0, len(known), piece)]
+        read = list(map(_Line.of, lines))
+        parts = [read[k : k + piece] for k in range(0, len(read), piece)]
         places = {a: k for k, a in enumerate(_VARIABLE.findall(declarations))}
-        return _pieces(name, parts, places) + _caller(name, parameters, len(parts), len(places))
+        calls = "".join(f"  {name}_{k}(arg, res, live);\n" for k in range(len(parts)))
+        memory = f"  casadi_real live[{len(places)}];\n"
+        caller = f"static int {name}({parameters}) {{\n{memory}{calls}  return 0;\n}}\n"
+        return _pieces(name, parts, places) + caller
 
     text = _FUNCTION.sub(division, source)
     return text if text == source else text.replace(_AFTER_HELPERS, _HEAD_ENDS + _AFTER_HELPERS, 1)
@@ -73,8 +76,8 @@ def units(source: str, count: int) -> list[str]:
 
     The source alone if it has no pieces.
     """
-    head, found, rest = source.partition(_HEAD_ENDS)
-    if not found or count < 2:
+    head, mark, rest = source.partition(_HEAD_ENDS)
+    if not mark or count < 2:
         return [source]
     others: list[list[str]] = [[] for _ in range(count - 1)]
     lengths = [len(_PIECE.sub("", source)), *(0 for _ in others)]
@@ -90,13 +93,10 @@ def units(source: str, count: int) -> list[str]:
         return f"{signature.group()};\n"
 
     main = head + _PIECE.sub(place, rest)
-    return [main, *(_apart(k, head, pieces) for k, pieces in enumerate(others) if pieces)]
-
-
-def _apart(number: int, head: str, pieces: list[str]) -> str:
-    """A file of pieces, in which the helpers that CasADi writes have names of their own."""
-    names = f"#define CASADI_CODEGEN_PREFIX\n#define CODEGEN_PREFIX unit{number}_\n"
-    return names + head + "".join(pieces)
+    # In each file, the helpers that CasADi writes have names of their own.
+    prefix = "#define CASADI_CODEGEN_PREFIX\n#define CODEGEN_PREFIX unit{}_\n"
+    files = (prefix.format(k) + head + "".join(x) for k, x in enumerate(others) if x)
+    return [main, *files]
 
 
 def _pieces(name: str, parts: list[list[_Line]], places: dict[str, int]) -> str:
@@ -143,9 +143,3 @@ def _with_moves(
         if line.target in kept and last[line.target] == k:
             moved.append(f"  live[{places[line.target]}]={line.target};")
     return moved
-
-
-def _caller(name: str, parameters: str, count: int, variables: int) -> str:
-    calls = "".join(f"  {name}_{k}(arg, res, live);\n" for k in range(count))
-    memory = f"  casadi_real live[{variables}];\n"
-    return f"static int {name}({parameters}) {{\n{memory}{calls}  return 0;\n}}\n"

@@ -33,10 +33,8 @@ def folder() -> Path:
     try:
         own.mkdir(mode=0o700, parents=True, exist_ok=True)
         mode = own.lstat()
-        private = (
-            stat.S_ISDIR(mode.st_mode) and mode.st_uid == os.getuid() and not mode.st_mode & 0o077
-        )
-        if private and os.access(own, os.W_OK):
+        is_private = mode.st_uid == os.getuid() and not mode.st_mode & 0o077
+        if stat.S_ISDIR(mode.st_mode) and is_private and os.access(own, os.W_OK):
             return own
     except OSError:
         pass

@@ -53,19 +53,4 @@ __all__ = [
     "Watched", "at_rest", "gains", "held_gains", "load_controller", "make_controller",
     "preparation", "task_reference", "tuned",
 ]  # fmt: skip
-__getattr__, __dir__ = on_demand(__name__, {
-    "compiled_law": ("Compiled", "CompiledComputedTorque", "preparation"),
-    "computed_torque": ("ComputedTorque",),
-    "controller": ("Controller", "Measured", "Restartable"),
-    "custom": ("Watched", "load_controller"),
-    "factory": ("NAMES", "Settings", "make_controller"),
-    "friction_compensation": ("FrictionFeedForward",),
-    "joint_space": ("PD", "PID", "FeedForwardPD", "GravityCompensation", "JointImpedance",
-        "PDGravity", "tuned"),
-    "law": ("JointLaw", "Law"),
-    "pole_placement": ("gains", "held_gains"),
-    "task_space": ("AlongJoints", "CartesianImpedance", "MotionForce", "OperationalSpace",
-        "TaskController", "at_rest", "task_reference"),
-    "wrappers": ("AnyController", "DisturbanceObserver", "HalfTickAhead", "Saturated",
-        "Switch"),
-})  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

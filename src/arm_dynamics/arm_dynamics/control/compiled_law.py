@@ -82,8 +82,9 @@ class Compiled:
         if call is None or reference is None:
             return self.law.torque(state, reference)
         q, v = checked(state, self.model.n, reference)
-        tau = self._still if (given := added_torques(reference, self.model.n)) is None else given
-        np.concatenate((q, v, reference.q, reference.v, reference.a, tau), out=call.inputs[0])
+        if (added := added_torques(reference, self.model.n)) is None:
+            added = self._still
+        np.concatenate((q, v, reference.q, reference.v, reference.a, added), out=call.inputs[0])
         call.run()
         if all_finite(call.outputs[0]):
             call.inputs[2][:] = call.outputs[1]
@@ -190,12 +191,12 @@ def is_built(law: Law, model: ArmModel) -> bool:
 
 def build(law: Law, model: ArmModel) -> Kernel | None:
     """The kernel, built once for a model; None if it cannot be built, or is wrong."""
-    known, key = _built.setdefault(model, {}), law.key
+    kernels, key = _built.setdefault(model, {}), law.key
     if key is None:
         return None
-    if key not in known:
-        known[key] = _compiled(law, model) if compiler.may_build() else None
-    return known[key]
+    if key not in kernels:
+        kernels[key] = _compiled(law, model) if compiler.may_build() else None
+    return kernels[key]
 
 
 @one_at_a_time
@@ -213,13 +214,13 @@ def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
     """Whether code and controller agree; what differs is logged."""
     kept = law.memory
     try:
-        found = list(_pairs(kernel.call(_NAME), law, model))
+        pairs = list(_pairs(kernel.call(_NAME), law, model))
         law.memory = kept
-        if not found:
+        if not pairs:
             raise KernelError(f"{name_of(law)} is singular wherever it was compared")
-        made, expected = np.swapaxes(found, 0, 1)
+        by_code, expected = np.swapaxes(pairs, 0, 1)
         sizes = np.maximum(abs(expected), 1.0)
-        compare(name_of(law), (made - expected, sizes), source="the controller's torque")
+        compare(name_of(law), (by_code - expected, sizes), source="the controller's torque")
     except (ControllerFailed, KernelError) as error:
         hint = " (what changes its formula belongs in tuning or key)"
         _log.warning(_SLOWER, f"{error}{hint if isinstance(error, KernelError) else ''}")

@@ -100,9 +100,9 @@ def law_in_c(model: ArmModel) -> ca.Function:
         middle of a tick dt, in which joints slide as they move then, at rest, too.
     """
     names = "q", "v", "q_d", "v_d", "a_d", "kp", "kd", "dt"
-    given = [ca.SX.sym(name, 1 if name == "dt" else model.n) for name in names]
-    q, v, q_d, v_d, a_d, kp, kd, dt = given
+    symbols = [ca.SX.sym(name, 1 if name == "dt" else model.n) for name in names]
+    q, v, q_d, v_d, a_d, kp, kd, dt = symbols
     motion = q, v, a_d + kd * (v_d - v) + kp * (q_d - q)
     inverse, friction = RigidExpressions(model).frictionless, SteadyFriction.of(model)
     tau = ca.densify(held_torque(inverse, friction, motion, None, dt))
-    return ca.Function("term_computed_torque", given, [tau], names, ["tau"], {"cse": True})
+    return ca.Function("term_computed_torque", symbols, [tau], names, ["tau"], {"cse": True})

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""User-defined controllers: found by name, constructed with the arguments they need, and checked.
+"""User-defined controllers: loaded by name, constructed with arguments they need, and checked.
 
 The contract is that of ``Controller``: an object with ``torque(state, reference)``, and with
-``restart()`` if it has a memory. ``made`` wraps it in ``Watched``, so that its exceptions and
+``restart()`` if it has a memory. ``construct`` wraps it in ``Watched``, so that its exceptions and
 results never reach an arm unchecked.
 """
 
@@ -57,29 +57,30 @@ def load_controller(name: str) -> Maker:
     Raises:
         InvalidInput: If there is no such module or class, or the module cannot be imported.
     """
-    where, _, what = name.partition(":")
-    if not all(part.isidentifier() for part in (*where.split("."), what)):
+    module_name, _, class_name = name.partition(":")
+    if not all(part.isidentifier() for part in (*module_name.split("."), class_name)):
         raise InvalidInput(f"controller = {name!r}; expected the form package.module:Class")
     if "" not in sys.path:
-        sys.path.append("")  # the last, so that nothing else is found there instead
+        sys.path.append("")  # the last, so that it hides no other module
     try:
-        module = import_module(where)
+        module = import_module(module_name)
     except Exception as error:  # user code may raise anything
         raise InvalidInput(
-            f"controller = {name!r}: importing '{where}' failed with {_cause(error)}; modules are "
-            "looked for in installed packages, the folders of PYTHONPATH, and the present folder"
+            f"controller = {name!r}: importing '{module_name}' failed with {_cause(error)}; "
+            "modules are looked for in installed packages, the folders of PYTHONPATH, and the "
+            "present folder"
         ) from error
-    maker: Maker | None = getattr(module, what, None)
+    maker: Maker | None = getattr(module, class_name, None)
     if maker is None or not callable(maker):
-        there = [n for n, x in vars(module).items() if inspect.isclass(x) and n[0] != "_"]
+        classes = [n for n, x in vars(module).items() if inspect.isclass(x) and n[0] != "_"]
         raise InvalidInput(
-            f"controller = {name!r}: '{where}' has no class '{what}'; "
-            f"it has {choices(what, there)}"
+            f"controller = {name!r}: '{module_name}' has no class '{class_name}'; "
+            f"it has {choices(class_name, classes)}"
         )
     return maker
 
 
-def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
+def construct(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     """Construct a user-defined controller with those of the offered arguments that it takes."""
     name = label(maker)
     if not callable(maker):
@@ -143,11 +144,11 @@ class Watched(Wrapper):
                 f"the key of controller {name} raised {_cause(error)}; a tuple of strings, "
                 "numbers and the like is expected, or None"
             ) from error
-        for what in () if law is None else ("tuning", "memory"):
-            parts = getattr(law, what)
+        for key in () if law is None else ("tuning", "memory"):
+            parts = getattr(law, key)
             if not isinstance(parts, tuple) or not all(isinstance(x, np.ndarray) for x in parts):
                 raise InvalidInput(
-                    f"controller {name}: {what} = {reprlib.repr(parts)}; a tuple of arrays is "
+                    f"controller {name}: {key} = {reprlib.repr(parts)}; a tuple of arrays is "
                     "expected"
                 )
         super().__init__(control, n)
@@ -199,7 +200,7 @@ class Watched(Wrapper):
         try:
             super().restart()
         except Exception as error:
-            self._failed = self._failure(f"raised {_cause(error)} when restarted")
+            self._fail(f"raised {_cause(error)} when restarted")
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], finite, of shape (n,).
@@ -214,25 +215,21 @@ class Watched(Wrapper):
         try:
             tau = self.control.torque(Checked(read_only(q), read_only(v)), goal)
         except Exception as error:
-            self._failed = self._failure(f"raised {_cause(error)}")
-            raise self._failed from error
-        return self._numbers(tau)
-
-    def _numbers(self, tau: Any) -> Array:
+            raise self._fail(f"raised {_cause(error)}") from error
         try:
-            given = np.array(tau, dtype=float)
+            torques = np.array(tau, dtype=float)
         except (TypeError, ValueError):
             wrong = f"a {type(tau).__name__}"
         else:
-            if given.shape == (self._n,) and all_finite(given):
-                return given
-            wrong = f"shape {given.shape}" if given.shape != (self._n,) else f"{given}"
-        self._failed = self._failure(f"returned {wrong}; finite numbers of shape ({self._n},) are "
-                                     "expected")  # fmt: skip
-        raise self._failed
+            if torques.shape == (self._n,) and all_finite(torques):
+                return torques
+            wrong = f"shape {torques.shape}" if torques.shape != (self._n,) else f"{torques}"
+        raise self._fail(f"returned {wrong}; finite numbers of shape ({self._n},) are expected")
 
-    def _failure(self, what: str) -> ControllerFailed:
-        return ControllerFailed(f"controller {self.name} {what}")
+    def _fail(self, reason: str) -> ControllerFailed:
+        """The error of a controller that has failed, now and until it is restarted."""
+        self._failed = ControllerFailed(f"controller {self.name} {reason}")
+        return self._failed
 
 
 def _cause(error: Exception) -> str:

@@ -32,15 +32,15 @@ class DerivedVelocity:
         Raises:
             InvalidInput: If a number is out of range.
         """
-        each = positive("dt", dt)
-        if not 0.0 <= cutoff * each < 0.5:
+        step = positive("dt", dt)
+        if not 0.0 <= cutoff * step < 0.5:
             raise InvalidInput(
                 f"velocity_cutoff = {cutoff:g} Hz; allowed: 0 (no filter) to less than "
-                f"{0.5 / each:g} Hz, half of the {1.0 / each:g} states per second"
+                f"{0.5 / step:g} Hz, half of the {1.0 / step:g} states per second"
             )
-        self._filter = LowPass(1, [cutoff] * n, each) if cutoff else None
-        slow = 0.5 * each / np.tan(np.pi * cutoff * each) if cutoff else 0.0
-        self.last, self._delay = np.zeros(n), 0.5 * each + slow
+        self._filter = LowPass(1, [cutoff] * n, step) if cutoff else None
+        lag = 0.5 * step / np.tan(np.pi * cutoff * step) if cutoff else 0.0
+        self.last, self._delay = np.zeros(n), 0.5 * step + lag
         self._before: tuple[int, Array] | None = None
 
     @property
@@ -60,8 +60,8 @@ class DerivedVelocity:
         if self._before is None:
             self.restart()
         elif stamp > self._before[0]:
-            then, there = self._before
-            v = (q - there) / (1e-9 * (stamp - then))
+            stamp_before, q_before = self._before
+            v = (q - q_before) / (1e-9 * (stamp - stamp_before))
             self.last = v if self._filter is None else self._filter.filtered(v).copy()
         self._before = stamp, q
         return self.last

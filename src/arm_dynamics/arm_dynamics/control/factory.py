@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,7 +106,8 @@ class Settings:
         positive("control_period", self.dt)
         fastest, rate = np.pi / self.dt, "rad/s, half a turn in a control period"
         _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly decay")
-        late = float(largest_delay(1.0, 2.0 * np.min(self.damping_ratio), 1.0)) / (1.5 * self.dt)
+        least = float(numbers("damping_ratio", self.damping_ratio).min())
+        late = float(largest_delay(1.0, 2.0 * least, 1.0)) / (1.5 * self.dt)
         between = f"0 to {late:.3g} between nodes, where torques act a period late; otherwise "
         _within("bandwidth", self.bandwidth, fastest, rate, between)
         if len({np.size(self.bandwidth), np.size(self.damping_ratio), 1}) == 3:
@@ -127,8 +128,8 @@ class Settings:
 
 def _within(name: str, value: ArrayLike, most: float, why: str, first: str = "") -> None:
     """Refuse numbers that are not finite, below zero or above ``most``."""
-    given = numbers(name, value)
-    if given.ndim > 1 or np.any(given < 0.0) or np.any(given > most):
+    array = numbers(name, value)
+    if array.ndim > 1 or np.any(array < 0.0) or np.any(array > most):
         raise InvalidInput(f"{name} = {value!r}; allowed: {first}0 to {most:.6g} ({why})")
 
 
@@ -157,9 +158,9 @@ def make_controller(
     if not isinstance(settings, Settings):
         raise InvalidInput(f"settings = {settings!r}; an instance of Settings is expected")
     model_of(dynamics)
-    control, limit = _plain(name, dynamics, settings), settings.limit
+    control, limit = _without_extras(name, dynamics, settings), settings.limit
     own = isinstance(control, custom.Watched)
-    if settings.friction and (terms := _lacking(name, control)):
+    if settings.friction and (terms := _missing_friction(name, control)):
         control = FrictionFeedForward(control, dynamics.model, terms)
     control = WithAddedTorques(control, dynamics.n)
     if settings.observer:
@@ -173,24 +174,26 @@ OFFERED = ("dt", "bandwidth", "damping_ratio", "frame", "axes", "limit")
 setting that is added later must not replace a default of its own."""
 
 
-def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> AnyController:
+def _without_extras(
+    name: str | custom.Maker, dynamics: Dynamics, settings: Settings
+) -> AnyController:
     if not isinstance(name, str):
         offered = {"dynamics": dynamics, "settings": settings}
         offered |= {key: getattr(settings, key) for key in OFFERED}
-        return custom.made(name, offered, dynamics.n)
-    if name not in _BUILDERS:
-        allowed = choices(name, _BUILDERS)
-        raise InvalidInput(f"controller = {name!r}; allowed: {allowed}")
-    if name not in IN_TASK_SPACE:  # those have axes instead of joints
+        return custom.construct(name, offered, dynamics.n)
+    if (kind := _KINDS.get(name)) is None:
+        raise InvalidInput(f"controller = {name!r}; allowed: {choices(name, _KINDS)}")
+    if not kind.in_task_space:  # those have axes instead of joints
         for key in ("bandwidth", "damping_ratio"):
             gain(key, getattr(settings, key), dynamics.n)
-    return _BUILDERS[name](dynamics, settings)
+    return kind.build(dynamics, settings)
 
 
-def _lacking(name: str | custom.Maker, control: AnyController) -> str | None:
+def _missing_friction(name: str | custom.Maker, control: AnyController) -> str | None:
     """The friction that a controller leaves out; None if that is its own affair."""
-    if isinstance(name, str) or not isinstance(control, custom.Watched):
-        return _FRICTION.get(str(name))
+    if isinstance(name, str):
+        return _KINDS[name].missing_friction
+    assert isinstance(control, custom.Watched)
     if (terms := control.friction_terms) is None and not custom.takes(name, "settings"):
         raise InvalidInput(
             f"friction = True: controller {custom.label(name)} does not say which friction it "
@@ -237,33 +240,32 @@ def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: 
     """
     if name == "float" or not (isinstance(name, str) or custom.takes(name, "bandwidth")):
         return ""
-    by_force, k, c = _feedback(name, dynamics, s)
+    kind = _KINDS.get(name) if isinstance(name, str) else None
+    by_force, k, c = _feedback(kind, dynamics, s)
     share = np.minimum(1.0, largest_delay(k, c) / (delay + 0.5 * s.dt))
     why = f"torques that act {delay:.2g} s late and are held for {s.dt:g} s"
-    if name in _TUNED:
+    if kind and kind.is_tuned:
         _, part = joint_space.typical_inertia(dynamics, c * s.dt)
         if part < share.min():
             share, lowered = np.asarray(part), "" if by_force else ", for which gains are lowered"
             why = f"the lightest motions of the arm at {s.dt:g} s per cycle{lowered}"
     if (least := share.min()) == 1.0:
         return ""
-    given = f"bandwidth = {s.bandwidth!r}"
+    gains = f"bandwidth = {s.bandwidth!r}"
     most = f"{_rounded(share * numbers('bandwidth', s.bandwidth))} rad/s"
     if by_force:
-        given = f"stiffness = {s.stiffness!r} with damping = {s.damping!r}"
+        gains = f"stiffness = {s.stiffness!r} with damping = {s.damping!r}"
         most = f"{least**2:.2g} of the stiffness, and {least:.2g} of the damping, if it is given"
-    return f"{given} is too much for {why}; sensible: at most {most}"
+    return f"{gains} is too much for {why}; sensible: at most {most}"
 
 
-def _feedback(
-    name: str | custom.Maker, dynamics: Dynamics, s: Settings
-) -> tuple[bool, Array, Array]:
+def _feedback(kind: _Kind | None, dynamics: Dynamics, s: Settings) -> tuple[bool, Array, Array]:
     """Whether gains are in units of force, and stiffness and damping by inertia."""
     omega, zeta = numbers("bandwidth", s.bandwidth), numbers("damping_ratio", s.damping_ratio)
-    K, D = _given("stiffness", s.stiffness), _given("damping", s.damping)
-    if name not in _IMPEDANCES or (K is None and D is None):
+    K, D = _nonzero("stiffness", s.stiffness), _nonzero("damping", s.damping)
+    if kind is None or not kind.is_impedance or (K is None and D is None):
         return False, omega**2, 2.0 * zeta * omega
-    if name in IN_TASK_SPACE:
+    if kind.in_task_space:
         m = _typical_masses(_task(dynamics, s), dynamics)
     else:
         m, _ = joint_space.typical_inertia(dynamics, 0.0)
@@ -284,31 +286,28 @@ def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
 
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
-    task, K = _task(dynamics, s), _given("stiffness", s.stiffness)
+    task, K = _task(dynamics, s), _nonzero("stiffness", s.stiffness)
     if K is None:
         K = numbers("bandwidth", s.bandwidth) ** 2 * _typical_masses(task, dynamics)
-    kind = partial(task_space.CartesianImpedance, damping=_given("damping", s.damping))
-    return _along_joints(kind, task, s, K)
+    law = partial(task_space.CartesianImpedance, damping=_nonzero("damping", s.damping))
+    return _along_joints(law, task, s, K)
 
 
 def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
-    K = _given("stiffness", s.stiffness)
-    return joint_space.JointImpedance(
-        dynamics,
-        _tuned(dynamics, s)[0] if K is None else K,
-        s.damping_ratio,
-        _given("damping", s.damping),
-    )
+    if (K := _nonzero("stiffness", s.stiffness)) is None:
+        K, _ = _tuned(dynamics, s)
+    D = _nonzero("damping", s.damping)
+    return joint_space.JointImpedance(dynamics, K, s.damping_ratio, D)
 
 
-def _given(name: str, value: ArrayLike) -> Array | None:
-    """Gains in units of force or torque; None if they follow from the bandwidth."""
-    chosen = numbers(name, value)
-    return chosen if chosen.any() else None
+def _nonzero(name: str, value: ArrayLike) -> Array | None:
+    """Gains in units of force or torque; None if all are 0, so that the bandwidth decides."""
+    gains = numbers(name, value)
+    return gains if gains.any() else None
 
 
 def _along_joints(
-    kind: Callable[..., task_space.TaskController], task: TaskSpace, s: Settings, *chosen: Any
+    law: Callable[..., task_space.TaskController], task: TaskSpace, s: Settings, *gains: Any
 ) -> AnyController:
     # Held for dt, ë = -2 ζ ω ė takes ė to (1 - 2 ζ ω dt) ė from tick to tick.
     damping = 2.0 * numbers("bandwidth", s.bandwidth) * numbers("damping_ratio", s.damping_ratio)
@@ -318,38 +317,58 @@ def _along_joints(
             f"in task space is steady at {1.0 / s.dt:g} states per second while bandwidth times "
             f"damping_ratio is at most {0.5 * _STEADY / s.dt:g} rad/s"
         )
-    about = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
-    return task_space.AlongJoints(kind(task, *chosen, s.damping_ratio, **about), task, s.force)
+    posture = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
+    return task_space.AlongJoints(law(task, *gains, s.damping_ratio, **posture), task, s.force)
 
 
-_BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
-    "pd": lambda dyn, s: joint_space.PD(dyn.n, *_tuned(dyn, s)),
-    "pid": _pid,
-    "pd_gravity": lambda dyn, s: joint_space.PDGravity(dyn, *_tuned(dyn, s)),
-    "feed_forward": lambda dyn, s: joint_space.FeedForwardPD(dyn, *_tuned(dyn, s)),
-    "computed_torque": lambda dyn, s: computed_torque.ComputedTorque(
-        dyn, s.bandwidth, s.damping_ratio, s.dt
+class _Kind(NamedTuple):
+    """A controller that comes with the suite.
+
+    Attributes:
+        build: Makes it.
+        missing_friction: Friction that has to be fed forward, ``all`` or ``dry``; None if it
+            includes friction, or has no reference.
+        is_tuned: Whether its gains follow from the arm's inertia, see ``joint_space.tuned``.
+        is_impedance: Whether its gains may be in units of force.
+        in_task_space: Whether it controls a frame.
+    """
+
+    build: Callable[[Dynamics, Settings], AnyController]
+    missing_friction: str | None = None
+    is_tuned: bool = False
+    is_impedance: bool = False
+    in_task_space: bool = False
+
+
+_KINDS = {
+    "pd": _Kind(lambda dyn, s: joint_space.PD(dyn.n, *_tuned(dyn, s)), "all", is_tuned=True),
+    "pid": _Kind(_pid, "all", is_tuned=True),
+    "pd_gravity": _Kind(
+        lambda dyn, s: joint_space.PDGravity(dyn, *_tuned(dyn, s)), "all", is_tuned=True
     ),
-    "operational_space": lambda dyn, s: _along_joints(
-        task_space.OperationalSpace, _task(dyn, s), s, s.bandwidth
+    "feed_forward": _Kind(
+        lambda dyn, s: joint_space.FeedForwardPD(dyn, *_tuned(dyn, s)), "dry", is_tuned=True
     ),
-    "motion_force": lambda dyn, s: _along_joints(
-        task_space.MotionForce, _task(dyn, s), s, s.direction, s.bandwidth
+    "computed_torque": _Kind(
+        lambda dyn, s: computed_torque.ComputedTorque(dyn, s.bandwidth, s.damping_ratio, s.dt)
     ),
-    "joint_impedance": _joint_impedance,
-    "cartesian_impedance": _cartesian_impedance,
-    "float": lambda dyn, s: joint_space.GravityCompensation(dyn),
+    "operational_space": _Kind(
+        lambda dyn, s: _along_joints(task_space.OperationalSpace, _task(dyn, s), s, s.bandwidth),
+        in_task_space=True,
+    ),
+    "motion_force": _Kind(
+        lambda dyn, s: _along_joints(
+            task_space.MotionForce, _task(dyn, s), s, s.direction, s.bandwidth
+        ),
+        in_task_space=True,
+    ),
+    "joint_impedance": _Kind(_joint_impedance, "dry", is_tuned=True, is_impedance=True),
+    "cartesian_impedance": _Kind(_cartesian_impedance, is_impedance=True, in_task_space=True),
+    "float": _Kind(lambda dyn, s: joint_space.GravityCompensation(dyn)),
 }
-# Controllers that need feed-forward of friction; the others include it, or have no reference.
-_FRICTION = {
-    "pd": "all", "pid": "all", "pd_gravity": "all",
-    "feed_forward": "dry", "joint_impedance": "dry",
-}  # fmt: skip
-NAMES: tuple[str, ...] = tuple(_BUILDERS)
+NAMES: tuple[str, ...] = tuple(_KINDS)
 """Names of the controllers that come with the suite."""
-IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
-_TUNED = ("pd", "pid", "pd_gravity", "feed_forward", "joint_impedance")
-_IMPEDANCES = ("joint_impedance", "cartesian_impedance")
+IN_TASK_SPACE = tuple(name for name, kind in _KINDS.items() if kind.in_task_space)
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:
@@ -367,6 +386,6 @@ def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
 
 def _task(dynamics: Dynamics, s: Settings) -> TaskSpace:
     if not s.frame:
-        known = known_names(dynamics.model.frame_names)
-        raise InvalidInput(f"frame is not given; a task controller needs one of {known}")
+        frames = known_names(dynamics.model.frame_names)
+        raise InvalidInput(f"frame is not given; a task controller needs one of {frames}")
     return TaskSpace(dynamics, s.frame, selection=s.axes)

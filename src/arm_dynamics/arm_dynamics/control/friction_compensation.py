@@ -8,7 +8,7 @@ from typing import Any
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.controller import Controller
-from arm_dynamics.control.law import Parts, Wrapper
+from arm_dynamics.control.law import LawInput, Parts, Wrapper
 from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
@@ -70,9 +70,7 @@ class FrictionFeedForward(Wrapper):
         """What the formula depends on besides the model; see ``law.Law``."""
         return None if (key := super().key) is None else (*key, self._viscous)
 
-    def changed(
-        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
-        memory: Parts,
-    ) -> tuple[Any, Parts]:  # fmt: skip
+    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and friction."""
-        return tau + ahead(self._friction, desired.v, desired.q, tau, self._viscous), memory
+        v, q = now.desired.v, now.desired.q
+        return tau + ahead(self._friction, v, q, tau, self._viscous), memory

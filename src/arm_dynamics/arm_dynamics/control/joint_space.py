@@ -29,6 +29,11 @@ def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
     return kp * (desired.q - q) + kd * (desired.v - v)
 
 
+def clipped(tau: Any, limit: Any) -> Any:
+    """Torques within ± limit, for numbers and expressions; NaN stays NaN."""
+    return choose(tau > limit, limit, choose(tau < -limit, -limit, tau))
+
+
 @sealed
 class PD(JointLaw):
     """Springs and dampers alone: τ = K_p e + K_d ė. Gravity causes a steady-state error."""
@@ -102,9 +107,9 @@ class PID(JointLaw):
     ) -> tuple[Any, Parts]:
         """Torques, and the integral with back-calculation; see ``JointLaw.formula``."""
         (kp, kd, each, back, limit), (integral,) = tuning, memory
-        asked = pull(q, v, desired, kp, kd) + integral
-        tau = choose(asked > limit, limit, choose(asked < -limit, -limit, asked))
-        return tau, (integral + each * (desired.q - q) + back * (tau - asked),)
+        unlimited = pull(q, v, desired, kp, kd) + integral
+        tau = clipped(unlimited, limit)
+        return tau, (integral + each * (desired.q - q) + back * (tau - unlimited),)
 
 
 @sealed
@@ -271,8 +276,3 @@ def typical_inertia(dynamics: Dynamics, damping: ArrayLike) -> tuple[Array, floa
     scaled = root[:, None] * np.linalg.inv(M) * root
     greatest = float(np.linalg.eigvalsh(scaled).max())
     return m, min(1.0, _STABLE / greatest) if greatest > 0.0 else 1.0
-
-
-def cut(tau: Array, limit: Array) -> Array:
-    """Torques within ± limit, shape (n,); a third of the time of ``np.clip``."""
-    return np.asarray(np.minimum(np.maximum(tau, -limit), limit))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any, NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -17,6 +17,22 @@ from arm_dynamics.trajectory.reference import Reference
 
 Parts = Sequence[Any]
 """Numbers of a formula, arrays or expressions."""
+
+
+class LawInput(NamedTuple):
+    """Input of a formula: numbers or expressions.
+
+    Attributes:
+        rigid: ``RigidTerms`` or ``RigidExpressions`` of the arm.
+        q: Joint positions.
+        v: Joint velocities.
+        desired: The reference.
+    """
+
+    rigid: Any
+    q: Any
+    v: Any
+    desired: Reference
 
 
 @runtime_checkable
@@ -113,13 +129,10 @@ class Wrapper:
         self._rigid = None if robot is None else RigidTerms(robot)
         self.name = name_of(control)
 
-    def changed(
-        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
-        memory: Parts,
-    ) -> tuple[Any, Parts]:  # fmt: skip
+    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """Torques in place of the controller's, and the memory for the next call.
 
-        For numbers and expressions; arguments as those of ``Law.formula``, its own numbers only.
+        For numbers and expressions; ``tuning`` and ``memory`` are the wrapper's own.
         """
         raise NotImplementedError
 
@@ -131,8 +144,8 @@ class Wrapper:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
         tau = self.control.torque(state, reference)
-        given = self._rigid, q, v, reference, self._tuning, self._memory
-        tau, memory = self.changed(tau, *given)
+        now = LawInput(self._rigid, q, v, reference)
+        tau, memory = self.changed(tau, now, self._tuning, self._memory)
         self._memory = tuple(memory)
         return np.array(tau)
 
@@ -164,7 +177,7 @@ class Wrapper:
         """The controller's formula, changed; see ``Law``."""
         i, k = len(self._tuning), len(self._memory)
         tau, after = self._law.formula(rigid, q, v, desired, tuning[i:], memory[k:])
-        tau, own = self.changed(tau, rigid, q, v, desired, tuning[:i], memory[:k])
+        tau, own = self.changed(tau, LawInput(rigid, q, v, desired), tuning[:i], memory[:k])
         return tau, (*own, *after)
 
 
@@ -174,5 +187,5 @@ def law_of(control: object) -> Law | None:
 
 
 def name_of(law: object) -> str:
-    """The class of a law, or what it is called if it is a user's."""
+    """The class of a law, or the name of a user's."""
     return str(getattr(law, "name", type(law).__name__))

@@ -72,5 +72,4 @@ class LowPass:
         np.multiply(self._step, self._w, self._product)
         self._product.sum(axis=1, out=self._next)
         self._w[1:] = self._next[1:]
-        y: Array = self._next[0]
-        return y
+        return np.asarray(self._next[0])

@@ -64,12 +64,12 @@ def held_gains(
 
 def gain(name: str, value: ArrayLike, n: int) -> Array:
     """Check a gain of every joint, a number or shape (n,), not negative; shape (n,)."""
-    given = numbers(name, value)
-    if given.shape not in ((), (1,), (n,)):
-        raise InvalidInput(f"{name} has shape {given.shape}; allowed: a number or shape ({n},)")
-    if np.any(given < 0.0):
-        raise InvalidInput(f"{name} is {given}; allowed: numbers of at least 0")
-    return np.array(np.broadcast_to(given, (n,)))
+    array = numbers(name, value)
+    if array.shape not in ((), (1,), (n,)):
+        raise InvalidInput(f"{name} has shape {array.shape}; allowed: a number or shape ({n},)")
+    if np.any(array < 0.0):
+        raise InvalidInput(f"{name} is {array}; allowed: numbers of at least 0")
+    return np.array(np.broadcast_to(array, (n,)))
 
 
 def largest_delay(stiffness: ArrayLike, damping: ArrayLike, margin: float = MARGIN) -> Array:

@@ -204,9 +204,9 @@ class AlongJoints:
     ) -> tuple[ca.SX, Parts]:
         """Torques as an expression, not numbers near singularities; see ``law.Law``."""
         task, control = self._task, cast(Any, self._control)
-        *its, force = tuning
-        state, meant = expressions(task.model, task.frame, task.axes)
-        position, rotation, velocity, acceleration = meant(desired.q, desired.v, desired.a)
+        *gains_of_task, force = tuning
+        state, motion = expressions(task.model, task.frame, task.axes)
+        position, rotation, velocity, acceleration = motion(desired.q, desired.v, desired.a)
         reference = TaskReference(position, rotation, velocity, acceleration, force, desired.q)
         *parts, bound = state(q, v)
         arm = TaskInstant._make(parts)
@@ -214,7 +214,7 @@ class AlongJoints:
         error = ca.vertcat(reference.position - arm.position, turn)[task.rows]
         rate = reference.velocity[task.rows] - arm.velocity
         now = TaskInput(q, v, arm, error, rate, reference.acceleration[task.rows])
-        tau = control.demanded(now, reference, its)
+        tau = control.demanded(now, reference, gains_of_task)
         return ca.if_else(bound < 1.0 / task.threshold, tau, np.nan), memory
 
     def torque(self, state: Moving, reference: Reference) -> Array:

@@ -21,8 +21,8 @@ from arm_dynamics.control.controller import (
     checked,
     restart,
 )
-from arm_dynamics.control.joint_space import cut
-from arm_dynamics.control.law import Parts, Wrapper
+from arm_dynamics.control.joint_space import clipped
+from arm_dynamics.control.law import LawInput, Parts, Wrapper
 from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.elementary import choose, sign
@@ -48,17 +48,17 @@ class Saturated:
     def __init__(self, control: AnyController, limit: ArrayLike, n: int) -> None:
         """Set limits in [N m] or [N], positive, inf for none, a number or shape (n,)."""
         self.control, self._limit = control, positive_limits("limit", limit, n)
-        self._asked = np.zeros(n)
+        self._unlimited = np.zeros(n)
 
     @property
     def asked(self) -> Array:
         """Last torque of the controller, before the limits, shape (n,)."""
-        return self._asked.copy()
+        return self._unlimited.copy()
 
     @property
     def saturated(self) -> Array:
         """Joints that were clipped in the last tick, shape (n,)."""
-        return np.asarray(abs(self._asked) > self._limit)
+        return np.asarray(abs(self._unlimited) > self._limit)
 
     def restart(self) -> None:
         """Let the controller forget the past."""
@@ -71,8 +71,9 @@ class Saturated:
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques within the limits in [N m] or [N], shape (n,)."""
-        self._asked = self.control.torque(state, reference)
-        return cut(self._asked, self._limit)
+        self._unlimited = self.control.torque(state, reference)
+        # A third of the time of np.clip.
+        return np.asarray(np.minimum(np.maximum(self._unlimited, -self._limit), self._limit))
 
 
 class WithAddedTorques(Wrapper):
@@ -83,12 +84,9 @@ class WithAddedTorques(Wrapper):
         tau, added = self.control.torque(state, reference), added_torques(reference, self._n)
         return tau if added is None else np.asarray(tau + added)
 
-    def changed(
-        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
-        memory: Parts,
-    ) -> tuple[Any, Parts]:  # fmt: skip
+    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and the reference's."""
-        return tau + desired.tau, memory
+        return tau + now.desired.tau, memory
 
 
 @sealed
@@ -118,12 +116,12 @@ class DisturbanceObserver(Wrapper):
         """
         super().__init__(control, dynamics.n, dynamics.model)
         self._friction = dynamics.steady_friction
-        each, K = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
-        if np.any(K * each >= 1.0):
+        step, K = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
+        if np.any(K * step >= 1.0):
             raise InvalidInput(
                 f"bandwidth = {bandwidth!r} with dt = {dt}: their product must stay below one"
             )
-        self._tuning = K, np.array([each]), positive_limits("limit", limit, dynamics.n)
+        self._tuning = K, np.array([step]), positive_limits("limit", limit, dynamics.n)
         self.restart()
 
     @property
@@ -137,19 +135,16 @@ class DisturbanceObserver(Wrapper):
         self._memory = still, still, still, np.zeros(1)
         super().restart()
 
-    def changed(
-        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
-        memory: Parts,
-    ) -> tuple[Any, Parts]:  # fmt: skip
-        """Torque without the disturbance, and what is remembered: r, τ, the integral, whether."""
-        (K, dt, limit), (r, last, integral, started) = tuning, memory
+    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
+        """Torque without the disturbance; the memory is r, τ, the integral, and 1 once it runs."""
+        (rigid, q, v, _), (K, dt, limit) = now, tuning
+        r, last, integral, started = memory
         momentum = rigid.mass(q) @ v
         lost = self._friction(v, sign(v), q, last)
-        known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
-        integral = choose(started > 0.0, integral + dt * (last + known + r), momentum)
+        modelled = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
+        integral = choose(started > 0.0, integral + dt * (last + modelled + r), momentum)
         r = K * (momentum - integral)
-        tau = tau - r
-        tau = choose(tau > limit, limit, choose(tau < -limit, -limit, tau))
+        tau = clipped(tau - r, limit)
         return tau, (r, tau, integral, started * 0.0 + 1.0)
 
 
@@ -184,8 +179,8 @@ class HalfTickAhead:
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
             lost = self._friction(v, np.sign(v), q, self._last)
-            known = self._rigid.bias(q, v) + self._rigid.spring(q, v) + lost
-            a = self._rigid.mobility(q) @ (self._last - known)
+            bias = self._rigid.bias(q, v) + self._rigid.spring(q, v) + lost
+            a = self._rigid.mobility(q) @ (self._last - bias)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
         self._last = self._control.torque(ahead, reference)
         return self._last.copy()
@@ -259,10 +254,11 @@ class Switch:
         if self._last is None:
             self._left = 0  # there is nothing to fade from
         elif self._left:
-            first = self._offset is None
-            offset = self._last - tau if self._offset is None else self._offset
-            s = self._left / self._ticks
-            tau = self._last if first else tau + offset * (s * s * (3.0 - 2.0 * s))
-            self._offset, self._left = offset, self._left - 1
+            if self._offset is None:
+                self._offset, tau = self._last - tau, self._last
+            else:
+                s = self._left / self._ticks
+                tau = tau + self._offset * (s * s * (3.0 - 2.0 * s))
+            self._left -= 1
         self._last = tau
         return tau.copy()

@@ -58,8 +58,8 @@ class Points:
     drift: Array
     rank: int
 
-    def chosen(self, rows: NDArray[np.intp]) -> Points:
-        """The selected states."""
+    def at(self, rows: NDArray[np.intp]) -> Points:
+        """The states of some rows."""
         arrays = ("q", "v", "tau", "M", "bias", "A", "drift")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
@@ -87,8 +87,7 @@ class AtRest:
 
     def resting(self, v: Array) -> Flags:
         """Which joints are at rest and may stick, booleans, shape as ``v``."""
-        resting: Flags = (v == 0.0) & (self._joints.level > 0.0)
-        return resting
+        return np.asarray((v == 0.0) & (self._joints.level > 0.0))
 
     def motion(self, points: Points) -> tuple[Array, Array]:
         """Motions that start from states with joints at rest.
@@ -102,9 +101,9 @@ class AtRest:
         (k, n), m = points.v.shape, points.A.shape[1]
         a, multipliers = np.empty((k, n)), np.empty((k, m))
         direction, turned = self._guess(points), np.zeros((k, n), dtype=bool)
-        left = np.arange(k)
+        left = np.arange(k)  # points at which a joint may still violate the laws
         for turn in range(3 * n + 2 ** min(n, MANY)):
-            some, way = points.chosen(left), direction[left]
+            some, way = points.at(left), direction[left]
             resting = self.resting(some.v)
             motion = self._moved(some, way, resting & (way == 0.0))
             pull = self._joints.relative_hold(motion.reaction, some.q, some.tau)
@@ -181,14 +180,14 @@ class AtRest:
 def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:
     """Joints at rest without whose acceleration the constraints could not be satisfied."""
     size = abs(A).max(axis=1)
-    rows, wanted = A / np.where(size > 0.0, size, 1.0)[:, None], drift / np.maximum(size, 1e-300)
+    rows, required = A / np.where(size > 0.0, size, 1.0)[:, None], drift / np.maximum(size, 1e-300)
     carried = np.zeros_like(resting)
     while True:
         moving = rows[:, ~resting | carried]
-        left = wanted - moving @ np.linalg.lstsq(moving, wanted, rcond=RANK)[0]
+        left = required - moving @ np.linalg.lstsq(moving, required, rcond=RANK)[0]
         if abs(left).max() <= CARRYING * float(abs(v).max()) ** 2:
             return carried
-        more = resting & ~carried & (abs(rows.T @ left) > CARRYING * abs(left).max())
-        if not more.any():
+        further = resting & ~carried & (abs(rows.T @ left) > CARRYING * abs(left).max())
+        if not further.any():
             return carried
-        carried |= more
+        carried |= further

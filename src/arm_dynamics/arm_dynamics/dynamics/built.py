@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,13 @@ _STRONGEST = 10.0  # [N m/A] of a motor with a gear
 _SLOWEST = 0.5  # [s] of L / R, the largest in textbooks
 _SAME = 6.0  # ratio of the constants of torque and back-EMF, which are equal but for conventions
 
-type Found = Iterator[tuple[str, str, str]]
-"""Joints, each with what is odd about it, and what units or names are meant."""
+
+class Remark(NamedTuple):
+    """A value of a joint that is implausible, and a hint about units or names."""
+
+    joint: str
+    text: str
+    hint: str
 
 
 def arm_model(source: SceneSource | ArmModel) -> ArmModel:
@@ -54,15 +60,15 @@ def unit_remarks(model: ArmModel) -> Iterator[str]:
     """Remarks on values that do not fit together, one for each kind."""
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, model.n))
     q = np.clip(q, *model.stops.limit)
-    kinds: dict[str, list[tuple[str, str]]] = {}
+    by_hint: dict[str, list[Remark]] = {}
     with np.errstate(over="ignore", invalid="ignore"):
-        for name, what, meant in (*_weights(model, q), *_drives(model, q), *_friction(model)):
-            kinds.setdefault(meant, []).append((name, what))
+        for remark in (*_weights(model, q), *_drives(model, q), *_friction(model)):
+            by_hint.setdefault(remark.hint, []).append(remark)
     if fast := too_fast(model, model.v0):
         yield f"initial {fast}; velocities are in rad/s and m/s"
-    for meant, [(name, what), *others] in kinds.items():
-        more = f" (and {known_names([other for other, _ in others], 5)})" if others else ""
-        yield f"joint '{name}'{more}: {what}; {meant}"
+    for hint, [first, *rest] in by_hint.items():
+        more = f" (and {known_names([remark.joint for remark in rest], 5)})" if rest else ""
+        yield f"joint '{first.joint}'{more}: {first.text}; {hint}"
 
 
 def too_fast(model: ArmModel, v: Array, times: float = _TOO_FAST) -> str:
@@ -77,24 +83,25 @@ def too_fast(model: ArmModel, v: Array, times: float = _TOO_FAST) -> str:
     )
 
 
-def _weights(model: ArmModel, q: Array) -> Found:
+def _weights(model: ArmModel, q: Array) -> Iterator[Remark]:
     """Weights of the arm, and of its payloads, far beyond the effort limits."""
     terms, bare = RigidTerms(model), RigidTerms(model.under(model.pin.gravity.linear, ()))
     own = np.array([bare.gravity(posture) for posture in q])
     loads = np.array([terms.gravity(posture) for posture in q]) - own
     near = all(np.linalg.norm(payload.com) < FAR for payload in model.scene.payloads)
-    for what, torques, most, tells in (
+    for cause, torques, most, is_comparable in (
         ("its own weight", own, _HEAVY, model.reach < FAR and not model.springs),
         ("the payload", loads, _LOADED, near),
     ):
         for name, unit, x, limit in _joints(model, abs(torques).max(axis=0)):
-            if tells and x > most * limit and name not in model.placeholders:
+            if is_comparable and x > most * limit and name not in model.placeholders:
                 largest = f"{x:.3g} {unit}, {x / limit:.3g} times its effort limit"
-                yield name, f"{what} needs up to {largest}", f"masses are in kg, efforts in {unit}"
+                hint = f"masses are in kg, efforts in {unit}"
+                yield Remark(name, f"{cause} needs up to {largest}", hint)
 
 
-def _drives(model: ArmModel, q: Array) -> Found:
-    """Inertias and constants of drives that none has."""
+def _drives(model: ArmModel, q: Array) -> Iterator[Remark]:
+    """Inertias and constants that no drive has."""
     terms = RigidTerms(model)
     links = np.max([np.diagonal(terms.mass(x)) - model.armature for x in q[:4]], axis=0)
     rotors = [drive.rotor_inertia if drive else 0.0 for drive in model.drives]
@@ -103,37 +110,38 @@ def _drives(model: ArmModel, q: Array) -> Found:
         slides = np.array(model.joint_types) == "prismatic"
         largest = links[slides == (unit == "N")].max()
         if inertia > _INERT * largest > 0.0:
-            what = f"its drive has {inertia:.3g} at the joint, and the arm at most {largest:.3g}"
-            yield name, what, f"inertias are in kg{'' if unit == 'N' else ' m²'}"
+            text = f"its drive has {inertia:.3g} at the joint, and the arm at most {largest:.3g}"
+            yield Remark(name, text, f"inertias are in kg{'' if unit == 'N' else ' m²'}")
         if drive is None:
             continue
         motor, constant = drive.motor, drive.motor.torque_constant or 0.0
         gear, back = motor.gear_ratio, motor.back_emf_constant or constant
         if unit == "N m" and not _LEAST_GEAR <= abs(gear) <= _LARGEST_GEAR:
-            yield name, f"gear_ratio = {gear:g}", "it is the motor's turns over the joint's"
+            hint = "it is the motor's turns over the joint's"
+            yield Remark(name, f"gear_ratio = {gear:g}", hint)
         if abs(gear) > 1.0 and constant > _STRONGEST:
-            yield name, f"torque_constant = {constant:g}", "it is in N m/A"
+            yield Remark(name, f"torque_constant = {constant:g}", "it is in N m/A")
         if constant and not 1.0 / _SAME < back / constant < _SAME:
-            what = f"back_emf_constant = {back:g} with torque_constant = {constant:g}"
-            yield name, what, "in N m/A and V s/rad the two are equal"
+            text = f"back_emf_constant = {back:g} with torque_constant = {constant:g}"
+            yield Remark(name, text, "in N m/A and V s/rad the two are equal")
         if (motor.inductance or 0.0) > _SLOWEST * (motor.resistance or np.inf):
-            what = f"inductance = {motor.inductance:g} with resistance = {motor.resistance:g}"
-            yield name, what, "they are in H and Ω"
+            text = f"inductance = {motor.inductance:g} with resistance = {motor.resistance:g}"
+            yield Remark(name, text, "they are in H and Ω")
 
 
-def _friction(model: ArmModel) -> Found:
+def _friction(model: ArmModel) -> Iterator[Remark]:
     """Friction against which the effort limits move nothing."""
     friction = model.friction
     levels = friction.static.mean + friction.by_law.static.mean
     for name, unit, dry, limit in _joints(model, levels):
         if dry > limit:
-            what = f"dry friction of {dry:g} {unit} is above its effort limit, {limit:g}"
-            yield name, what, "it can never move"
+            text = f"dry friction of {dry:g} {unit} is above its effort limit, {limit:g}"
+            yield Remark(name, text, "it can never move")
     for name, unit, viscous, limit in _joints(model, model.viscous):
         if viscous * _CRAWL > limit:
             speed = f"{limit / viscous:.2g} {'rad/s' if unit == 'N m' else 'm/s'}"
-            what = f"viscous friction of {viscous:g} allows {speed} at its effort limit"
-            yield name, what, f"it is in {unit} s/{'rad' if unit == 'N m' else 'm'}"
+            text = f"viscous friction of {viscous:g} allows {speed} at its effort limit"
+            yield Remark(name, text, f"it is in {unit} s/{'rad' if unit == 'N m' else 'm'}")
 
 
 def _joints(model: ArmModel, values: Array) -> Iterator[tuple[str, str, float, float]]:

@@ -41,13 +41,14 @@ def check_forward(dynamics: Dynamics, acceleration: Acceleration) -> float:
         KernelError: If it is wrong.
         ModelError: If the mass matrix is singular to rounding.
     """
+    names = ("q", "v", "tau")
 
-    def values(given: Mapping[str, Array]) -> Array:
-        return _accelerations(acceleration, *(given[x] for x in ("q", "v", "tau")))
+    def values(arguments: Mapping[str, Array]) -> Array:
+        return _accelerations(acceleration, *(arguments[name] for name in names))
 
     _mass_matrices(dynamics, random_states(dynamics.n)[0])
     numbers = Numbers(dynamics.model, dynamics.steady_friction)
-    return verify(numbers, (FORWARD, ()), values, ("q", "v", "tau"))
+    return verify(numbers, FORWARD, (), values, names)
 
 
 def sliding(v: Array) -> Array:
@@ -81,19 +82,19 @@ def check_constrained(dynamics: Dynamics, acceleration: Acceleration) -> float:
     drift = np.array([row.drift[kept] for row in rows])
     # A gear's loss depends on the drive's torque, not on what the constraints leave of it.
     friction = dynamics.friction(v, direction=sliding(v), q=q, load=tau)
-    lacking, unmoved = (
-        tau - friction - dynamics.inverse(q, v, way, terms=Term.ALL ^ Term.FRICTION)
-        for way in (a, np.zeros_like(q))
+    lacking, at_rest = (
+        tau - friction - dynamics.inverse(q, v, acceleration, terms=Term.ALL ^ Term.FRICTION)
+        for acceleration in (a, np.zeros_like(q))
     )
-    free = np.linalg.solve(M, unmoved[..., None])
-    terms = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
+    free = np.linalg.solve(M, at_rest[..., None])
+    summands = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
     basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
     reaction = (basis @ (np.swapaxes(basis, 1, 2) @ lacking[..., None]))[..., 0]
-    more, rounded = slack(condition)[:, None], ROUNDED * terms.max(initial=0.0)
+    allowance, rounded = slack(condition)[:, None], ROUNDED * summands.max(initial=0.0)
     return compare(
         "constrained dynamics",
-        ((A @ a[..., None])[..., 0] + drift, more * np.maximum(terms, rounded)),
-        (lacking - reaction, more * torque_size(M, a, tau, lacking)),
+        ((A @ a[..., None])[..., 0] + drift, allowance * np.maximum(summands, rounded)),
+        (lacking - reaction, allowance * torque_size(M, a, tau, lacking)),
     )
 
 
@@ -114,15 +115,13 @@ def closed_states(
     names = closure.initially_active
     places = closure.wander(start, names) if names else list(random_states(len(start), 1)[0])
     rows = [closure.rows.stacked(q, 0.0 * q, names).jacobian[kept] for q in places]
-    found = [closure.factors(q, A, len(A)) for q, A in zip(places, rows, strict=True)]
-    count = sum(kept)
-    # 1 without rows, infinite where fewer are independent
-    condition = np.array(
-        [(f.s[0] / f.s[-1] if len(f.s) == count else np.inf) if count else 1.0 for f in found]
-    )
+    factors = [closure.factors(q, A, len(A)) for q, A in zip(places, rows, strict=True)]
+    condition = np.ones(len(places))
+    if count := sum(kept):  # infinite where fewer rows are independent
+        condition[:] = [f.s[0] / f.s[-1] if len(f.s) == count else np.inf for f in factors]
     repeats = -(-CHECK_STATES // len(places))
     states = [
-        (places[i], v - found[i].nearest(rows[i] @ v), tau, condition[i])
+        (places[i], v - factors[i].nearest(rows[i] @ v), tau, condition[i])
         for i in np.flatnonzero(condition <= max(WELL_CONDITIONED, condition.min()))
         for v, tau in np.random.default_rng(i).uniform(-np.pi, np.pi, (repeats, 2, len(start)))
     ]

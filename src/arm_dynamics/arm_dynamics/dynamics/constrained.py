@@ -13,19 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, each, real_array
+from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.pinocchio_terms import FrameMotion, check_moving
-from arm_dynamics.scene.constraint import ORIGIN
 from arm_dynamics.terms.answers import Answers
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, INVERSE, MASS_MATRIX, WITHOUT_FRICTION
 
-AT_ONCE = 4096  # points in memory at once
+CHUNK = 4096  # points in memory at once
 
 
 @sealed
@@ -45,8 +43,8 @@ class Constrained:
     """
 
     def __init__(self, model: ArmModel, terms: Answers) -> None:
-        self.model, self._terms, self._friction = model, terms, SteadyFriction.of(model)
-        self.closure = Closure(self.model, self.model.stops)
+        self.model, self._terms, self.closure = model, terms, Closure(model, model.stops)
+        self._friction = SteadyFriction.of(model)
         self._at_rest = AtRest(self._friction)
 
     @property
@@ -87,28 +85,26 @@ class Constrained:
         Raises:
             InvalidInput: If a shape, value or name is not allowed.
         """
-        if q.ndim == 1:
-            a, lam = self.forward(q[None], v[None], tau[None], active, external)
-            return a[0], lam[0]
-        names = self.closure.chosen(active)
-        a, lam = self._moving(q, v, tau, names, external)
+        shape, names = q.shape, self.closure.active_names(active)
+        q, v, tau = np.atleast_2d(q, v, tau)
+        a, lam = self._sliding(q, v, tau, names, external)
         rows = np.flatnonzero(self._at_rest.resting(v).any(axis=1))
         if len(rows):
             q, v, tau = q[rows], v[rows], tau[rows]
-            M, bias, A = self._parts(q, v, names)
+            M, bias, A, drift = self._equations(q, v, names)
             rank = self._rank(names, q[0])
-            points = Points(q, v, tau, M, bias - external, A[..., :-1], A[..., -1], rank)
+            points = Points(q, v, tau, M, bias - external, A, drift, rank)
             a[rows], lam[np.ix_(rows, np.isin(self.names, names))] = self._at_rest.motion(points)
-        return a, lam
+        return a.reshape(shape), lam.reshape(*shape[:-1], self.m)
 
     def without_sticking(
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
         """As ``forward``, with the static friction of joints at rest included in ``tau``."""
-        if q.ndim == 1:
-            a, lam = self.without_sticking(q[None], v[None], tau[None], active)
-            return a[0], lam[0]
-        return self._moving(q, v, tau, self.closure.chosen(active))
+        shape, names = q.shape, self.closure.active_names(active)
+        q, v, tau = np.atleast_2d(q, v, tau)
+        a, lam = self._sliding(q, v, tau, names)
+        return a.reshape(shape), lam.reshape(*shape[:-1], self.m)
 
     def inverse(
         self, q: Array, v: Array, a: Array, lam: ArrayLike, external: Array | float = 0.0
@@ -119,7 +115,7 @@ class Constrained:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
             v: Joint velocities in [rad/s] or [m/s], likewise.
             a: Joint accelerations in [rad/s²] or [m/s²], likewise.
-            lam: Multipliers as ``forward`` gives them, shape (m,) or (k, m).
+            lam: Multipliers as ``forward`` returns them, shape (m,) or (k, m).
             external: Torques that act on the links, beside the drives', shape (n,).
 
         Returns:
@@ -134,13 +130,12 @@ class Constrained:
             raise InvalidInput(f"lam has shape {multipliers.shape}; {required} is expected")
         if not np.isfinite(multipliers).all():
             raise InvalidInput("lam holds numbers that are not finite")
-        rows = self._terms(CONSTRAINT_ROWS, q, 0.0 * q, which=(self.closure.rows.names,))
+        rows = self._terms(CONSTRAINT_ROWS, q, 0.0 * q, selection=(self.closure.rows.names,))
         reaction = times(transposed(rows[..., :-1]), multipliers)
-        needed = self._terms(INVERSE, q, v, a, WITHOUT_FRICTION) + reaction - external
-        tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
-        return tau
+        frictionless = self._terms(INVERSE, q, v, a, WITHOUT_FRICTION) + reaction - external
+        return np.asarray(self._friction.demanded(frictionless, v, np.sign(v), q))
 
-    def _moving(
+    def _sliding(
         self,
         q: Array,
         v: Array,
@@ -151,67 +146,24 @@ class Constrained:
         """Accelerations and multipliers of a batch, friction at rest left out."""
         free = tau - self._friction(v, np.sign(v), q, tau) + external
         a, lam = np.empty_like(q), np.zeros((len(q), self.m))
-        for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE)):
-            M, bias, rows = self._parts(q[part], v[part], active)
-            rank, forces = self._rank(active, q[part][0]), free[part] - bias
-            a[part], some = constrained_motion(M, forces, rows[..., :-1], rows[..., -1], rank)
-            lam[part, np.isin(self.names, active)] = some
+        columns = np.isin(self.names, active)
+        for first in range(0, len(q), CHUNK):
+            part = slice(first, first + CHUNK)
+            M, bias, A, drift = self._equations(q[part], v[part], active)
+            rank = self._rank(active, q[first])
+            motion = constrained_motion(M, free[part] - bias, A, drift, rank)
+            a[part], lam[part, columns] = motion
         return a, lam
 
-    def _parts(self, q: Array, v: Array, active: tuple[str, ...]) -> tuple[Array, Array, Array]:
-        """M, C v + G + S, and A and γ side by side."""
-        terms = self._terms
-        bias = terms(INVERSE, q, v, 0.0 * q, WITHOUT_FRICTION)
-        return terms(MASS_MATRIX, q), bias, terms(CONSTRAINT_ROWS, q, v, which=(active,))
+    def _equations(
+        self, q: Array, v: Array, active: tuple[str, ...]
+    ) -> tuple[Array, Array, Array, Array]:
+        """M, C v + G + S, A and γ."""
+        bias = self._terms(INVERSE, q, v, 0.0 * q, WITHOUT_FRICTION)
+        rows = self._terms(CONSTRAINT_ROWS, q, v, selection=(active,))
+        return self._terms(MASS_MATRIX, q), bias, rows[..., :-1], rows[..., -1]
 
     def _rank(self, active: tuple[str, ...], near: Array) -> int:
         """Number of independent rows; the initially active constraints are closed at ``q0``."""
         closed = set(active) <= set(self.closure.initially_active)
         return self.closure.rank(active, self.model.q0 if closed else near)
-
-
-def contact_torque(
-    model: ArmModel, q: Array, wrench: ArrayLike, frame: str | None = None
-) -> Array:
-    """Joint torques that exert a wrench: Jᵀ f, equal to Aᵀλ where f is a constraint force.
-
-    Args:
-        model: The arm.
-        q: Joint positions in [rad] or [m], shape (n,) or (k, n).
-        wrench: Force in [N], shape (3,), or force and moment in [N m], shape (6,), that the arm
-            exerts upon the world, in the world's axes; or a row for each of k.
-        frame: Frame at whose origin the wrench acts; None for the scene's only contact with the
-            world.
-
-    Returns:
-        Joint torques in [N m] or [N], shape of ``q``, to be added to those of the motion.
-
-    Raises:
-        InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
-    """
-    if frame is None:
-        touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]
-        if len(touching) != 1:
-            raise InvalidInput(
-                f"frame is expected: the scene has {len(touching)} places that touch the world; "
-                f"allowed: {known_names(model.frame_names)}"
-            )
-        name, point, offset = touching[0]
-    else:
-        name, point, offset = frame, ORIGIN, ORIGIN
-    f = real_array("wrench", wrench)
-    if f.shape[-1:] not in ((3,), (6,)) or not np.isfinite(f).all():
-        raise InvalidInput(
-            f"wrench = {wrench!r}: 3 finite numbers, a force, or 6, force and moment, are expected"
-        )
-    if f.shape[:-1] not in ((), q.shape[:-1]):
-        rows = f"a row for each of {len(q)} positions" if q.ndim == 2 else f"({f.shape[-1]},)"
-        raise InvalidInput(f"wrench has shape {f.shape}; {rows} is expected")
-    check_moving(model, name)
-    motion = FrameMotion(model, name, "local_world_aligned")
-
-    def push(qi: Array, fi: Array) -> Array:
-        torque: Array = motion.of_point(qi, point, offset)[1][: len(fi)].T @ fi
-        return torque
-
-    return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))

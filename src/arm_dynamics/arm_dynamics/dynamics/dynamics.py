@@ -21,7 +21,8 @@ from arm_dynamics.attributes import check_arguments, sealed
 from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.built import arm_model
-from arm_dynamics.dynamics.constrained import Constrained, contact_torque
+from arm_dynamics.dynamics.constrained import Constrained
+from arm_dynamics.dynamics.contact_torque import contact_torque
 from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import check_frame
@@ -58,38 +59,38 @@ def unanswered(*_: object) -> None:
     """No code answers."""
 
 
-def _asked(entry: Entry) -> Callable[..., Array]:
-    """The method of an entry."""
-    names = "self", *entry.asks
+def _method_of(entry: Entry) -> Callable[..., Array]:
+    """The method that answers an entry: by compiled code where there is some, else checked."""
+    names = "self", *entry.parameters
     signature = Signature([Parameter(x, Parameter.POSITIONAL_OR_KEYWORD) for x in names])
     count = len(names) - 1
 
-    def bound(self: Dynamics, *given: Any, **named: Any) -> tuple[Any, ...]:
+    def bound(self: Dynamics, *arguments: Any, **named: Any) -> tuple[Any, ...]:
         try:
-            return signature.bind(self, *given, **named).args[1:]
+            return signature.bind(self, *arguments, **named).args[1:]
         except TypeError as error:
             check_arguments(self, method, named)
-            raise TypeError(f"Dynamics.{entry.asked}() {error}") from None
+            raise TypeError(f"Dynamics.{entry.method_name}() {error}") from None
 
-    def plain(self: Dynamics, *given: Any, **named: Any) -> Array:
-        if named or len(given) != count:
-            given = bound(self, *given, **named)
+    def plain(self: Dynamics, *arguments: Any, **named: Any) -> Array:
+        if named or len(arguments) != count:
+            arguments = bound(self, *arguments, **named)
         call: PythonCall = self._calls[entry]
-        found = call(*given)
-        return self._answer(entry, given, (), call) if found is None else found
+        result = call(*arguments)
+        return self._answer(entry, arguments, (), call) if result is None else result
 
-    def of_frame(self: Dynamics, *given: Any, **named: Any) -> Array:
-        if named or len(given) != count:
-            given = bound(self, *given, **named)
-        vectors, frame = given[:-1], given[-1]
+    def of_frame(self: Dynamics, *arguments: Any, **named: Any) -> Array:
+        if named or len(arguments) != count:
+            arguments = bound(self, *arguments, **named)
+        vectors, frame = arguments[:-1], arguments[-1]
         of_names: dict[Any, PythonCall] = self._calls[entry]
         call = of_names.get(frame, unanswered) if type(frame) is str else unanswered
-        found = call(*vectors)
-        return self._answer(entry, vectors, (frame,), call) if found is None else found
+        result = call(*vectors)
+        return self._answer(entry, vectors, (frame,), call) if result is None else result
 
-    method = of_frame if entry.which else plain
+    method = of_frame if entry.selectors else plain
     shape = ", ".join(map(str, entry.shape))
-    method.__name__ = entry.asked
+    method.__name__ = entry.method_name
     method.__doc__ = f"{entry.about}\n\nIn [{entry.unit}], ({shape}) or (k, {shape})."
     vars(method)["__signature__"] = signature
     return method
@@ -140,11 +141,11 @@ class Dynamics:
         self._active: Collection[str] | None = None
         self._alone = True  # no external torques and other active constraints
         self._regular = False  # checked when accelerations are first requested
-        self._silent = not self.model.massless  # said when torques are first requested
+        self._silent = not self.model.massless  # warns when torques are first requested
         self._turning = np.array(self.model.joint_types) != "prismatic"
         self._checks_left = CHECKED_CALLS
         self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
-        self._calls: dict[Entry, Any] = {x: {} if x.which else unanswered for x in TERMS}
+        self._calls: dict[Entry, Any] = {x: {} if x.selectors else unanswered for x in TERMS}
 
     def __repr__(self) -> str:
         """Its arm."""
@@ -180,7 +181,7 @@ class Dynamics:
         return other
 
     def of_motions(self) -> Self:
-        """The same, for computed states, in which many turns do not mean degrees."""
+        """The same arm, for computed states, in which many turns do not mean degrees."""
         other = copy(self)
         other._checks_left = 0
         return other
@@ -213,21 +214,28 @@ class Dynamics:
         for name in names:
             check_frame(self.model, name, self.model.frame_names)
         self._check_regular()
-        wanted = [(x, which) for x in TERMS for which in (zip(names) if x.which else [()])]
-        wanted = [x for x in wanted if x[0].compiles(self.model)]
-        made = calls(self.model, self.steady_friction, wanted)
+        requests = [
+            (entry, selection)
+            for entry in TERMS
+            if entry.compiles(self.model)
+            for selection in (zip(names) if entry.selectors else [()])
+        ]
+        compiled = calls(self.model, self.steady_friction, requests)
         other._calls = {
-            x: {name: made[x, (name,)] for name in names} if x.which else made.get((x, ()), old)
-            for x, old in self._calls.items()
+            entry: {name: compiled[entry, (name,)] for name in names}
+            if entry.selectors
+            else compiled.get((entry, ()), old)
+            for entry, old in self._calls.items()
         }
-        other._calls |= {} if self._alone else _OF_THE_ARM_ALONE
+        if not self._alone:
+            other._calls |= _OF_THE_ARM_ALONE
         return other
 
     def _answer(
         self,
         entry: Entry,
-        given: Sequence[Any],
-        which: tuple[Any, ...] = (),
+        arguments: Sequence[Any],
+        selection: tuple[Any, ...] = (),
         call: PythonCall = unanswered,
         otherwise: Callable[..., Array] | None = None,
         quick: bool = True,
@@ -236,44 +244,44 @@ class Dynamics:
 
         Args:
             entry: The entry.
-            given: Its first arguments.
-            which: Those that are not numbers.
+            arguments: Its first arguments.
+            selection: Those that are not numbers.
             call: Code of it.
             otherwise: Computes it of valid vectors, if ``Answers`` alone do not.
             quick: Whether these alone do for single states.
         """
         quick = quick and call is unanswered and self._silent and not self._checks_left
-        if quick and self._are_plain(entry, given):
-            made: Array = entry.formula(self._numbers, *given, *which)
-            if made.ndim == 2 or -LARGE < sum(made.tolist()) < LARGE:
-                return made
-        for frame in which:
+        if quick and self._are_plain(entry, arguments):
+            result: Array = entry.formula(self._numbers, *arguments, *selection)
+            if result.ndim == 2 or -LARGE < sum(result.tolist()) < LARGE:
+                return result
+        for frame in selection:
             check_frame(self.model, frame, self.model.frame_names)
-        checked = self._checked(entry, given)
-        answer = otherwise or partial(self._terms, entry, which=which)
+        checked = self._checked(entry, arguments)
+        answer = otherwise or partial(self._terms, entry, selection=selection)
         if call is unanswered or (checked[0].ndim == 2 and len(checked[0]) >= MANY):
             return finite_answer(answer(*checked))
 
         def one(*state: Array) -> Array:
-            found = call(*state)
-            return finite_answer(answer(*state)) if found is None else found
+            result = call(*state)
+            return finite_answer(answer(*state)) if result is None else result
 
         return each(one, *map(np.ascontiguousarray, checked))
 
-    def _are_plain(self, entry: Entry, given: Sequence[Any]) -> bool:
+    def _are_plain(self, entry: Entry, arguments: Sequence[Any]) -> bool:
         """Whether they are arrays of n finite numbers, which need no conversion.
 
-        Motions of joints that all turn are not looked at: torques show what is not finite.
+        Values of motions of joints that all turn are not checked: torques show what is not finite.
         """
-        shape, shown = self._still.shape, entry is INVERSE and self._turn_only
-        for x in given:
+        shape, unchecked = self._still.shape, entry is INVERSE and self._turn_only
+        for x in arguments:
             if type(x) is not np.ndarray or x.dtype is not _FLOAT or x.shape != shape:
                 return False
-            if not (shown or -LARGE < sum(x.tolist()) < LARGE):
+            if not (unchecked or -LARGE < sum(x.tolist()) < LARGE):
                 return False
         return True
 
-    def _checked(self, entry: Entry, given: Sequence[Any]) -> list[Array]:
+    def _checked(self, entry: Entry, arguments: Sequence[Any]) -> list[Array]:
         """Vectors of the joints, or batches of one length, the first of them positions.
 
         Warns once of angles that are probably degrees, and of an arm without mass.
@@ -281,7 +289,7 @@ class Dynamics:
         if not self._silent and entry in (INVERSE, table.GRAVITY):
             self._silent = True
             _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
-        checked = vectors(self.joint_names, **dict(zip(entry.of, given, strict=False)))
+        checked = vectors(self.joint_names, **dict(zip(entry.arguments, arguments, strict=False)))
         if self._checks_left:
             self._checks_left -= 1
             turned = float(np.max(abs(checked[0]) * self._turning, initial=0.0))
@@ -313,12 +321,11 @@ class Dynamics:
         whole = terms is _ALL or (type(terms) is int and terms == _ALL)
         if whole and self._alone:
             call: PythonCall = self._calls[INVERSE]
-            found = call(q, v, a)
-            return self._answer(INVERSE, (q, v, a), (), call) if found is None else found
-        chosen = _chosen(terms)
+            result = call(q, v, a)
+            return self._answer(INVERSE, (q, v, a), (), call) if result is None else result
         external = self._external if whole else self._still
         state = self._checked(INVERSE, (q, v, a))
-        return finite_answer(self._terms(INVERSE, *state, chosen, external))
+        return finite_answer(self._terms(INVERSE, *state, _factors(terms), external))
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Commands that produce a motion, in units of ``model.command_unit``, with rigid drives.
@@ -350,8 +357,8 @@ class Dynamics:
             ModelError: If the mass matrix is singular to rounding.
         """
         call: PythonCall = self._calls[FORWARD]
-        if (found := call(q, v, tau)) is not None:
-            return found
+        if (result := call(q, v, tau)) is not None:
+            return result
         quick = self._alone and self._regular and not self.model.scene.bilateral
         if quick and self.steady_friction.joints.has_dry:  # a joint at rest may stick
             quick = isinstance(v, np.ndarray) and 0.0 not in v.tolist()
@@ -400,16 +407,16 @@ class Dynamics:
         return finite_answer(self.constrained.inverse(q, v, a, lam, self._external))
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
-        """Joint torques Jᵀ f that exert a wrench on the world; see ``constrained``."""
+        """Joint torques Jᵀ f that exert a wrench on the world; see ``contact_torque``."""
         (q,) = vectors(self.joint_names, q=q)
         return finite_answer(contact_torque(self.model, q, wrench, frame))
 
-    mass_matrix = _asked(table.MASS_MATRIX)
-    coriolis_matrix = _asked(table.CORIOLIS_MATRIX)
-    gravity = _asked(table.GRAVITY)
-    pose = _asked(table.POSE)
-    jacobian = _asked(table.JACOBIAN)
-    jacobian_derivative = _asked(table.JACOBIAN_DERIVATIVE)
+    mass_matrix = _method_of(table.MASS_MATRIX)
+    coriolis_matrix = _method_of(table.CORIOLIS_MATRIX)
+    gravity = _method_of(table.GRAVITY)
+    pose = _method_of(table.POSE)
+    jacobian = _method_of(table.JACOBIAN)
+    jacobian_derivative = _method_of(table.JACOBIAN_DERIVATIVE)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Torques S(q, v) that balance springs and their dampers in [N m] or [N], shape of ``q``.
@@ -423,8 +430,8 @@ class Dynamics:
         """
         call: PythonCall = self._calls[table.SPRING]
         state = q, self._still if v is None else v
-        if (torques := call(*state)) is not None:
-            return torques
+        if (result := call(*state)) is not None:
+            return result
         return self._answer(table.SPRING, state, (), call, None if self.model.springs else _zero)
 
     def friction(
@@ -454,12 +461,12 @@ class Dynamics:
         if direction is None and load is None:
             call: PythonCall = self._calls[table.FRICTION]
             state = self._still if q is None else q, v
-            if (found := call(*state)) is not None:
-                return found
+            if (result := call(*state)) is not None:
+                return result
+            unloaded = self.steady_friction
             return self._answer(
-                table.FRICTION, state, (), call,
-                lambda q, v: self.steady_friction(v, np.sign(v), q, 0.0 * v),
-            )  # fmt: skip
+                table.FRICTION, state, (), call, lambda q, v: unloaded(v, np.sign(v), q, 0.0 * v)
+            )
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,
@@ -482,17 +489,19 @@ class Dynamics:
 
 
 for _entry in TERMS:
-    if not hasattr(Dynamics, _entry.asked):
-        setattr(Dynamics, _entry.asked, _asked(_entry))
+    if not hasattr(Dynamics, _entry.method_name):
+        setattr(Dynamics, _entry.method_name, _method_of(_entry))
 
 
-def asked(dynamics: Dynamics, entry: Entry, given: Mapping[str, Array], *which: Any) -> Any:
-    """What the method of an entry answers, for arguments by name."""
-    known = {**given, **dict(zip(entry.which, which, strict=True))}
-    return getattr(dynamics, entry.asked)(**{x: known[x] for x in entry.asks})
+def call_entry(
+    dynamics: Dynamics, entry: Entry, arguments: Mapping[str, Array], *selection: Any
+) -> Any:
+    """The result of the method of an entry, for arguments by name, of which it takes its own."""
+    by_name = {**arguments, **dict(zip(entry.selectors, selection, strict=True))}
+    return getattr(dynamics, entry.method_name)(**{x: by_name[x] for x in entry.parameters})
 
 
-def _chosen(terms: Term | int) -> Array:
+def _factors(terms: Term | int) -> Array:
     """Factors of inertia, Coriolis, gravity, friction and springs."""
     if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(

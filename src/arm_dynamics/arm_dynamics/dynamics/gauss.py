@@ -44,8 +44,7 @@ def constrained_motion(
 
 def times(matrices: Array, vectors: Array) -> Array:
     """Products of matrices (…, m, n) and vectors (…, n), shape (…, m)."""
-    product: Array = (matrices @ vectors[..., None])[..., 0]
-    return product
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def transposed(matrices: Array) -> Array:

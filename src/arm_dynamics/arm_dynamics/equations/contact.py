@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations.rigid_body import Placement, placements, solve
+from arm_dynamics.equations.rigid_body import Placement, placements
 from arm_dynamics.equations.tree import (
     Tree,
     common_link,
@@ -205,14 +205,14 @@ def _turning_speeds(tree: Tree, pose: list[Placement], point: ContactPoint) -> c
     return ca.sparsify(point.radius * across @ ca.sparsify(turning) @ spread_map(tree))
 
 
-def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:
+def sliding_direction(speed: ca.SX, initial: ca.SX, fixed: ca.SX) -> ca.SX:
     """Unit vector of the sliding direction, continued through rest.
 
     A contact that comes to rest and would reverse keeps its direction until the event is located.
 
     Args:
         speed: Tangential velocity in [m/s], shape (2,).
-        given: Direction at the beginning of the motion, a unit vector, shape (2,).
+        initial: Direction at the beginning of the motion, a unit vector, shape (2,).
         fixed: 1 to keep it.
 
     Returns:
@@ -220,8 +220,8 @@ def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:
     """
     square = ca.sumsqr(speed)
     resting = ca.logic_or(fixed > 0, square <= AT_REST**2)
-    forward = ca.if_else(ca.dot(speed, given) < 0, -1, 1)
-    return ca.if_else(resting, given, forward * speed / ca.sqrt(ca.if_else(resting, 1, square)))
+    forward = ca.if_else(ca.dot(speed, initial) < 0, -1, 1)
+    return ca.if_else(resting, initial, forward * speed / ca.sqrt(ca.if_else(resting, 1, square)))
 
 
 def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
@@ -346,11 +346,6 @@ def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.
     D = shares(points, speed, mode)
     own = [W[3 * k, 3 * k : 3 * k + 3] @ D[3 * k : 3 * k + 3, 3 * k] for k in range(len(points))]
     return ca.vertcat(*own)
-
-
-def solve_columns(M: ca.SX, B: ca.SX) -> ca.SX:
-    """M⁻¹ B for symmetric positive definite M and several columns."""
-    return ca.horzcat(*[solve(M, B[:, j]) for j in range(B.shape[1])])
 
 
 def lu(A: ca.SX) -> ca.SX:

@@ -102,7 +102,7 @@ class _Joint:
     speed: _Change
     push: _Change
 
-    def seen(self, frame: _Frame) -> _Joint:
+    def placed_in(self, frame: _Frame) -> _Joint:
         return _Joint(frame.change(self.place), frame.change(self.speed), frame.change(self.push))
 
 
@@ -164,7 +164,7 @@ def inverse_derivatives(
     frames, joints, bodies = _outward(tree, q, E @ v, E @ a, gravity)
     in_links = len(links) <= IN_LINKS_AT_MOST
     worlds = list[_Frame]() if in_links else _in_world(tree, frames)
-    seen = joints if in_links else [j.seen(w) for j, w in zip(joints, worlds, strict=True)]
+    changes = joints if in_links else [j.placed_in(w) for j, w in zip(joints, worlds, strict=True)]
     by_q, by_v, M = (ca.SX(len(links), len(links)) for _ in range(3))
     for i in reversed(range(len(links))):
         row, place, speed = _of_joint(bodies[i], joints[i], links[i])
@@ -173,10 +173,10 @@ def inverse_derivatives(
             row, place, speed = world.row(row), world.wrench(place), world.wrench(speed)
         j = i
         while j >= 0:
-            by_q[i, j], by_v[i, j] = row.dot(seen[j].place), row.dot(seen[j].speed)
-            M[i, j] = M[j, i] = row.dot(seen[j].push)
+            by_q[i, j], by_v[i, j] = row.dot(changes[j].place), row.dot(changes[j].speed)
+            M[i, j] = M[j, i] = row.dot(changes[j].push)
             if j != i:
-                by_q[j, i], by_v[j, i] = place.dot(seen[j].push), speed.dot(seen[j].push)
+                by_q[j, i], by_v[j, i] = place.dot(changes[j].push), speed.dot(changes[j].push)
             if in_links:
                 step = frames[j]
                 row, place, speed = step.row(row), step.wrench(place), step.wrench(speed)

@@ -18,6 +18,9 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.rigid_body import Placement, placements
 from arm_dynamics.equations.tree import Link, Tree, cross, skew, symmetric
 
+type Twist = tuple[ca.SX, ca.SX]
+"""Linear and angular velocity or acceleration of a link's frame, in its axes."""
+
 
 @dataclass
 class _Body:
@@ -65,7 +68,7 @@ def articulated_bodies(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.S
 
 
 def hybrid(
-    tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX, free: ca.SX, given: ca.SX
+    tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX, free: ca.SX, prescribed: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Articulated-body algorithm with prescribed accelerations of some joints.
 
@@ -79,7 +82,7 @@ def hybrid(
         tau: Joint torques in [N m] or [N], shape (n,).
         gravity: Gravity in the world frame in [m/s²], shape (3,).
         free: 1 for a joint that torques accelerate, 0 for one with prescribed acceleration.
-        given: Those accelerations, zero for free joints, shape (n,).
+        prescribed: Those accelerations, zero for free joints, shape (n,).
 
     Returns:
         Joint accelerations, and the torques to subtract from ``tau`` where they are prescribed,
@@ -91,24 +94,24 @@ def hybrid(
     joints: dict[int, _Joint] = {}
     for i in reversed(range(len(tree.links))):
         link = tree.links[i]
-        joints[i] = _joint(tree, i, bodies[i], velocity[i], v[i], tau[i], free[i], given[i])
+        joints[i] = _joint(tree, i, bodies[i], velocity[i], v[i], prescribed[i], tau[i], free[i])
         if link.parent >= 0:
             _hand_down(bodies[link.parent], bodies[i], joints[i], pose[i])
     a, lacking = _accelerations(tree, pose, joints, gravity)
-    return a + given, (1 - free) * lacking
+    return a + prescribed, (1 - free) * lacking
 
 
-def _velocities(tree: Tree, pose: list[Placement], v: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+def _velocities(tree: Tree, pose: list[Placement], v: ca.SX) -> list[Twist]:
     """Linear and angular velocity of every link frame, in link axes."""
     z = ca.sparsify(ca.SX([0, 0, 1]))
-    found: list[tuple[ca.SX, ca.SX]] = []
+    velocities = list[Twist]()
     for i, link in enumerate(tree.links):
         R, p = pose[i].R, pose[i].p
-        lin, ang = found[link.parent] if link.parent >= 0 else (ca.SX(3, 1), ca.SX(3, 1))
+        lin, ang = velocities[link.parent] if link.parent >= 0 else (ca.SX(3, 1), ca.SX(3, 1))
         lin, ang = R.T @ (lin + cross(ang, p)), R.T @ ang
         lin, ang = (lin + v[i] * z, ang) if link.prismatic else (lin, ang + v[i] * z)
-        found.append((ca.sparsify(lin), ca.sparsify(ang)))
-    return found
+        velocities.append((ca.sparsify(lin), ca.sparsify(ang)))
+    return velocities
 
 
 def _free_body(link: Link, lin: ca.SX, ang: ca.SX) -> _Body:
@@ -125,27 +128,21 @@ def _free_body(link: Link, lin: ca.SX, ang: ca.SX) -> _Body:
 
 
 def _joint(
-    tree: Tree,
-    i: int,
-    body: _Body,
-    velocity: tuple[ca.SX, ca.SX],
-    v: ca.SX,
-    tau: ca.SX,
-    free: ca.SX,
-    given: ca.SX,
+    tree: Tree, i: int, body: _Body, velocity: Twist, v: ca.SX, a: ca.SX, tau: ca.SX, free: ca.SX
 ) -> _Joint:
+    """The joint of a link; ``a`` is its prescribed acceleration, zero if it is free."""
     z = ca.sparsify(ca.SX([0, 0, 1]))
     lin, ang = velocity
     if tree.links[i].prismatic:
         U_f, U_n = body.A[:, 2], body.H[2, :].T
         D, u = U_f[2], tau - body.f[2]
-        c_f, c_n = v * cross(ang, z) + given * z, ca.SX(3, 1)
+        c_f, c_n = v * cross(ang, z) + a * z, ca.SX(3, 1)
     else:
         U_f, U_n = body.H[:, 2], body.I[:, 2]
         D, u = U_n[2], tau - body.n[2]
-        c_f, c_n = v * cross(lin, z), v * cross(ang, z) + given * z
+        c_f, c_n = v * cross(lin, z), v * cross(ang, z) + a * z
     armature = float(tree.armature[i])
-    u = u - armature * given
+    u = u - armature * a
     return _Joint(U_f, U_n, D + armature, u, ca.sparsify(c_f), ca.sparsify(c_n), free)
 
 
@@ -171,10 +168,10 @@ def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Placement) -> No
 def _accelerations(
     tree: Tree, pose: list[Placement], joints: dict[int, _Joint], gravity: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    z = ca.sparsify(ca.SX([0, 0, 1]))
     """Accelerations of free joints, and the excess or deficit of each joint's torque."""
+    z = ca.sparsify(ca.SX([0, 0, 1]))
     a, lacking = ca.SX(len(tree.links), 1), ca.SX(len(tree.links), 1)
-    spatial: list[tuple[ca.SX, ca.SX]] = []
+    spatial = list[Twist]()
     for i, link in enumerate(tree.links):
         R, p, joint = pose[i].R, pose[i].p, joints[i]
         lin, ang = spatial[link.parent] if link.parent >= 0 else (-gravity, ca.SX(3, 1))

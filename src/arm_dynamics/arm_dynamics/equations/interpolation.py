@@ -85,7 +85,7 @@ class Curve:
 
     @property
     def _straight(self) -> list[tuple[float, float, Callable[[Quantity, float], Quantity]]]:
-        """Ends beyond which the curve is not constant: place, slope, and what is beyond."""
+        """Ends beyond which the curve is not constant: place, slope, and the part beyond it."""
         if self.period:
             return []
         ends = (self.at[0], self.slopes[0], smaller), (self.at[-1], self.slopes[-1], larger)

@@ -71,7 +71,7 @@ class Projector:
         self._gains: list[ca.SX] = []
         self._gates: list[ca.SX] = []
         for k in range(len(self._rows)):
-            self._orthogonalise(k)
+            self._orthogonalize(k)
 
     @property
     def rank(self) -> ca.SX:
@@ -87,20 +87,20 @@ class Projector:
 
         The multiplier of a dependent row is zero.
         """
-        found, reached, shares = x, list[ca.SX](), list[ca.SX]()
+        nearest, reached, shares = x, list[ca.SX](), list[ca.SX]()
         for k in range(b.shape[0]):
             y, w = self._rows[k], b[k]
             for j, r in enumerate(self._overlap[k]):
                 w = w - r * reached[j]
             reached.append(self._gains[k] * self._sizes[k] * w)
-            shares.append(self._gains[k] * w - self._bars[k] * ca.dot(y, found))
-            found = found + y * shares[k]
+            shares.append(self._gains[k] * w - self._bars[k] * ca.dot(y, nearest))
+            nearest = nearest + y * shares[k]
         for k in reversed(range(len(shares))):
             for j, r in enumerate(self._overlap[k]):
                 shares[j] = shares[j] - r * shares[k]
-        return found, ca.vertcat(ca.SX(0, 1), *shares)
+        return nearest, ca.vertcat(ca.SX(0, 1), *shares)
 
-    def _orthogonalise(self, k: int) -> None:
+    def _orthogonalize(self, k: int) -> None:
         y, overlap = self._rows[k], list[ca.SX]()
         for j in range(k):
             r = self._bars[j] * ca.dot(self._rows[j], y)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_dynamics.equations.tree import Link, Tree, cross, moved, skew, spread_map
+from arm_dynamics.equations.tree import Link, Tree, constant, cross, moved, skew, spread_map
 
 
 class Placement:
@@ -23,7 +23,7 @@ class Placement:
     """
 
     def __init__(self, link: Link, q: ca.SX) -> None:
-        R, p = ca.sparsify(ca.SX(ca.DM(link.R))), ca.sparsify(ca.SX(ca.DM(link.p)))
+        R, p = constant(link.R), constant(link.p)
         if link.prismatic:
             self.R, self.p = R, ca.sparsify(p + R[:, 2] * q)
             return
@@ -34,7 +34,7 @@ class Placement:
 
 def placements(tree: Tree, q: ca.SX) -> list[Placement]:
     """Placements of all links for independent joint positions ``q`` of shape (n,)."""
-    full = spread_map(tree) @ q + ca.sparsify(ca.SX(ca.DM(tree.offsets)))
+    full = spread_map(tree) @ q + constant(tree.offsets)
     return [Placement(link, full[i]) for i, link in enumerate(tree.links)]
 
 
@@ -96,12 +96,8 @@ def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
     for i in reversed(range(len(tree.links))):
         link = tree.links[i]
         f = force[i] + link.m * acc[i] + _angular_tensor(omega[i], alpha[i]) @ link.h
-        n = (
-            moment[i]
-            + link.I @ alpha[i]
-            + cross(omega[i], link.I @ omega[i])
-            + cross(link.h, acc[i])
-        )
+        gyroscopic = cross(omega[i], link.I @ omega[i])
+        n = moment[i] + link.I @ alpha[i] + gyroscopic + cross(link.h, acc[i])
         tau[i] = (f if link.prismatic else n)[2] + float(tree.armature[i]) * a_full[i]
         if link.parent >= 0:
             f = pose[i].R @ f
@@ -195,6 +191,11 @@ def solve(M: ca.SX, b: ca.SX) -> ca.SX:
     for k in range(M.shape[0]):
         x[k] = x[k] / F[k, k]
     return substituted(F, x)
+
+
+def solve_columns(M: ca.SX, B: ca.SX) -> ca.SX:
+    """Solve M X = B for every column; common subexpressions are computed once (``cse``)."""
+    return ca.horzcat(*[solve(M, column) for column in ca.horzsplit(B)])
 
 
 def factored(M: ca.SX) -> ca.SX:

@@ -82,7 +82,7 @@ class Springs:
     def stored(self, bent: Quantity) -> Quantity:
         """Energies of the joints' springs in [J], shape (links,); see ``pull``."""
         linear = like(bent)(self.stiffness) * bent**2 / 2
-        return self._with_tables(linear, bent, _work)
+        return self._with_tables(linear, bent, lambda t, x: t.integral(x) - t.integral(0.0))
 
     def _with_tables(
         self, linear: Quantity, bent: Quantity, value: Callable[[Curve, Quantity], Quantity]
@@ -92,11 +92,6 @@ class Springs:
         items = enumerate(self.tables)
         torques = [linear[i] if t is None else value(t, bent[i]) for i, t in items]
         return ca.vertcat(*torques) if isinstance(bent, ca.SX) else np.array(torques)
-
-
-def _work(table: Curve, bent: Quantity) -> Quantity:
-    """Energy in [J] of a spring with this table, zero at no deflection."""
-    return table.integral(bent) - table.integral(0.0)
 
 
 def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:
@@ -213,10 +208,10 @@ def stop_pressures(q: ca.SX, v: ca.SX, place: Array, stiffness: Array, damping: 
         Torques in [N m] or [N] away from the lower and from the upper stops, positive where they
         push, shape (2 n,); zero for rigid stops.
     """
-    found = []
+    pressures = []
     for side, sign in ((0, -1.0), (1, 1.0)):
         for i in range(q.shape[0]):
             k, c = stiffness[side, i], damping[side, i]
             push = k * (sign * (q[i] - place[side, i])) + c * (sign * v[i]) if k else ca.SX(0)
-            found.append(push)
-    return ca.vertcat(*found)
+            pressures.append(push)
+    return ca.vertcat(*pressures)

@@ -13,7 +13,8 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ConstraintError, SceneError
 from arm_dynamics.model.drive import drives_of
-from arm_dynamics.model.friction import Given, JointFriction, friction_of
+from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.model.friction_source import FrictionSource, friction_of
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
@@ -109,22 +110,21 @@ class ArmModel(Robot):
 
     def _ranges(self) -> list[Range]:
         """Ranges of all moving joints, from the scene, else from the URDF."""
-        found = []
+        ranges = []
         for name in self._index:
             limits, (lower, upper) = self.scene.joint(name).limits, self._described_range(name)
-            given = limits.lower is not None or limits.upper is not None
             lower = lower if limits.lower is None else limits.lower
             upper = upper if limits.upper is None else limits.upper
-            if given and lower >= upper:
+            if (limits.lower, limits.upper) != (None, None) and lower >= upper:
                 raise SceneError(
                     f"scene: 'joints.{name}.limits': with that of the robot description, lower = "
                     f"{lower:g} is not below upper = {upper:g}; give both, or robot.lock"
                 )
             rule = self._rules.get(name, Mimic(name, 1.0, 0.0))
             leader = self.joint_names.index(rule.leader)
-            ends = lower, upper, limits.stop
-            found.append(Range(name, *ends, leader, rule.multiplier, rule.offset))
-        return found
+            mimic = leader, rule.multiplier, rule.offset
+            ranges.append(Range(name, lower, upper, limits.stop, *mimic))
+        return ranges
 
     def _described_range(self, name: str) -> tuple[float, float]:
         """Position limits of any joint in the URDF; infinite where its <limit> gives none."""
@@ -137,17 +137,16 @@ class ArmModel(Robot):
 
     def _start(self) -> Array:
         """Initial positions before constraints are closed, shape (n,)."""
-        given = self.scene.initial.position
-        for name in set(self.scene.robot.lock) & given.keys():
-            lower, upper = self._described_range(name)
-            beyond = max(lower - given[name], given[name] - upper)
-            if beyond > ROUNDED * max(1.0, abs(given[name])):
+        initial = self.scene.initial.position
+        for name in set(self.scene.robot.lock) & initial.keys():
+            (lower, upper), at = self._described_range(name), initial[name]
+            if max(lower - at, at - upper) > ROUNDED * max(1.0, abs(at)):
                 raise SceneError(
-                    f"scene: 'initial.position': locked joint '{name}' at {given[name]:.6g} is "
+                    f"scene: 'initial.position': locked joint '{name}' at {at:.6g} is "
                     f"beyond its limits; allowed: {lower:.6g} to {upper:.6g}"
                 )
-        q = np.array([given.get(name, 0.0) for name in self.joint_names])
-        nearest, named = self.stops.within(q), [name in given for name in self.joint_names]
+        q = np.array([initial.get(name, 0.0) for name in self.joint_names])
+        nearest, named = self.stops.within(q), [name in initial for name in self.joint_names]
         self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")
         return nearest
 
@@ -159,19 +158,19 @@ class ArmModel(Robot):
         """
         hold = self.held_at_start
         try:
-            found, v = closure.closed(q, v, hold=hold)
+            start, v = closure.closed(q, v, hold=hold)
         except ConstraintError as error:
             if (other := closure.other_start(q, hold)) is None:
                 raise
             kind = "Here the start is singular; from" if closure.is_singular(q) else "From"
             offer = f"{kind} {self._written(other)} they can be closed"
             raise ConstraintError(f"{error} {offer}", error.residuals) from None
-        if closure.is_singular(found) and (other := closure.other_start(found, hold)) is not None:
+        if closure.is_singular(start) and (other := closure.other_start(start, hold)) is not None:
             _log.warning(
                 "scene: the start is singular: the joints can move in more ways there than "
                 "elsewhere, and the motion may branch; one that is not: %s", self._written(other),
             )  # fmt: skip
-        return found, v
+        return start, v
 
     def _written(self, q: Array) -> str:
         """Initial positions as a scene gives them."""
@@ -188,36 +187,33 @@ class ArmModel(Robot):
         Those of a follower act through its leader.
         """
         drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self.whole
-        armature, given = [], []
+        armature, frictions = [], []
         for name, joint in joints.items():
             drive, i = drives.get(name), index[name]
             armature.append((joint.armature or 0.0) + (drive.armature if drive else 0.0))
-            given.append(
-                Given(
+            frictions.append(
+                FrictionSource(
                     name,
                     joint.friction,
                     self.scene.joints.get(name, Joint()).friction,
                     damping=float(whole.damping[i]),
                     dry=float(whole.upperDryFrictionLimit[i]),
-                    more=drive.viscous if drive else 0.0,
+                    drive_viscous=drive.viscous if drive else 0.0,
                     efficiency=drive.motor.efficiency if drive else 1.0,
                 )
             )
         self.pin.armature = np.array(armature)
         self.armature = read_only(self.pin.armature @ self.followers**2)
-        self.friction = friction_of(self.scene, given, self.joint_names, self.followers)
+        self.friction = friction_of(self.scene, frictions, self.joint_names, self.followers)
 
     def _set_limits(self, limits: Sequence[Limits], index: Mapping[str, int]) -> None:
         """Limits from the scene, else from the URDF, where zero or an absurd value means none."""
         whole = self.whole
         rows = [index[name] for name in self.joint_names]
-        speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
-        self.velocity_limit = _chosen([x.velocity for x in limits], speeds)
-        given = _chosen(
-            [x.effort for x in limits], [_bound(whole.upperEffortLimit[i]) for i in rows]
-        )
+        self.velocity_limit = _limits([x.velocity for x in limits], whole.upperVelocityLimit[rows])
+        effort_limits = _limits([x.effort for x in limits], whole.upperEffortLimit[rows]).tolist()
         efforts, commands, standing, units = [], [], [], []
-        for drive, effort, kind in zip(self.drives, given.tolist(), self.joint_types, strict=True):
+        for drive, effort, kind in zip(self.drives, effort_limits, self.joint_types, strict=True):
             unit = "N" if kind == "prismatic" else "N m"
             efforts.append(min(drive.torque_limit, effort) if drive else effort)
             commands.append(drive.command_limit(effort) if drive else effort)
@@ -235,10 +231,8 @@ def postures(model: ArmModel, count: int) -> Array:
     return np.random.default_rng(0).uniform(low, high, (count, model.n))
 
 
-def _bound(value: float) -> float:
-    return float(value) if 0.0 < value < 1e300 else np.inf
-
-
-def _chosen(said: Sequence[float | None], otherwise: Sequence[float]) -> Array:
-    pairs = zip(said, otherwise, strict=True)
-    return read_only([other if own is None else own for own, other in pairs])
+def _limits(of_scene: Sequence[float | None], described: Array) -> Array:
+    """Limits of the scene, else of the URDF; inf for none."""
+    bounded = np.where((described > 0.0) & (described < 1e300), described, np.inf)
+    pairs = zip(of_scene, bounded, strict=True)
+    return read_only([limit if own is None else own for own, limit in pairs])

@@ -63,10 +63,8 @@ class Links:
             rests = joint.type == pin.FrameType.FIXED_JOINT or joint.name in still
             (fixed if rests else moving).append((joint.parentFrame, child))
         self._fixed, self._moving, self.root = fixed, moving, frames[bodies[0]].name
-        self.fixed, self.moving = (
-            [(frames[parent].name, frames[child].name) for parent, child in pairs]
-            for pairs in (fixed, moving)
-        )
+        self.fixed = [(frames[parent].name, frames[child].name) for parent, child in fixed]
+        self.moving = [(frames[parent].name, frames[child].name) for parent, child in moving]
         self._locked = robot.locked
 
     def place(self, positions: dict[str, float]) -> None:
@@ -84,5 +82,5 @@ class Links:
 
     def _transforms(self, pairs: list[tuple[int, int]]) -> Array:
         at = self._data.oMf
-        found = [pin.SE3ToXYZQUAT(at[parent].actInv(at[child])) for parent, child in pairs]
-        return np.array(found).reshape(-1, 7)
+        poses = [pin.SE3ToXYZQUAT(at[parent].actInv(at[child])) for parent, child in pairs]
+        return np.array(poses).reshape(-1, 7)

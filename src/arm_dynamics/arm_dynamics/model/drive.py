@@ -67,9 +67,9 @@ class JointDrive:
         """The transmission between motor and link, for display."""
         if self.coupling is None:
             return "rigid"
-        details = ("stiffening", "backlash", "hysteresis", "kinematic_error")
-        given = [key.replace("_", " ") for key in details if getattr(self.coupling, key)]
-        return ", ".join([f"flexible, {self.coupling.stiffness:g}", *given])
+        keys = ("stiffening", "backlash", "hysteresis", "kinematic_error")
+        details = [key.replace("_", " ") for key in keys if getattr(self.coupling, key)]
+        return ", ".join([f"flexible, {self.coupling.stiffness:g}", *details])
 
     @property
     def torque_limit(self) -> float:
@@ -134,8 +134,8 @@ def drives_of(
         if own is None:
             continue
         servo = own.servo if own.servo.model_fields_set else None
-        for key, given in (("actuator", own.actuator or own.transmission), ("servo", servo)):
-            if given:
+        for key, part in (("actuator", own.actuator or own.transmission), ("servo", servo)):
+            if part:
                 raise SceneError(
                     f"scene: 'joints.{name}.{key}': a mimic joint has none of its own; "
                     "the joint that it follows may have one"
@@ -154,12 +154,12 @@ def _drive(where: str, joint: Joint) -> JointDrive | None:
             "rotor on a spring, so the rotor needs an inertia of more than zero"
         )
     direct, limit = motor.command == "torque", motor.voltage_limit
-    for key, needed, by in (
+    for key, is_required, limit_key in (
         ("torque_constant", not direct or motor.current_limit or limit, "current_limit"),
         ("resistance", motor.command == "voltage" or limit, "voltage_limit"),
     ):
-        if needed and getattr(motor, key) is None:
-            reason = by if direct else f"command: {motor.command}"
+        if is_required and getattr(motor, key) is None:
+            reason = limit_key if direct else f"command: {motor.command}"
             raise SceneError(
                 f"{where}.actuator.{key}' is missing: '{reason}' requires a positive number"
             )

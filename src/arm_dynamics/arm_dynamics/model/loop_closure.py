@@ -56,8 +56,7 @@ class Factors:
 
     def nearest(self, b: Array) -> Array:
         """Shortest motion with A a = b in the metric of M, shape (n,)."""
-        motion: Array = np.linalg.solve(self.C.T, self.Vt.T @ (self.U.T @ b / self.s))
-        return motion
+        return np.asarray(np.linalg.solve(self.C.T, self.Vt.T @ (self.U.T @ b / self.s)))
 
 
 class Closure:
@@ -87,7 +86,7 @@ class Closure:
         pairs = zip(self.rows.names, self.rows.constraints, strict=True)
         return tuple(name for name, constraint in pairs if constraint.active)
 
-    def chosen(self, active: Collection[str] | None) -> tuple[str, ...]:
+    def active_names(self, active: Collection[str] | None) -> tuple[str, ...]:
         """Validate names of constraints; None selects the initially active ones."""
         if active is None:
             return self.initially_active
@@ -115,16 +114,16 @@ class Closure:
             ConstraintError: If Newton's method finds none from here, or the held velocities allow
                 none.
         """
-        names = self.chosen(active)
+        names = self.active_names(active)
         q = self._inside_stops(self._closed_position(q, names, hold), names, hold)
         A = self.rows.stacked(q, v, names).jacobian
         if not hold:
             return q, v + self.factors(q, A, self.rank(names, q)).nearest(-(A @ v))
         v = v + self._nearest_of_others(q, A, -(A @ v), hold)
         if float(np.max(abs(A @ v), initial=0.0)) > CLOSED_TO * max(1.0, float(abs(v).max())):
-            said = ", ".join(f"'{self.rows.joint_names[i]}' = {v[i]:g}" for i in hold)
+            held = ", ".join(f"'{self.rows.joint_names[i]}' = {v[i]:g}" for i in hold)
             raise ConstraintError(
-                f"no velocities of the other joints satisfy the constraints while {said} is held"
+                f"no velocities of the other joints satisfy the constraints while {held} is held"
             )
         return q, v
 
@@ -142,33 +141,33 @@ class Closure:
         s = self.factors(q, self.rows.stacked(q, 0 * q, names).jacobian, rank).s
         return len(s) < rank or bool(rank and s[-1] < SINGULAR * s[0])
 
-    def other_start(self, q: Array, hold: Sequence[int] = ()) -> Array | None:
-        """A closed position near ``q`` that is not singular, and that the stops allow.
+    def other_start(self, near: Array, hold: Sequence[int] = ()) -> Array | None:
+        """A closed position near another that is not singular, and that the stops allow.
 
         Args:
-            q: Joint positions, shape (n,).
+            near: Joint positions, shape (n,).
             hold: Indices of joints that keep their positions.
 
         Returns:
-            The first that is found among deterministic random starts, ever farther from ``q``;
-            None if there is none.
+            The first one from deterministic random starts, ever farther from ``near``; None if
+            there is none.
         """
         rng, names = np.random.default_rng(0), self.initially_active
         for k in range(STARTS):
-            away = FARTHEST * (k + 1) / STARTS * self._reach * rng.uniform(-1, 1, len(q))
-            start = self._stops.within(q + away)
-            start[list(hold)] = q[list(hold)]
+            away = FARTHEST * (k + 1) / STARTS * self._reach * rng.uniform(-1, 1, len(near))
+            start = self._stops.within(near + away)
+            start[list(hold)] = near[list(hold)]
             try:
-                found = self._inside_stops(self._closed_position(start, names, hold), names, hold)
-                if not (self._stops.beyond(found) > 0.0).any() and not self.is_singular(found):
-                    return found
+                q = self._inside_stops(self._closed_position(start, names, hold), names, hold)
+                if not (self._stops.beyond(q) > 0.0).any() and not self.is_singular(q):
+                    return q
             except ConstraintError:
                 continue
         return None
 
     def residuals(self, q: Array, active: Collection[str] | None = None) -> dict[str, float]:
         """Residual norm of each constraint in [m] or [rad]."""
-        names = self.chosen(active)
+        names = self.active_names(active)
         pairs = zip(self.rows.names, self.rows.at(q, np.zeros_like(q)), strict=True)
         return {name: float(abs(row.residual).max()) for name, row in pairs if name in names}
 
@@ -194,8 +193,8 @@ class Closure:
         if names not in self._ranks:
             places = self.wander(near, names)
             A = [self.rows.stacked(q, 0 * q, names).jacobian for q in places]
-            found = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
-            self._ranks[names] = max(len(s) for s in found)
+            values = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
+            self._ranks[names] = max(map(len, values))
         return self._ranks[names]
 
     def kept(
@@ -232,7 +231,7 @@ class Closure:
         }
 
     def _pivots(
-        self, active: list[int], candidates: NDArray[np.intp], taken: list[int], near: Array
+        self, active: list[int], candidates: NDArray[np.intp], kept: list[int], near: Array
     ) -> list[int]:
         """Greedily select the row with the largest component independent of those selected."""
         names = tuple(self.rows.names[i] for i in sorted(active))
@@ -246,10 +245,10 @@ class Closure:
         for q in places:
             A = self.rows.stacked(q, 0 * q, self.rows.names).jacobian
             bases.append(np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T)
-        for k in taken:
+        for k in kept:
             bases = [_without(Y, k) for Y in bases]
-        chosen: list[int] = []
-        for _ in range(self.rank(names, near) - len(taken)):
+        pivots = list[int]()
+        for _ in range(self.rank(names, near) - len(kept)):
             sizes = np.array([np.linalg.norm(Y[candidates], axis=1) for Y in bases])
             # One of the positions may happen to be singular, so no single one decides.
             novelty = np.log(np.maximum(sizes, RANK)).sum(0)
@@ -257,8 +256,8 @@ class Closure:
             # decide.
             best = int(candidates[np.argmax(novelty > novelty.max() - TIE)])
             bases = [_without(Y, best) for Y in bases]
-            chosen.append(best)
-        return chosen
+            pivots.append(best)
+        return pivots
 
     def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
         """Sample closed positions along the motion that the named constraints allow.
@@ -291,14 +290,14 @@ class Closure:
 
         Returns ``q`` if there is none; the caller may reject it.
         """
-        found, kept = q, set(hold)
-        while more := set(np.flatnonzero(self._stops.beyond(found) > 0.0).tolist()) - kept:
-            kept |= more
+        inside, held = q, set(hold)
+        while more := set(np.flatnonzero(self._stops.beyond(inside) > 0.0).tolist()) - held:
+            held |= more
             try:
-                found = self._closed_position(self._stops.within(found), names, sorted(kept))
+                inside = self._closed_position(self._stops.within(inside), names, sorted(held))
             except ConstraintError:
                 return q
-        return found
+        return inside
 
     def _closed_position(
         self, q: Array, names: tuple[str, ...], hold: Sequence[int] = ()
@@ -328,12 +327,12 @@ class Closure:
     def _open(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
         left = self.residuals(q, names)
         gaps = {name: size for name, size in left.items() if size > CLOSED_TO}
-        said = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
+        listed = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
         held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
         keeping = f" while {held} is held" if hold else ""
         return ConstraintError(
             f"constraints cannot be closed from this position{keeping}; left open, in m or rad: "
-            f"{said}. Do they contradict one another, or is the position too far off?",
+            f"{listed}. Do they contradict one another, or is the position too far off?",
             left,
         )
 
@@ -368,5 +367,4 @@ def _without(Y: Array, k: int) -> Array:
     """Rows with their components along row ``k`` removed."""
     size = np.linalg.norm(Y[k])
     y = Y[k] / size if size > RANK else np.zeros_like(Y[k])
-    rest: Array = Y - np.outer(Y @ y, y)
-    return rest
+    return np.asarray(Y - np.outer(Y @ y, y))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,22 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, choices,
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import SpringTerms
+
+
+class MovingFrame(NamedTuple):
+    """A frame at a position and velocity of the joints.
+
+    Attributes:
+        position: Of its origin in the world in [m], shape (3,).
+        rotation: From its axes to the world's, shape (3, 3).
+        jacobian: J, shape (6, n).
+        jacobian_rate: J̇, shape (6, n).
+    """
+
+    position: Array
+    rotation: Array
+    jacobian: Array
+    jacobian_rate: Array
 
 
 class RigidTerms:
@@ -51,8 +68,7 @@ class RigidTerms:
         """M a + C v + G in [N m] or [N], shape (n,); ``weight``: 0 for no gravity."""
         robot, model = self.robot, self._pin if weight else self._weightless
         if self._direct:
-            tau: Array = pin.rnea(model, self._data, q, v, a).copy()
-            return tau
+            return np.array(pin.rnea(model, self._data, q, v, a))
         full = robot.configuration(q), robot.spread(v), robot.spread(a)
         return np.array(robot.gather(pin.rnea(model, self._data, *full)))
 
@@ -90,9 +106,8 @@ class RigidTerms:
 
     def gravity(self, q: Array) -> Array:
         """G in [N m] or [N], shape (n,)."""
-        full = q if self._direct else self.robot.configuration(q)
-        tau = pin.computeGeneralizedGravity(self._pin, self._data, full)
-        return tau.copy() if self._direct else np.array(self.robot.gather(tau))
+        tau = pin.computeGeneralizedGravity(self._pin, self._data, self.robot.configuration(q))
+        return np.array(self.robot.gather(tau))
 
     def spring(self, q: Array, v: Array) -> Array:
         """S in [N m] or [N], shape (n,)."""
@@ -104,8 +119,7 @@ class RigidTerms:
 
     def mass(self, q: Array) -> Array:
         """M in [kg m²] or [kg], shape (n, n)."""
-        full = q if self._direct else self.robot.configuration(q)
-        return self._square(pin.crba(self._pin, self._data, full))
+        return self._square(pin.crba(self._pin, self._data, self.robot.configuration(q)))
 
     def mobility(self, q: Array) -> Array:
         """M⁻¹ in [1/(kg m²)] or [1/kg], shape (n, n); not finite where a joint moves no mass."""
@@ -128,7 +142,7 @@ class RigidTerms:
 
         The potential energy is that of gravity and springs.
         """
-        full, v = (q, v) if self._direct else (self.robot.configuration(q), self.robot.spread(v))
+        full, v = self.robot.configuration(q), self.robot.spread(v)
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, full, v)
         potential = pin.computePotentialEnergy(self._pin, self._data, full)
         if self._driven:  # Pinocchio 4.1 omits that of some axes
@@ -156,7 +170,7 @@ class RigidTerms:
 
     def jacobian_derivative(self, q: Array, v: Array, frame: str) -> Array:
         """J̇ of the same J, shape (6, n)."""
-        return self.motion(frame).moving(q, v)[3]
+        return self.motion(frame).moving(q, v).jacobian_rate
 
     def motion(self, frame: str) -> FrameMotion:
         """Motion of a frame, in world axes at its origin."""
@@ -182,9 +196,8 @@ class RigidTerms:
 
     def _square(self, matrix: Array) -> Array:
         # Pinocchio returns a single number as a vector.
-        return self.robot.gather_matrix(
-            matrix.copy() if matrix.ndim == 2 else matrix.reshape(1, 1)
-        )
+        n = self.robot.pin.nv
+        return self.robot.gather_matrix(matrix.copy().reshape(n, n))
 
     def _unsolvable(self, q: Array) -> ArmError:
         inertia = np.diag(self.mass(q))
@@ -227,8 +240,8 @@ class FrameMotion:
     def pose(self, q: Array) -> Array:
         """Homogeneous transformation from the frame's axes to the world's, shape (4, 4)."""
         pin.forwardKinematics(self._pin, self._data, self._model.configuration(q))
-        T: Array = pin.updateFramePlacement(self._pin, self._data, self._frame).homogeneous
-        return T
+        placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
+        return np.asarray(placement.homogeneous)
 
     def of_point(self, q: Array, point: ArrayLike, offset: ArrayLike) -> tuple[Array, Array]:
         """Position of a point that the frame carries, shape (3,), and J there, shape (6, n).
@@ -245,18 +258,17 @@ class FrameMotion:
     def jacobian(self, q: Array) -> Array:
         """J of shape (6, n), linear rows first: velocity of the frame is J v."""
         full = self._model.configuration(q)
-        given = self._pin, self._data, full, self._frame, self._reference
-        return self._gathered(pin.computeFrameJacobian(*given))
+        J = pin.computeFrameJacobian(self._pin, self._data, full, self._frame, self._reference)
+        return self._gathered(J)
 
-    def moving(self, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Position, rotation, J and J̇, shapes (3,), (3, 3), (6, n) and (6, n)."""
+    def moving(self, q: Array, v: Array) -> MovingFrame:
+        """The frame, its Jacobian and its rate."""
+        model, data, frame = self._pin, self._data, (self._frame, self._reference)
         full = self._model.configuration(q), self._model.spread(v)
-        pin.computeJointJacobiansTimeVariation(self._pin, self._data, *full)
-        J_dot = pin.getFrameJacobianTimeVariation(
-            self._pin, self._data, self._frame, self._reference
-        )
-        J = pin.getFrameJacobian(self._pin, self._data, self._frame, self._reference)
-        return *self._placed(), self._gathered(J), self._gathered(J_dot)
+        pin.computeJointJacobiansTimeVariation(model, data, *full)
+        J = self._gathered(pin.getFrameJacobian(model, data, *frame))
+        J_dot = self._gathered(pin.getFrameJacobianTimeVariation(model, data, *frame))
+        return MovingFrame(*self._placed(), J, J_dot)
 
     def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).

@@ -63,9 +63,9 @@ def check_regular(M: Array, joint_names: Sequence[str]) -> None:
     involved = dead if dead.any() else share > _INVOLVED * share.max()
     listed = ", ".join(f"'{name}'" for name, yes in zip(joint_names, involved, strict=True) if yes)
     alone = f"joint {listed} moves" if involved.sum() == 1 else f"joints {listed} move"
-    who = alone if dead.any() else f"joints {listed} can move together so that they move"
+    subject = alone if dead.any() else f"joints {listed} can move together so that they move"
     raise ModelError(
-        f"{who} no mass, so no torque determines the acceleration: the condition number of the "
-        f"mass matrix is {condition[worst]:.3g}, allowed: up to {most:.1e}; give a "
+        f"{subject} no mass, so no torque determines the acceleration: the condition number of "
+        f"the mass matrix is {condition[worst]:.3g}, allowed: up to {most:.1e}; give a "
         "link inertia, a joint an armature, or lock one"
     )

@@ -35,12 +35,12 @@ class RigidExpressions:
 
     def forward(self, q: ca.SX, v: ca.SX, tau: ca.SX) -> ca.SX:
         """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], by the algorithm with fewest operations."""
-        x, w, u = given = [ca.SX.sym(name, self._model.n) for name in ("q", "v", "tau")]
-        ways = [
-            ca.Function("a", given, [law(self._tree, x, w, u, self._gravity)], {"cse": True})
+        x, w, u = state = [ca.SX.sym(name, self._model.n) for name in ("q", "v", "tau")]
+        candidates = [
+            ca.Function("a", state, [law(self._tree, x, w, u, self._gravity)], {"cse": True})
             for _, law in algorithms(self._tree, self._model.n)
         ]
-        return min(ways, key=operations)(q, v, tau)
+        return min(candidates, key=operations)(q, v, tau)
 
     def gravity(self, q: ca.SX) -> ca.SX:
         """G in [N m] or [N]."""
@@ -73,8 +73,8 @@ class RigidExpressions:
 
     def constraint_rows(self, q: ca.SX, v: ca.SX, names: tuple[str, ...]) -> ca.SX:
         """A and γ = Ȧ v of the named bilateral constraints side by side."""
-        known = ConstraintRows(self._model)
-        listed = zip(known.names, known.places, known.counts, strict=True)
+        numeric = ConstraintRows(self._model)
+        listed = zip(numeric.names, numeric.places, numeric.counts, strict=True)
         every = {place: range(count) for name, place, count in listed if name in names}
         linkage = linkage_of(self._model, every)
         alone = [replace(linkage, constraints={i: linkage.constraints[i]}) for i in every]

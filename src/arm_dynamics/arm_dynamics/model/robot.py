@@ -35,7 +35,7 @@ class Robot:
     """Links and joints of one scene: the rigid bodies, without drives.
 
     Attributes:
-        scene: The scene it was made from.
+        scene: The scene that describes it.
         pin: Pinocchio's model with joints locked, payloads attached and gravity set.
         bare: The same without the payloads.
         whole: Pinocchio's model of the unmodified description: no joint locked, no payload.
@@ -92,10 +92,10 @@ class Robot:
             SceneError: If no joint moves a payload.
         """
         other = copy(self)
-        told = {"gravity": tuple(gravity.tolist()), "payloads": tuple(payloads)}
+        changes = {"gravity": tuple(gravity.tolist()), "payloads": tuple(payloads)}
         bare = self.bare.copy()
         bare.gravity.linear = gravity
-        vars(other).update(scene=self.scene.model_copy(update=told), bare=bare, pin=bare.copy())
+        vars(other).update(scene=self.scene.model_copy(update=changes), bare=bare, pin=bare.copy())
         other.pin.armature = self.pin.armature
         other._weld()
         return other
@@ -217,13 +217,13 @@ def _resolved(urdf: Urdf) -> dict[str, Mimic]:
     """Mimic rules with chains resolved to the independent joint."""
     resolved: dict[str, Mimic] = {}
     for name, rule in urdf.mimics.items():
-        seen = {name}
+        passed = {name}
         while rule.leader in urdf.mimics:
-            if rule.leader in seen:
+            if rule.leader in passed:
                 raise ModelError(
                     f"joint '{name}': its mimic rule leads back to itself by '{rule.leader}'"
                 )
-            seen.add(rule.leader)
+            passed.add(rule.leader)
             above = urdf.mimics[rule.leader]
             factor = rule.multiplier * above.multiplier
             rule = Mimic(above.leader, factor, rule.multiplier * above.offset + rule.offset)
@@ -236,8 +236,8 @@ def _locked_positions(scene: Scene, urdf: Urdf, rules: dict[str, Mimic]) -> dict
 
     Floating and planar ones, which are fixed, have none.
     """
-    given, moving = scene.initial.position, set(urdf.moving) - rules.keys()
-    locked = {name: given.get(name, 0.0) for name in scene.robot.lock if name in moving}
+    initial, moving = scene.initial.position, set(urdf.moving) - rules.keys()
+    locked = {name: initial.get(name, 0.0) for name in scene.robot.lock if name in moving}
     for name, rule in rules.items():
         if rule.leader in locked:
             locked[name] = rule.multiplier * locked[rule.leader] + rule.offset

@@ -82,5 +82,5 @@ class SpringTerms:
 def _evaluated(springs: Springs, robot: Robot) -> Call:
     q, v = (ca.SX.sym(name, robot.n) for name in "qv")
     tree = tree_of(robot)
-    made = ca.densify(torque(springs, tree, q, v)), energy(springs, tree, q)
-    return Kernel([ca.Function("springs", [q, v], made, {"cse": True})], "vm").call("springs")
+    results = ca.densify(torque(springs, tree, q, v)), energy(springs, tree, q)
+    return Kernel([ca.Function("springs", [q, v], results, {"cse": True})], "vm").call("springs")

@@ -74,14 +74,12 @@ class Stops:
     @cached_property
     def compliant(self) -> Flags:
         """Which stops are compliant, booleans."""
-        compliant: Flags = self.stiffness > 0.0
-        return compliant
+        return np.asarray(self.stiffness > 0.0)
 
     @cached_property
     def rigid(self) -> Flags:
         """Which stops are rigid, booleans."""
-        rigid: Flags = np.isfinite(self.place) & ~self.compliant
-        return rigid
+        return np.asarray(np.isfinite(self.place) & ~self.compliant)
 
     @cached_property
     def bounds(self) -> Array:
@@ -92,18 +90,15 @@ class Stops:
     def beyond(self, q: Array) -> Array:
         """Penetration of rigid stops, negative inside the range, shape as ``q``, (…, n)."""
         lower, upper = self.bounds
-        beyond: Array = np.maximum(lower - q, q - upper)
-        return beyond
+        return np.asarray(np.maximum(lower - q, q - upper))
 
     def touched(self, q: Array) -> Flags:
         """Which joints are at or beyond a stop of either kind, booleans, shape as ``q``."""
-        touched: Flags = (q <= self.place[0]) | (q >= self.place[1])
-        return touched
+        return np.asarray((q <= self.place[0]) | (q >= self.place[1]))
 
     def within(self, q: Array) -> Array:
         """Positions clipped to the range that the rigid stops allow, shape as ``q``."""
-        nearest: Array = np.clip(q, *self.bounds)
-        return nearest
+        return np.asarray(np.clip(q, *self.bounds))
 
     def refusal(self, q: Array, names: tuple[str, ...]) -> str:
         """Error message for positions of shape (n,); empty if the rigid stops allow them."""
@@ -142,14 +137,9 @@ def stops_of(ranges: Iterable[Range], names: tuple[str, ...]) -> Stops:
             place[side, i], restitution[side, i] = ends[side], stop.restitution or 0.0
             stiffness[side, i] = (stop.stiffness or 0.0) * joint.ratio**2
             damping[side, i] = (stop.damping or 0.0) * joint.ratio**2
-    return Stops(
-        read_only(limit),
-        read_only(place),
-        read_only(restitution),
-        read_only(stiffness),
-        read_only(damping),
-        tuple(contradicting),
-    )
+    arrays = limit, place, restitution, stiffness, damping
+    limit, place, restitution, stiffness, damping = map(read_only, arrays)
+    return Stops(limit, place, restitution, stiffness, damping, tuple(contradicting))
 
 
 def _ends(joint: Range) -> tuple[float, float]:

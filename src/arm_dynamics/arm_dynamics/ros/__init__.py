@@ -18,8 +18,4 @@ if TYPE_CHECKING:
     from arm_dynamics.ros.dynamics_node.node import DynamicsNode
 
 __all__ = ["ControllerNode", "DynamicsNode", "LARGE_BATCHES", "clear_dead", "make_executor"]
-__getattr__, __dir__ = on_demand(__name__, {
-    "controller_node.node": ("ControllerNode",), "dynamics_node.node": ("DynamicsNode",),
-    "common.transport": ("LARGE_BATCHES",), "common.dead_segments": ("clear_dead",),
-    "common.executor": ("make_executor",),
-})  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -27,6 +27,7 @@ _KINDS = {
     "int_type": "a whole number is expected",
     "float_type": "a number is expected",
     "float_parsing": "a number is expected",
+    "finite_number": "allowed: finite numbers",
 }
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type", "dataclass_type")
 
@@ -39,7 +40,7 @@ def complaints(
     file: str = "scene",
 ) -> list[str]:
     """One line for each error; see ``complaint``."""
-    told: dict[str, None] = {}
+    lines = dict[str, None]()
     for error in errors:
         few = error["type"] == "too_short"  # also where pydantic does not count bad entries
         if few and len(error["input"]) >= error["ctx"]["min_length"]:
@@ -56,8 +57,8 @@ def complaints(
             error = ErrorDetails(
                 type="too_short", loc=tuple(place), msg="", input=error["input"], ctx=context
             )
-        told[complaint(error, whole, tagged, hidden, file)] = None
-    return list(told)
+        lines[complaint(error, whole, tagged, hidden, file)] = None
+    return list(lines)
 
 
 def complaint(
@@ -112,20 +113,20 @@ def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Pa
         return f"allowed: {choices(error['input'], allowed)}"
     if kind in ("too_short", "too_long"):
         length = context.get("length") or context.get("max_length") or context.get("min_length")
-        given, commas = len(error["input"]), any(isinstance(x, int) for x in error["input"])
+        count, commas = len(error["input"]), any(isinstance(x, int) for x in error["input"])
         hint = " (decimals have a point, as in 0.5)" if kind == "too_long" and commas else ""
-        return f"{given} {'entry' if given == 1 else 'entries'}; {length} are expected{hint}"
+        return f"{count} {'entry' if count == 1 else 'entries'}; {length} are expected{hint}"
     if kind in _ENDS:
         end, words = _ENDS[kind]
         return words.format(context[end])
     if kind == "tuple_type":
-        value, meant = error["input"], ""
+        value, example = error["input"], ""
         if isinstance(value, str):
             entries = value.strip("[]() \n").replace(",", " ").split()
-            meant = f", such as [{', '.join(entries)}]"
+            example = f", such as [{', '.join(entries)}]"
         elif isinstance(value, int | float) and not isinstance(value, bool):
-            meant = f", such as [0, 0, {value}]"
-        return f"a list is expected{meant}"
+            example = f", such as [0, 0, {value}]"
+        return f"a list is expected{example}"
     if kind == "string_type" and isinstance(error["input"], bool | int | float):
         return "text is expected; in quotes it is text"
     return _KINDS.get(kind, error["msg"].removeprefix("Value error, "))
@@ -144,11 +145,10 @@ def fields_at(
     parts: list[type[Part]] = [whole]
     for key in map(str, path):
         named = [part.model_fields[key] for part in parts if key in part.model_fields]
-        if tagged.get(key) in parts:  # among several types of constraints, the one given by 'type'
+        if tagged.get(key) in parts:  # among several types of constraints, that of the key 'type'
             parts = [tagged[key]]
         elif named:
-            found = _parts_in(named[0].annotation)
-            parts = found or (parts if default else [])
+            parts = _parts_in(named[0].annotation) or (parts if default else [])
     if not parts:
         return []
     return [field.alias or name for name, field in parts[0].model_fields.items()]

@@ -251,8 +251,7 @@ class Contact(Part):
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
         check_frame(f"constraints.{place}.frame", self.frame, urdf)
-        if self.plane.frame != WORLD:
-            check_frame(f"constraints.{place}.plane.frame", self.plane.frame, urdf, WORLD)
+        check_frame(f"constraints.{place}.plane.frame", self.plane.frame, urdf, WORLD)
 
 
 FrameBased = (
@@ -285,7 +284,7 @@ def switches(constraints: tuple[Constraint, ...]) -> Array:
 
 
 def label(constraint: Constraint, place: int) -> str:
-    """Name of a constraint: given, else its type and index in the scene's list."""
+    """Name of a constraint; without one, its type and index in the scene's list."""
     return constraint.name or f"{constraint.type}_{place}"
 
 
@@ -303,10 +302,10 @@ def check_new(kind: str, names: Sequence[str], place: int) -> None:
         raise SceneError(f"scene: two {kind} are called '{names[place]}'; names must differ")
 
 
-def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
-    """Refuse a frame, the value of a key, that the robot does not have, and that is no other."""
-    if not urdf.has_frame(frame):
-        allowed = choices(frame, [*others, *urdf.frames])
+def check_frame(key: str, frame: str, urdf: Urdf, *further: str) -> None:
+    """Refuse a frame, the value of a key, that is neither the robot's nor among ``further``."""
+    if frame not in further and not urdf.has_frame(frame):
+        allowed = choices(frame, [*further, *urdf.frames])
         raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}")
 
 
@@ -329,17 +328,13 @@ def check_joints(
             raise SceneError(f"scene: '{key}' names joint '{name}' twice; once is expected")
         if name in allowed:
             continue
-        trouble = (
-            "is locked"
-            if name in locked
-            else f"follows '{urdf.mimics[name].leader}'"
-            if name in urdf.mimics
-            else "is fixed"
-            if name in urdf.joints
-            else "does not exist"
-        )
-        there = name in urdf.joints
+        trouble, listed = "is fixed", known_names(allowed)
+        if name in locked:
+            trouble = "is locked"
+        elif name in urdf.mimics:
+            trouble = f"follows '{urdf.mimics[name].leader}'"
+        elif name not in urdf.joints:
+            trouble, listed = "does not exist", choices(name, allowed)
         raise SceneError(
-            f"scene: '{key}' names joint '{name}', which {trouble}; "
-            f"allowed: {known_names(allowed) if there else choices(name, allowed)}"
+            f"scene: '{key}' names joint '{name}', which {trouble}; allowed: {listed}"
         )

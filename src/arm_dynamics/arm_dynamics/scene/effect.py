@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entries of a scene that would change nothing are refused, with what would make them act.
 
-Those of friction, which need the levels of mimic joints, are refused in ``model.friction``.
+Those of friction, which need the levels of mimic joints, are refused in ``model.friction_source``.
 """
 
 from __future__ import annotations
@@ -54,32 +54,30 @@ def refuse_of_joints(scene: Scene, idle: Mapping[str, Idle]) -> None:
     """
     for name, keys in idle.items():
         _refuse(scene.joints.get(name), f"joints.{name}.", keys)
-    common = [keys.keys() for keys in idle.values()]
-    useless = set.intersection(*map(set, common)) if common else set()
-    some = next(iter(idle.values()), {})
-    of_all = {key: why for key, why in some.items() if key in useless}
+    first = next(iter(idle.values()), {})
+    of_all = {key: why for key, why in first.items() if all(key in keys for keys in idle.values())}
     _refuse(scene.joints.get(ALL), f"joints.{ALL}.", of_all)
 
 
 def _refuse(part: Part | None, where: str, idle: Idle) -> None:
     for key, why in idle.items():
-        if (value := given(part, key)) is not None:
+        if (value := value_at(part, key)) is not None:
             raise SceneError(f"scene: '{where}{key}' = {value!r} is without effect: {why}")
 
 
-def given(part: Part | None, key: str) -> Any:
-    """The value that a part of a scene gives for a key below it, parts as dictionaries; or None.
+def value_at(part: Part | None, key: str) -> Any:
+    """The value that is set at a key below a part of a scene, parts as dictionaries; or None.
 
     Args:
         part: The part; None if the scene has none.
         key: The key, its parts separated by dots.
     """
-    found: Any = part
+    value: Any = part
     for name in key.split("."):
-        if not isinstance(found, Part) or name not in found.model_fields_set:
+        if not isinstance(value, Part) or name not in value.model_fields_set:
             return None
-        found = getattr(found, name)
-    return found.model_dump(exclude_unset=True) if isinstance(found, Part) else found
+        value = getattr(value, name)
+    return value.model_dump(exclude_unset=True) if isinstance(value, Part) else value
 
 
 def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
@@ -87,9 +85,9 @@ def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
     joint, idle = scene.joint(name), Idle()
     for key, beside in _OF_ZERO.items():
         path, _, own = key.rpartition(".")
-        if given(joint, key) == 0.0 and given(joint, f"{path}.table") is None:
+        if value_at(joint, key) == 0.0 and value_at(joint, f"{path}.table") is None:
             idle |= {f"{path}.{other}": f"'{own}' is 0; {_MORE}" for other in beside}
-    if given(scene.joints.get(ALL), "transmission.hysteresis.torque"):
+    if value_at(scene.joints.get(ALL), "transmission.hysteresis.torque"):
         idle.pop("transmission.hysteresis.deflection", None)  # required where it is taken away
     limits = joint.limits
     limited = limits.lower is not None or limits.upper is not None or name in urdf.limited
@@ -106,4 +104,4 @@ def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
 def has_chance(scene: Scene) -> bool:
     """Whether sensors or commands of a scene have anything random, for which a seed counts."""
     parts = (scene.sensors, scene.commands)
-    return any(given(part, key) is not None for part in parts for key in _RANDOM)
+    return any(value_at(part, key) is not None for part in parts for key in _RANDOM)

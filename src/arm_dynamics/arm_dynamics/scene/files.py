@@ -42,11 +42,11 @@ def find_scene(name: str, folder: Path) -> Path:
     for place in places:
         if os.path.isfile(place):  # that of Path raises if a name is too long
             return place
-    known = ready_scenes()
+    all_ready = ready_scenes()
     files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf", ".xacro")]
-    ready = known if Path(name).suffix in ("", _SUFFIX) else []
+    ready = all_ready if Path(name).suffix in ("", _SUFFIX) else []
     guess = did_you_mean(name, [*files, *ready]) or did_you_mean(Path(name).stem, ready)
-    listed = "." if Path(name).suffix else f". Ready scenes: {known_names(known, 60)}"
+    listed = "." if Path(name).suffix else f". Ready scenes: {known_names(all_ready, 60)}"
     raise SceneError(
         f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name"
         f"{guess or listed}"
@@ -92,14 +92,14 @@ def file_text(
         with path.open("rb") as stream:
             marked = stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
         try:
-            text, known = path.read_text("utf-16" if marked else "utf-8-sig"), True
+            text, is_unicode = path.read_text("utf-16" if marked else "utf-8-sig"), True
         except UnicodeError:
-            text, known = path.read_text("latin-1"), False
+            text, is_unicode = path.read_text("latin-1"), False
     except OSError as error:
         raise SceneError(f"{file}: cannot read '{path}': {error.strerror or error}") from None
     if "\0" in text:
         raise SceneError(f"{file}: '{path}' is not text; {expected} is expected")
-    if not known:
+    if not is_unicode:
         _log.warning("'%s' is not UTF-8: read as Latin-1", path)
     return text
 

@@ -7,7 +7,7 @@ The physics of the arm does not depend on these keys; ``arm_sim.imperfections`` 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, StrictBool, StrictInt, model_validator
 
@@ -137,7 +137,7 @@ class Commands(Line):
 
 
 def values(by_joint: Mapping[str, float], names: Sequence[str]) -> list[float]:
-    """The number of each joint; zero where none is given."""
+    """The number of each joint; zero where there is none."""
     common = by_joint.get(ALL, 0.0)
     return [by_joint.get(name, common) for name in names]
 
@@ -147,10 +147,9 @@ def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None
     free = urdf.free(locked)
     for kind in ("position", "velocity", "effort"):
         part: Part = getattr(sensors, kind)
-        for key in type(part).model_fields:
-            given: Any = getattr(part, key)
-            if isinstance(given, dict):
-                named = [name for name in given if name != ALL]
+        for key, by_joint in part:
+            if isinstance(by_joint, dict):
+                named = [name for name in by_joint if name != ALL]
                 check_joints(f"sensors.{kind}.{key}", named, free, urdf, locked)
     counts = sensors.position.counts
     for name in free:

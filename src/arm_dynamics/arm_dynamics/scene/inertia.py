@@ -41,8 +41,7 @@ def six_of(tensor: Array) -> Array:
 
 def moments(six: Inertia6 | ArrayLike) -> Array:
     """Principal moments in [kg m²], the smallest first, shape (…, 3)."""
-    found: Array = np.linalg.eigvalsh(inertia_matrix(six))
-    return found
+    return np.asarray(np.linalg.eigvalsh(inertia_matrix(six)))
 
 
 def gyration(mass: float, six: Inertia6 | ArrayLike) -> float:
@@ -62,28 +61,28 @@ def possible(mass: ArrayLike, six: Inertia6 | ArrayLike) -> NDArray[np.bool_]:
 
 def fault(mass: float, six: Inertia6 | ArrayLike) -> str | None:
     """Why a mass in [kg] and a tensor are not those of a rigid body; None if they are."""
-    found = moments(six)
-    said = ", ".join(f"{moment:.6g}" for moment in found)
+    principal = moments(six)
+    listed = ", ".join(f"{moment:.6g}" for moment in principal)
     return [
         None,
         f"mass = {mass:g} kg: at least zero is expected",
-        f"the tensor must not be negative in any direction; principal moments {said} kg m²",
-        f"mass = 0, but inertia of {found[2]:.6g} kg m²: more than zero is expected",
-        f"no body has principal moments {said} kg m²: none may be larger than the sum of the "
+        f"the tensor must not be negative in any direction; principal moments {listed} kg m²",
+        f"mass = 0, but inertia of {principal[2]:.6g} kg m²: more than zero is expected",
+        f"no body has principal moments {listed} kg m²: none may be larger than the sum of the "
         f"other two (by {DIGITS:.0%} at most, for rounding)",
-    ][int(_fault(np.asarray(mass, dtype=float), found))]
+    ][int(_fault(np.asarray(mass, dtype=float), principal))]
 
 
-def _fault(mass: Array, found: Array) -> NDArray[np.int_]:
+def _fault(mass: Array, principal: Array) -> NDArray[np.int_]:
     """Number of the first condition that is violated, 0 for none, shape (…)."""
-    small, middle, large = np.moveaxis(found, -1, 0)
-    broken = [
+    small, middle, large = np.moveaxis(principal, -1, 0)
+    violated = [
         ~(mass >= 0.0),
         small < -np.maximum(ROUNDING * large, least(mass)),
         (mass == 0.0) & (large > least(mass)),
         large - middle - small > np.maximum(DIGITS * large, least(mass)),
     ]
-    return np.select(broken, [1, 2, 3, 4], 0)
+    return np.select(violated, [1, 2, 3, 4], 0)
 
 
 class Body(Part):

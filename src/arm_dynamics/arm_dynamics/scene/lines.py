@@ -46,29 +46,29 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f" in line {mark.line + 1}" if mark else ""
-        said = "; ".join(x for x in (error.context, error.problem) if x)
-        raise SceneError(f"{file}: this is not well-formed YAML{line}: {said}") from None
+        reason = "; ".join(x for x in (error.context, error.problem) if x)
+        raise SceneError(f"{file}: this is not well-formed YAML{line}: {reason}") from None
     except (yaml.YAMLError, ValueError) as error:
-        said = " ".join(str(error).split())
-        raise SceneError(f"{file}: this is not well-formed YAML: {said}") from None
+        reason = " ".join(str(error).split())
+        raise SceneError(f"{file}: this is not well-formed YAML: {reason}") from None
     except RecursionError:
-        said = "nested too deeply, or an alias within its own anchor"
-        raise SceneError(f"{file}: this YAML cannot be used: {said}") from None
+        reason = "nested too deeply, or an alias within its own anchor"
+        raise SceneError(f"{file}: this YAML cannot be used: {reason}") from None
     if isinstance(data, dict):
         return data
-    held = "the file is empty" if data is None else f"the file holds {_KINDS.get(type(data), '?')}"
-    raise SceneError(f"{file}: {held}; a mapping with {keys} is expected")
+    content = "is empty" if data is None else f"holds {_KINDS.get(type(data), '?')}"
+    raise SceneError(f"{file}: the file {content}; a mapping with {keys} is expected")
 
 
-def _size(node: yaml.Node, known: dict[int, int]) -> int:
+def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
     """Number of values, those of a repeated alias each time."""
     if isinstance(node, yaml.ScalarNode):
         return 1
-    if id(node) not in known:
+    if id(node) not in sizes:
         pairs = isinstance(node, yaml.MappingNode)
         parts = [part for pair in node.value for part in pair] if pairs else node.value
-        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
-    return known[id(node)]
+        sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
+    return sizes[id(node)]
 
 
 def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
@@ -84,19 +84,20 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
                     f"{file}: '{'.'.join((*place, key.value))}' = {whole.value},{rest.value}: a "
                     f"decimal point is expected, as in {whole.value}.{rest.value}"
                 )
-        seen: dict[str, int] = {}  # of a repeated key YAML would use the last
+        first_lines: dict[str, int] = {}  # of a repeated key YAML would use the last
         for key, _ in node.value:
             line = key.start_mark.line + 1
             if not isinstance(key, yaml.ScalarNode):
                 raise SceneError(
                     f"{file}: a key in line {line} is a list or a mapping; a name is expected"
                 )
-            if key.value in seen and key.value != "<<":
-                where, lines = ".".join((*place, key.value)), f"{seen[key.value]} and {line}"
+            if key.value in first_lines and key.value != "<<":
+                where = ".".join((*place, key.value))
+                lines = f"{first_lines[key.value]} and {line}"
                 raise SceneError(
                     f"{file}: '{where}' is given twice, in lines {lines}; once is expected"
                 )
-            seen[key.value] = line
+            first_lines[key.value] = line
         for key, child in node.value:
             _refuse_traps(child, file, *place, key.value)
     elif isinstance(node, yaml.ScalarNode):
@@ -115,16 +116,13 @@ def line_of(content: str, place: str) -> int | None:
     first exists.
     """
     try:
-        node, found = yaml.compose(content, yaml.SafeLoader), None
+        node, line = yaml.compose(content, yaml.SafeLoader), None
     except yaml.YAMLError:
         return None
     keys = place.split(".")
-    while keys:
-        step = _step(node, keys)
-        if step is None:
-            break
-        found, node, keys = step
-    return found
+    while keys and (step := _step(node, keys)) is not None:
+        line, node, keys = step
+    return line
 
 
 def _step(node: yaml.Node | None, keys: list[str]) -> tuple[int, yaml.Node, list[str]] | None:

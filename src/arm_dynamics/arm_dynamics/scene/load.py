@@ -4,39 +4,27 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from arm_dynamics.exceptions import (
-    ModelError,
-    SceneError,
-    choices,
-    degrees_meant,
-    known_names,
-    plain,
-)
-from arm_dynamics.scene.constraint import WORLD, check_constraints, check_frame, check_joints
-from arm_dynamics.scene.effect import check_effect, given
+from arm_dynamics.exceptions import ModelError, SceneError, choices, known_names, plain
+from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
+from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
-from arm_dynamics.scene.inertia import gyration
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.schema import Joint, RobotChoice, Scene, validated
 from arm_dynamics.scene.spring import check_springs
+from arm_dynamics.scene.unit_remarks import unit_remarks
 from arm_dynamics.scene.urdf import Urdf, read_urdf, with_bodies
-from arm_dynamics.scene.urdf.units import FAR, wide
 from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
 
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
 """Sources of a scene; see ``load_scene``."""
 
-_MOST_DEGREES = 720.0  # as a limit, more than two turns in degrees means none
-_STROKES = 20.0  # lengths of the arm; a longer stroke is in mm, or means none if it is symmetric
-_LATE = 1.0  # [s] from a state to its command; longer ones are in ms
 _log = logging.getLogger(__name__)
 
 
@@ -164,75 +152,16 @@ def _check_ranges(scene: Scene, urdf: Urdf) -> None:
 
 def _warn(scene: Scene, urdf: Urdf) -> None:
     """Warn of what is unusual, of inertias that no body has, and of units probably mistaken."""
-    for remark, (place, *others) in urdf.notes.items():
-        more = f" (and {known_names(others, 5)})" if others else ""
+    for remark, (place, *rest) in urdf.notes.items():
+        more = f" (and {known_names(rest, 5)})" if rest else ""
         _log.warning("robot description: %s: %s%s", plain(place), remark, more)
     if urdf.doubtful:
-        name, *others = urdf.doubtful
-        more = f" (and {known_names(others, 5)})" if others else ""
+        name, *rest = urdf.doubtful
+        more = f" (and {known_names(rest, 5)})" if rest else ""
         text = "robot description: inertia that no rigid body has, used unchanged: link '%s'%s: %s"
         _log.warning(text, name, more, urdf.doubtful[name])
-    for remark in _unit_remarks(scene, urdf):
+    for remark in unit_remarks(scene, urdf):
         _log.warning("scene: %s", remark)
-
-
-def _unit_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
-    """Remarks on angles probably in degrees, lengths in mm and inertias of payloads in kg mm²."""
-    for i, payload in enumerate(scene.payloads):
-        if payload.mass and (r := gyration(payload.mass, payload.inertia)) > wide(urdf.size):
-            yield (
-                f"'payloads.{i}.inertia' = {list(payload.inertia)}: its radius of gyration is "
-                f"{r:.3g} m; inertias are in kg m²"
-            )
-    turning = [name for name in urdf.moving if urdf.joints[name] != "prismatic"]
-    steps = scene.sensors.position.resolution if scene.sensors else {}
-    for key, angles in {
-        "initial.position.{}": scene.initial.position,
-        "joints.{}.spring.rest": {n: given(scene.joint(n), "spring.rest") for n in turning},
-        "sensors.position.resolution.{}": steps,
-    }.items():
-        for name, angle in angles.items():
-            if name in (*turning, "*") and angle and (remark := degrees_meant(angle)):
-                yield f"'{key.format(name)}' = {remark}"
-    if scene.delay > _LATE:
-        yield f"'sensors.delay' and 'commands.delay': {scene.delay:g} s in all; times are in s"
-    yield from _of_lengths(scene, urdf)
-    yield from _of_ranges(scene, urdf)
-
-
-def _of_lengths(scene: Scene, urdf: Urdf) -> Iterator[str]:
-    """Remarks on points in frames of the arm, cords, balls and wheels that are larger than it."""
-    for key in ("payloads", "springs", "constraints"):
-        for i, part in enumerate(getattr(scene, key)):
-            ends = zip(getattr(part, "frames", ()), getattr(part, "points", ()), strict=False)
-            points = {f"points.{k}": p for k, (frame, p) in enumerate(ends) if frame != WORLD}
-            points |= {name: getattr(part, name, ()) for name in ("com", "point")}
-            points |= {name: (getattr(part, name, 0.0),) for name in ("rest_length", "radius")}
-            for name, point in points.items():
-                if (length := math.hypot(*point)) > max(FAR, urdf.size):
-                    yield f"'{key}.{i}.{name}' is {length:g} m; lengths are in m"
-
-
-def _of_ranges(scene: Scene, urdf: Urdf) -> Iterator[str]:
-    """Remarks on position limits, those of the scene in place of the description's."""
-    degrees, millimetres = [], []
-    for name in urdf.moving:
-        own, none = scene.joint(name).limits, (0.0, 0.0)
-        said = zip((own.lower, own.upper), urdf.limited.get(name, none), strict=True)
-        lower, upper = (other if x is None else x for x, other in said)
-        place = f"joint '{name}' from {lower:g} to {upper:g}"
-        farthest, stroke = max(-lower, upper), upper - lower
-        if urdf.joints[name] != "prismatic":
-            if farthest <= _MOST_DEGREES and degrees_meant(farthest):
-                degrees.append(place)
-        elif lower != -upper and stroke > max(FAR, _STROKES * urdf.size) and urdf.size:
-            millimetres.append(place)
-    for places, words in (
-        (degrees, "are more than two turns; angles are in rad"),
-        (millimetres, f"are far for an arm of {urdf.size:.3g} m; lengths are in m"),
-    ):
-        if places:
-            yield f"position limits, {known_names(places, 5)}, {words}"
 
 
 def _check_names(scene: Scene, urdf: Urdf) -> None:
@@ -298,9 +227,9 @@ def _check_follower(scene: Scene, name: str, leader: str) -> None:
 def _check_locked(scene: Scene, name: str) -> None:
     """Refuse keys of locked joints that would have no effect."""
     own = scene.joints.get(name)
-    if own is not None and (given := own.model_dump(exclude_unset=True, exclude_none=True)):
+    if own is not None and (keys := own.model_dump(exclude_unset=True, exclude_none=True)):
         raise SceneError(
-            f"scene: 'joints.{name}' sets {known_names(given)} of a joint that 'robot.lock' holds "
+            f"scene: 'joints.{name}' sets {known_names(keys)} of a joint that 'robot.lock' holds "
             "fast; take the entry or the lock out"
         )
     if scene.initial.velocity.get(name, 0.0) != 0.0:

@@ -277,13 +277,12 @@ class Scene(Part):
         if common is None or own is None:
             return own or common or Joint()
         try:
-            return Joint.model_validate(_overlay(_given(common), _given(own)))
+            below, above = (
+                x.model_dump(exclude_unset=True, exclude_none=True) for x in (common, own)
+            )
+            return Joint.model_validate(_overlay(below, above))
         except ValidationError as error:
             raise _refused(error, ("joints", name)) from None
-
-
-def _given(part: Part) -> dict[str, Any]:
-    return part.model_dump(exclude_unset=True, exclude_none=True)
 
 
 _TABLES = ("table", "position", "load")
@@ -293,17 +292,21 @@ _IN_TABLES = {*IN_TABLE, "stiffness"}
 
 
 def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    replaced = _IN_TABLES if "table" in above else {"table"} if _IN_TABLES & set(above) else set()
-    merged = {key: value for key, value in below.items() if key not in replaced}
+    """The keys of both, number by number; those ``above`` win, and a table replaces others."""
+    merged = dict(below)
+    for key in below:
+        if ("table" in above and key in _IN_TABLES) or (
+            key == "table" and _IN_TABLES & set(above)
+        ):
+            del merged[key]
     for key, value in above.items():
         parts = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        both = parts and key not in _TABLES
-        merged[key] = _overlay(merged[key], value) if both else value
+        merged[key] = _overlay(merged[key], value) if parts and key not in _TABLES else value
     return merged
 
 
 def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Scene:
-    """Check a scene given as a dictionary.
+    """Check a scene in a dictionary.
 
     Args:
         data: The content of a scene file.

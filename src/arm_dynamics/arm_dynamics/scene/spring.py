@@ -95,7 +95,7 @@ class PointSpring(Part):
 
 
 def spring_name(spring: PointSpring, place: int) -> str:
-    """Name of a spring: given, else ``spring`` and its index in the scene's list."""
+    """Name of a spring; without one, ``spring`` and its index in the scene's list."""
     return spring.name or f"spring_{place}"
 
 

@@ -27,12 +27,6 @@ def _number(value: object) -> object:
     return value
 
 
-def _finite(value: float) -> float:
-    if not np.isfinite(value):
-        raise ValueError("allowed: finite numbers")
-    return value
-
-
 STEEPEST = 1e100
 """Slopes of curves are below it, so that products of them can be computed."""
 _COPY = "build another one: load_scene takes a file, or a dict of the same shape"
@@ -50,7 +44,7 @@ def _unit(value: tuple[float, float, float], info: ValidationInfo) -> tuple[floa
     return x, y, z
 
 
-Finite = Annotated[float, BeforeValidator(_number), AfterValidator(_finite)]
+Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_number)]
 NonNegative = Annotated[Finite, Field(ge=0.0)]
 Positive = Annotated[Finite, Field(gt=0.0)]
 Limit = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
@@ -65,10 +59,11 @@ class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     def __repr_args__(self) -> Iterator[tuple[str, object]]:
-        """What is given; of long text, as of a robot description, its ends."""
-        given = (name for name in type(self).model_fields if name in self.model_fields_set)
-        for name, value in ((name, getattr(self, name)) for name in given):
-            yield name, plain(value, 60) if isinstance(value, str) else value
+        """The keys that are set; of long text, as of a robot description, its ends."""
+        for name in type(self).model_fields:
+            if name in self.model_fields_set:
+                value = getattr(self, name)
+                yield name, plain(value, 60) if isinstance(value, str) else value
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse to be changed."""

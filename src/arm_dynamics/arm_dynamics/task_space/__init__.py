@@ -25,8 +25,4 @@ __all__ = [
     "AXES", "EffectiveMass", "InverseKinematics", "MassEllipsoid", "Pose", "Solution",
     "TaskSpace", "TaskTerms", "chosen_axes", "quaternions",
 ]  # fmt: skip
-__getattr__, __dir__ = on_demand(__name__, {
-    "axes": ("AXES", "chosen_axes"), "inertia": ("quaternions",),
-    "inverse_kinematics": ("InverseKinematics", "Solution"),
-    "task_space": ("EffectiveMass", "MassEllipsoid", "Pose", "TaskSpace", "TaskTerms"),
-})  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

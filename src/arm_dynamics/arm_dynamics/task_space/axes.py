@@ -32,8 +32,8 @@ def chosen_axes(selection: str | Iterable[str]) -> tuple[str, ...]:
     listed = selection.replace(",", " ").split() if isinstance(selection, str) else selection
     names = tuple(listed)
     if not names or len(set(names)) < len(names) or not set(names) <= set(AXES):
-        meant = did_you_mean(selection, _GROUPS)
-        allowed = f"{known_names(_GROUPS)}, or different names out of {known_names(AXES)}{meant}"
+        hint = did_you_mean(selection, _GROUPS)
+        allowed = f"{known_names(_GROUPS)}, or different names out of {known_names(AXES)}{hint}"
         raise InvalidInput(f"selection = {selection!r}; allowed: {allowed}")
     return tuple(axis for axis in AXES if axis in names)
 

@@ -119,11 +119,10 @@ def quaternions(rotation: Array) -> Array:
         rotation: Rotation matrices, shape (…, 3, 3).
     """
     rows = [pin.Quaternion(R).coeffs() for R in rotation.reshape(-1, 3, 3)]
-    made = np.reshape(rows, (*rotation.shape[:-2], 4))
-    return np.where(made[..., 3:] < 0.0, -made, made)
+    coefficients = np.reshape(rows, (*rotation.shape[:-2], 4))
+    return np.where(coefficients[..., 3:] < 0.0, -coefficients, coefficients)
 
 
 def pseudo_inverse(J: Array) -> Array:
     """J⁺ = Jᵀ (J Jᵀ)⁻¹ of a Jacobian of full row rank, shape (n, m)."""
-    inverse: Array = np.linalg.solve(J @ J.T, J).T
-    return inverse
+    return np.asarray(np.linalg.solve(J @ J.T, J).T)

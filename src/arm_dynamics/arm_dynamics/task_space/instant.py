@@ -44,11 +44,11 @@ class TaskInstant(NamedTuple):
 
 
 def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
-    """The functions of a frame: ``state`` of q and v, ``meant`` of q, v and a.
+    """The functions of a frame: ``state`` of q and v, ``motion`` of q, v and a.
 
-    Results of the first are those of ``TaskInstant`` and a bound of 1/σ of
-    ``inertia.task_inertia``, which tells a singularity; those of the second are position,
-    rotation, J v and J a + J̇ v of all six axes.
+    Results of the first are those of ``TaskInstant`` and an upper bound of 1/σ of
+    ``inertia.task_inertia``, inf where Λ is no inertia, which tells a singularity; those of the
+    second are position, rotation, J v and J a + J̇ v of all six axes.
     """
     tree, frame = tree_of(model), frame_of(model, name)
     q, v, a = (ca.SX.sym(letter, model.n) for letter in "qva")
@@ -59,22 +59,20 @@ def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fu
     gravity = gravity_of(model)
     bias = spring.frictionless(model.springs, tree, q, v, ca.SX(model.n, 1), gravity)
     M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
-    B = _solved(M, part.T)
+    B = rigid_body.solve_columns(M, part.T)
     A = part @ B
-    inertia = _solved(A, ca.SX.eye(len(rows)))
+    inertia = rigid_body.solve_columns(A, ca.SX.eye(len(rows)))
     scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
-    bound = _largest(inertia, scale)
+    # The trace of the scaled Λ, whose eigenvalues are all positive if it is an inertia.
+    mass = ca.diag(inertia)
+    is_inertia = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
+    bound = ca.if_else(is_inertia, ca.sum1(scale**2 * mass), np.inf)
     state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound]
     motion = [*placed, J @ v, J @ a + moving]
     return [
         ca.Function("state", [q, v], [ca.densify(x) for x in state], {"cse": True}),
-        ca.Function("meant", [q, v, a], [ca.densify(x) for x in motion], {"cse": True}),
+        ca.Function("motion", [q, v, a], [ca.densify(x) for x in motion], {"cse": True}),
     ]
-
-
-def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Solve for every column; common subexpressions are computed once (``cse``)."""
-    return ca.horzcat(*[rigid_body.solve(matrix, column) for column in ca.horzsplit(right)])
 
 
 def _scales(A: ca.SX, linear: int) -> ca.SX:
@@ -85,13 +83,3 @@ def _scales(A: ca.SX, linear: int) -> ca.SX:
             scale = ca.sqrt(ca.sum1(mobility[first:end]) / (end - first))
             parts.append(ca.repmat(ca.if_else(scale < 1e-9, 1, scale), end - first))
     return ca.densify(ca.vertcat(*parts))
-
-
-def _largest(inertia: ca.SX, scale: ca.SX) -> ca.SX:
-    """Upper bound of the largest eigenvalue of the scaled Λ; inf where Λ is not an inertia.
-
-    This is its trace, since all eigenvalues of an inertia are positive.
-    """
-    mass = ca.diag(inertia)
-    sound = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
-    return ca.if_else(sound, ca.sum1(scale**2 * mass), np.inf)

@@ -9,6 +9,7 @@ reach a limit are held there while the others continue.
 from __future__ import annotations
 
 from itertools import compress
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -47,6 +48,15 @@ class Solution:
     at_limit: tuple[str, ...]
 
 
+class _Attempt(NamedTuple):
+    """Where a descent from one seed ended."""
+
+    q: Array
+    distance: float
+    angle: float
+    steps: int
+
+
 @sealed
 class InverseKinematics:
     """Finds joint positions for poses of a task's frame, for the axes of the task.
@@ -74,9 +84,9 @@ class InverseKinematics:
     ) -> None:
         task.require_world_axes()
         if not (distance > 0.0 and angle > 0.0 and iterations > 0 and seeds > 0):
-            given = f"{distance}, {angle}, {iterations}, {seeds}"
             raise InvalidInput(
-                f"distance, angle, iterations, seeds = {given}; positive numbers are expected"
+                f"distance, angle, iterations, seeds = {distance}, {angle}, {iterations}, {seeds};"
+                " positive numbers are expected"
             )
         self.task = task
         self._distance, self._angle = distance, angle
@@ -85,7 +95,7 @@ class InverseKinematics:
         self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE)[task.rows]
 
     def solve(self, pose: Pose, seed: ArrayLike | None = None) -> Solution:
-        """Search for joint positions; the result states whether they were found.
+        """Search for joint positions; the result states whether the pose is reached.
 
         Args:
             pose: Desired pose of the frame in the world.
@@ -95,7 +105,7 @@ class InverseKinematics:
             InvalidInput: If the pose is invalid, or the seed has a wrong shape or value.
         """
         pose = checked_pose(pose)
-        tries = []
+        attempts = list[_Attempt]()
         model = self.task.model
         first = model.q0 if seed is None else vector("seed", seed, model.joint_names)
         if first.ndim != 1:
@@ -103,14 +113,22 @@ class InverseKinematics:
         starts = [first] if seed is None else [first, model.q0]
         starts = [*starts, *postures(model, self._seeds)][: self._seeds]
         for start in np.clip(starts, self._lower, self._upper):
-            tries.append(self._descend(pose, start))
-            if self._reached(*tries[-1][1:3]):
+            attempts.append(attempt := self._descend(pose, start))
+            if self._reached(attempt):
                 break
-        q, distance, angle, _ = min(tries, key=lambda end: end[1] + _ANGLE * end[2])
+        best = min(attempts, key=lambda attempt: attempt.distance + _ANGLE * attempt.angle)
+        q = best.q
         q.setflags(write=False)
-        reached, steps = self._reached(distance, angle), sum(end[3] for end in tries)
         stopped = compress(model.joint_names, (q <= self._lower) | (q >= self._upper))
-        return Solution(q, reached, distance, angle, len(tries), steps, tuple(stopped))
+        return Solution(
+            q=q,
+            reached=self._reached(best),
+            distance=best.distance,
+            angle=best.angle,
+            seeds=len(attempts),
+            iterations=sum(attempt.steps for attempt in attempts),
+            at_limit=tuple(stopped),
+        )
 
     def reach(self, pose: Pose, seed: ArrayLike | None = None) -> Array:
         """Joint positions for a pose in [rad] or [m], shape (n,); arguments as of ``solve``.
@@ -119,15 +137,15 @@ class InverseKinematics:
             Unreachable: If it is not reached from any seed; states the remaining errors.
             InvalidInput: If the pose or the seed is not allowed.
         """
-        found = self.solve(pose, seed)
-        if found.reached:
-            return found.q
-        limits = f"; at a limit: {', '.join(found.at_limit)}" if found.at_limit else ""
+        solution = self.solve(pose, seed)
+        if solution.reached:
+            return solution.q
+        limits = f"; at a limit: {', '.join(solution.at_limit)}" if solution.at_limit else ""
         raise Unreachable(
             f"frame '{self.task.frame}' cannot be brought to position {pose.position}: "
-            f"{found.distance:.3g} m and {found.angle:.3g} rad remain after {found.seeds} "
-            f"seeds{limits}",
-            found.distance + _ANGLE * found.angle,
+            f"{solution.distance:.3g} m and {solution.angle:.3g} rad remain after "
+            f"{solution.seeds} seeds{limits}",
+            solution.distance + _ANGLE * solution.angle,
         )
 
     def correct(self, pose: Pose, q: Array) -> Array:
@@ -143,22 +161,22 @@ class InverseKinematics:
         """Distance of the frame from a pose, in [m] and [rad], for joint positions (n,)."""
         return self._missing(self._error(pose, q)[0])
 
-    def _descend(self, pose: Pose, q: Array) -> tuple[Array, float, float, int]:
+    def _descend(self, pose: Pose, q: Array) -> _Attempt:
         """Iterate until the pose is reached or the error no longer decreases."""
         error, J = self._error(pose, q)
-        worth, patience = self._worth(error), 0
+        size, patience = np.linalg.norm(self._weight * error), 0
         for step in range(self._iterations):
             distance, angle = self._missing(error)
             if distance <= 0.5 * self._distance and angle <= 0.5 * self._angle:
-                return q, distance, angle, step
+                return _Attempt(q, distance, angle, step)
             new = np.clip(q + self._step(error, J, q), self._lower, self._upper)
             error_new, J_new = self._error(pose, new)
-            worth_new = self._worth(error_new)
-            patience = 0 if worth_new < 0.95 * worth else patience + 1
+            size_new = np.linalg.norm(self._weight * error_new)
+            patience = 0 if size_new < 0.95 * size else patience + 1
             if patience > 8:
                 break
-            q, error, J, worth = new, error_new, J_new, min(worth, worth_new)
-        return q, *self._missing(error), step + 1
+            q, error, J, size = new, error_new, J_new, min(size, size_new)
+        return _Attempt(q, *self._missing(error), step + 1)
 
     def _step(self, error: Array, J: Array, q: Array) -> Array:
         e, Jw = self._weight * error, self._weight[:, None] * J
@@ -183,15 +201,12 @@ class InverseKinematics:
         error = np.concatenate([pose.position - position, turn])
         return error[rows], motion.jacobian(q)[rows]
 
-    def _worth(self, error: Array) -> float:
-        return float(np.linalg.norm(self._weight * error))
-
     def _missing(self, error: Array) -> tuple[float, float]:
         linear = self.task.linear
         return float(np.linalg.norm(error[:linear])), float(np.linalg.norm(error[linear:]))
 
-    def _reached(self, distance: float, angle: float) -> bool:
-        return distance <= self._distance and angle <= self._angle
+    def _reached(self, attempt: _Attempt) -> bool:
+        return attempt.distance <= self._distance and attempt.angle <= self._angle
 
 
 def checked_pose(pose: Pose) -> Pose:

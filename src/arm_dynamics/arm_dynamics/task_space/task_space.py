@@ -192,16 +192,13 @@ class TaskSpace:
 
     def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ of shape (m, n) or (k, m, n)."""
-        return each(
-            lambda *s: self.motion.moving(*s)[3][self.rows],
-            *vectors(self.model.joint_names, q=q, v=v),
-        )
+        return each(self._jacobian_rate, *vectors(self.model.joint_names, q=q, v=v))
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
-        moving, rows = self.motion.moving, self.rows
         return each(
-            lambda qi, vi: moving(qi, vi)[3][rows] @ vi, *vectors(self.model.joint_names, q=q, v=v)
+            lambda qi, vi: self._jacobian_rate(qi, vi) @ vi,
+            *vectors(self.model.joint_names, q=q, v=v),
         )
 
     def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
@@ -222,23 +219,22 @@ class TaskSpace:
         inertia = task_inertia(A, self.linear, self.threshold)
         JW, L = J @ W, inertia.matrix
         J_bar = np.swapaxes(JW, -1, -2) @ L
-        made = {
-            "position": position,
-            "rotation": rotation,
-            "jacobian": J,
-            "velocity": times(J, v),
-            "bias": drift,
-            "inertia": L,
-            "coriolis": times(L, times(JW, bias - gravity) - drift),
-            "gravity": times(L, times(JW, gravity)),
-            "spring": times(L, times(JW, spring)),
-            "inverse": J_bar,
-            "null_space": np.eye(self.n) - J_bar @ J,
-            "manipulability": manipulability(J),
-            "condition": condition_number(J),
-            "damped": inertia.damped,
-        }
-        return TaskTerms(**{name: _plain(value) for name, value in made.items()})
+        return TaskTerms(
+            position=_plain(position),
+            rotation=_plain(rotation),
+            jacobian=_plain(J),
+            velocity=_plain(times(J, v)),
+            bias=_plain(drift),
+            inertia=_plain(L),
+            coriolis=_plain(times(L, times(JW, bias - gravity) - drift)),
+            gravity=_plain(times(L, times(JW, gravity))),
+            spring=_plain(times(L, times(JW, spring))),
+            inverse=_plain(J_bar),
+            null_space=_plain(np.eye(self.n) - J_bar @ J),
+            manipulability=_plain(manipulability(J)),
+            condition=_plain(condition_number(J)),
+            damped=_plain(inertia.damped),
+        )
 
     def instant(self, q: Array, v: Array) -> TaskInstant:
         """The terms of controllers at a state, for valid vectors of shape (n,).
@@ -246,13 +242,22 @@ class TaskSpace:
         Raises:
             ModelError: If a joint that carries the frame moves no mass.
         """
-        position, rotation, J, J_dot = self.motion.moving(q, v)
-        J, drift, rigid = J[self.rows], J_dot[self.rows] @ v, self.rigid
-        A = self._mobility(J, W := rigid.mobility(q))
+        frame, rigid = self.motion.moving(q, v), self.rigid
+        J, W = frame.jacobian[self.rows], rigid.mobility(q)
+        A = self._mobility(J, W)
         inertia = task_inertia(A, self.linear, self.threshold)
-        L = inertia.matrix if inertia.damped else np.linalg.inv(A)
-        M, bias = rigid.mass(q), rigid.bias(q, v) + rigid.spring(q, v)
-        return TaskInstant(position, rotation, J, J @ v, drift, M, bias, W @ J.T, A, L)
+        return TaskInstant(
+            position=frame.position,
+            rotation=frame.rotation,
+            J=J,
+            velocity=J @ v,
+            drift=frame.jacobian_rate[self.rows] @ v,
+            M=rigid.mass(q),
+            bias=rigid.bias(q, v) + rigid.spring(q, v),
+            B=W @ J.T,
+            A=A,
+            inertia=inertia.matrix if inertia.damped else np.linalg.inv(A),
+        )
 
     def effective_mass(self, q: ArrayLike, direction: ArrayLike) -> EffectiveMass:
         """Effective mass for a force along a direction: 1 / (uᵀ Λ⁻¹ u).
@@ -268,7 +273,7 @@ class TaskSpace:
             InvalidInput: If a shape or value is not allowed.
         """
         (q,), u = vectors(self.model.joint_names, q=q), unit_vector("direction", direction, self.m)
-        A = self._mobility(*_each(self._frozen, q))
+        A = self._mobility(*_each(self._at_rest, q))
         reference = np.square(scales(A, self.linear) * u).sum(-1)
         mobility, floor = (A @ u) @ u, self.threshold * reference
         damped = mobility < floor
@@ -288,7 +293,7 @@ class TaskSpace:
                 f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed: tasks of linear "
                 "or of angular axes alone"
             )
-        A = self._mobility(*_each(self._frozen, *vectors(self.model.joint_names, q=q)))
+        A = self._mobility(*_each(self._at_rest, *vectors(self.model.joint_names, q=q)))
         values, axes = np.linalg.eigh(A)
         floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
         masses = 1.0 / np.maximum(values, floor)
@@ -296,15 +301,21 @@ class TaskSpace:
         return MassEllipsoid(masses[..., ::-1], axes[..., ::-1], _plain(damped))
 
     def _state(self, q: Array, v: Array) -> tuple[Array, ...]:
+        """Position, rotation, J, J̇, M⁻¹, C v + G, G and S."""
         position, rotation, J, J_dot = self.motion.moving(q, v)
         rows, rigid = self.rows, self.rigid
         terms = rigid.mobility(q), rigid.bias(q, v), rigid.gravity(q), rigid.spring(q, v)
         return position, rotation, J[rows], J_dot[rows], *terms
 
-    def _frozen(self, q: Array) -> tuple[Array, Array]:
+    def _at_rest(self, q: Array) -> tuple[Array, Array]:
+        """J and M⁻¹."""
         return self.motion.jacobian(q)[self.rows], self.rigid.mobility(q)
 
+    def _jacobian_rate(self, q: Array, v: Array) -> Array:
+        return self.motion.moving(q, v).jacobian_rate[self.rows]
+
     def _mobility(self, J: Array, W: Array) -> Array:
+        """A = J M⁻¹ Jᵀ for W = M⁻¹."""
         A = J @ W @ np.swapaxes(J, -1, -2)
         if not np.isfinite(A).all():
             raise ModelError(

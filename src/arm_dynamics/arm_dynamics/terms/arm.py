@@ -22,19 +22,20 @@ class Expressions:
 
     Attributes:
         rigid: Its rigid bodies and springs.
-        sprung: Whether there are springs.
-        rubs: Whether there is friction.
+        has_springs: Whether there are springs.
+        has_friction: Whether there is friction.
     """
 
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
         self.rigid: Any = RigidExpressions(model)
-        self._friction, self.rubs, self.sprung = friction, friction.present, bool(model.springs)
+        self._friction = friction
+        self.has_friction, self.has_springs = friction.present, bool(model.springs)
 
-    def lost(self, v: Any, q: Any, load: Any) -> Any:
+    def friction(self, v: Any, q: Any, load: Any) -> Any:
         """Friction of sliding joints under torques of the drives, shape (n,)."""
         return self._friction(v, ca.sign(v), q, load)
 
-    def needed(self, v: Any, q: Any, tau: Any) -> Any:
+    def with_friction(self, v: Any, q: Any, tau: Any) -> Any:
         """Torques of the drives that leave ``tau`` for the rigid arm, shape (n,)."""
         return self._friction.demanded(tau, v, ca.sign(v), q)
 
@@ -48,27 +49,28 @@ class Numbers:
 
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
         self.rigid, self._model, self._friction = RigidTerms(model), model, friction
-        self.rubs, self.sprung = friction.present, bool(model.springs)
+        self.has_friction, self.has_springs = friction.present, bool(model.springs)
 
     @built_once
-    def lost(self) -> Callable[[Array, Array, Array], Array]:
+    def friction(self) -> Callable[[Array, Array, Array], Array]:
         """See ``Expressions``."""
-        return self._evaluated(Expressions.lost)
+        return self._evaluated(Expressions.friction)
 
     @built_once
-    def needed(self) -> Callable[[Array, Array, Array], Array]:
+    def with_friction(self) -> Callable[[Array, Array, Array], Array]:
         """See ``Expressions``."""
-        return self._evaluated(Expressions.needed)
+        return self._evaluated(Expressions.with_friction)
 
     def _evaluated(self, law: Callable[..., ca.SX]) -> Callable[[Array, Array, Array], Array]:
-        given = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
-        torque = ca.densify(law(Expressions(self._model, self._friction), *given))
-        call = Kernel([ca.Function("torque", given, [torque], {"cse": True})], "vm").call("torque")
-        ((at, there, load), (made,), run) = call.inputs, call.outputs, call.run
+        symbols = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
+        torque = ca.densify(law(Expressions(self._model, self._friction), *symbols))
+        function = ca.Function("torque", symbols, [torque], {"cse": True})
+        call = Kernel([function], "vm").call("torque")
+        (v_in, q_in, tau_in), (result,), run = call.inputs, call.outputs, call.run
 
         def evaluate(v: Array, q: Array, tau: Array) -> Array:
-            at[:], there[:], load[:] = v, q, tau
+            v_in[:], q_in[:], tau_in[:] = v, q, tau
             run()
-            return made.copy()
+            return result.copy()
 
         return evaluate

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of terms: all that is asked of an arm at a state, each stated once.
+"""The table of terms: each function of an arm's state, stated once.
 
-An entry follows into ``Dynamics``, its batches and its calls of compiled code, exported C, the
-services, their client and the reference, and is verified against Pinocchio wherever it becomes
-code. Its formula is evaluated with numbers, which Pinocchio computes, and with expressions alike.
+``Dynamics``, its batches and its calls of compiled code, exported C, the services, their client
+and the reference are derived from the entries, which are verified against Pinocchio wherever they
+become code. A formula is evaluated with numbers, which Pinocchio computes, and with expressions
+alike.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Positions in [rad] or [m], velocities and accelerations of the joints, and torqu
 ``external`` torques that act on the links.
 """
 FIXED = {"chosen": 1.0, "external": 0.0}
-"""What arguments are where they are not given: all terms, and no torques."""
+"""Defaults of arguments: all terms, and no torques."""
 WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
 """``chosen`` of everything else."""
 
@@ -38,10 +39,10 @@ def always(model: Any) -> bool:
     return True
 
 
-def relative(arm: Arm, made: Any, formula: Callable[..., Any], *state: Any) -> Any:
+def relative(arm: Arm, result: Any, formula: Callable[..., Any], *state: Any) -> Any:
     """The difference of a result from Pinocchio's, and its size."""
-    right = formula(arm, *state)
-    return made - right, right
+    expected = formula(arm, *state)
+    return result - expected, expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +51,14 @@ class Entry:
 
     Attributes:
         name: Its name in C, services and commands.
-        of: Names of its arguments, out of ``SIZES``.
+        arguments: Names of its arguments, out of ``SIZES``.
         shape: Of its result at one state, in numbers and n.
         symbol: Of its result.
         unit: Of its result, for revolute joints and for prismatic ones.
-        about: One sentence for people.
-        formula: From ``Numbers`` or ``Expressions``, and the arguments, to the result.
-        which: Names of further arguments that are not numbers, such as a frame.
-        compared: From ``Numbers``, a result of code, the formula and its arguments, to the error
+        about: One sentence that describes it.
+        formula: Maps ``Numbers`` or ``Expressions``, and the arguments, to the result.
+        selectors: Names of further arguments that are not numbers, such as a frame.
+        compared: Maps ``Numbers``, a result of code, the formula and its arguments to the error
             and the size of the summands, which does not vanish where the sum happens to.
         fields: Names of the parts of the result, where services name each.
         method: Its name in ``Dynamics``, if it is another one.
@@ -65,31 +66,31 @@ class Entry:
     """
 
     name: str
-    of: tuple[str, ...]
+    arguments: tuple[str, ...]
     shape: tuple[str | int, ...]
     symbol: str
     unit: str
     about: str
     formula: Callable[..., Any]
-    which: tuple[str, ...] = ()
+    selectors: tuple[str, ...] = ()
     compared: Callable[..., Any] = relative
     fields: tuple[str, ...] = ()
     method: str = ""
     compiles: Callable[[Any], bool] = always
 
     @property
-    def asked(self) -> str:
+    def method_name(self) -> str:
         """Name of the method of ``Dynamics``."""
         return self.method or self.name
 
     @property
-    def asks(self) -> tuple[str, ...]:
-        """Names of what is given for it."""
-        return *(x for x in self.of if x not in FIXED), *self.which
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of that method."""
+        return *(x for x in self.arguments if x not in FIXED), *self.selectors
 
     @property
     def parts(self) -> dict[str, tuple[str | int, ...]]:
-        """Shapes of what services name of the result."""
+        """Shapes of the parts of the result that services name."""
         return dict.fromkeys(self.fields, self.shape[1:]) or {self.name: self.shape}
 
     def dimensions(self, n: int) -> tuple[int, ...]:
@@ -97,9 +98,9 @@ class Entry:
         sizes = {"n": n, "n + 1": n + 1, "m": -1}
         return tuple(sizes[x] if isinstance(x, str) else x for x in self.shape)
 
-    def title(self, *which: Any) -> str:
-        """Its name for people."""
-        return " of ".join([self.name.replace("_", " "), *map(repr, which)])
+    def title(self, *selection: Any) -> str:
+        """Its name in messages, with values of its selectors."""
+        return " of ".join([self.name.replace("_", " "), *map(repr, selection)])
 
 
 def _inverse(arm: Arm, q: Any, v: Any, a: Any, chosen: Any = None, external: Any = None) -> Any:
@@ -108,21 +109,21 @@ def _inverse(arm: Arm, q: Any, v: Any, a: Any, chosen: Any = None, external: Any
     else:
         inertia, coriolis, weight, friction, spring = (chosen[i] for i in range(5))
         tau = arm.rigid.inverse(q, coriolis * v, inertia * a, weight)
-        if arm.sprung:
+        if arm.has_springs:
             tau = tau + spring * arm.rigid.spring(q, v)
     if external is not None:
         tau = tau - external
-    if not arm.rubs:
+    if not arm.has_friction:
         return tau
-    needed = arm.needed(v, q, tau)
-    return needed if friction is True else friction * needed + (1.0 - friction) * tau
+    whole = arm.with_friction(v, q, tau)
+    return whole if friction is True else friction * whole + (1.0 - friction) * tau
 
 
 def _forward(arm: Arm, q: Any, v: Any, tau: Any, external: Any = None) -> Any:
-    free = tau - arm.lost(v, q, tau) if arm.rubs else tau
+    free = tau - arm.friction(v, q, tau) if arm.has_friction else tau
     if external is not None:
         free = free + external
-    return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.sprung else free)
+    return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.has_springs else free)
 
 
 def torque_size(M: Any, a: Any, *torques: Any) -> Any:
@@ -144,33 +145,33 @@ def _in_torques(arm: Arm, a: Any, _: Any, q: Any, v: Any, tau: Any, external: An
     return missing, _summands(arm, q, v, a, tau, external)
 
 
-def _of_motion(arm: Arm, made: Any, formula: Any, q: Any, v: Any, a: Any, *more: Any) -> Any:
-    return made - formula(arm, q, v, a, *more), _summands(arm, q, v, a, *more[1:])
+def _of_motion(arm: Arm, result: Any, formula: Any, q: Any, v: Any, a: Any, *more: Any) -> Any:
+    return result - formula(arm, q, v, a, *more), _summands(arm, q, v, a, *more[1:])
 
 
-def _with_inertia(arm: Arm, made: Any, formula: Any, q: Any, *more: Any) -> Any:
-    right = formula(arm, q, *more)
-    return made - right, abs(right) + abs(arm.rigid.mass(q)).sum(axis=1)
+def _with_inertia(arm: Arm, result: Any, formula: Any, q: Any, *more: Any) -> Any:
+    expected = formula(arm, q, *more)
+    return result - expected, abs(expected) + abs(arm.rigid.mass(q)).sum(axis=1)
 
 
-def _with_speed(arm: Arm, made: Any, formula: Any, q: Any, v: Any) -> Any:
-    return made - formula(arm, q, v), arm.rigid.mass(q) * abs(v).max()
+def _with_speed(arm: Arm, result: Any, formula: Any, q: Any, v: Any) -> Any:
+    return result - formula(arm, q, v), arm.rigid.mass(q) * abs(v).max()
 
 
-def _energies(arm: Arm, made: Any, formula: Any, q: Any, v: Any) -> Any:
+def _energies(arm: Arm, result: Any, formula: Any, q: Any, v: Any) -> Any:
     kinetic, potential = abs(formula(arm, q, v))
-    return made - formula(arm, q, v), np.array([kinetic, kinetic + potential])
+    return result - formula(arm, q, v), np.array([kinetic, kinetic + potential])
 
 
-def _moving(arm: Arm, made: Any, formula: Any, q: Any, v: Any, frame: str) -> Any:
-    return made - formula(arm, q, v, frame), abs(v).max() * arm.rigid.jacobian(q, frame)
+def _moving(arm: Arm, result: Any, formula: Any, q: Any, v: Any, frame: str) -> Any:
+    return result - formula(arm, q, v, frame), abs(v).max() * arm.rigid.jacobian(q, frame)
 
 
-def _rows(arm: Arm, made: Any, formula: Any, q: Any, v: Any, names: Any) -> Any:
-    right = formula(arm, q, v, names)
-    size = abs(right)
+def _rows(arm: Arm, result: Any, formula: Any, q: Any, v: Any, names: Any) -> Any:
+    expected = formula(arm, q, v, names)
+    size = abs(expected)
     size[:, -1] += size[:, :-1].max(axis=1, initial=0.0) * abs(v).max() ** 2
-    return made - right, size
+    return result - expected, size
 
 
 INVERSE = Entry(
@@ -203,7 +204,7 @@ GRAVITY = Entry(
 FRICTION = Entry(
     "friction", ("q", "v"), ("n",), "f", "N m, N",
     "Friction of a steady motion without load; zero part of dry friction at rest.",
-    lambda arm, q, v: arm.lost(v, q, 0.0 * v),
+    lambda arm, q, v: arm.friction(v, q, 0.0 * v),
 )  # fmt: skip
 SPRING = Entry(
     "spring", ("q", "v"), ("n",), "s", "N m, N",
@@ -253,4 +254,4 @@ CONSTRAINT_ROWS = Entry(
     lambda arm, q, v, names: arm.rigid.constraint_rows(q, v, names), ("constraints",),
     compared=_rows,
 )  # fmt: skip
-"""Of the constraints with these names; not asked by people."""
+"""Of the constraints with these names; no method of ``Dynamics``."""

@@ -24,11 +24,11 @@ def random_states(n: int, count: int = 3) -> Array:
     return np.random.default_rng(0).uniform(-np.pi, np.pi, (count, CHECK_STATES, n))
 
 
-def compare(what: str, *parts: tuple[Array, Array], source: str = "Pinocchio") -> float:
+def compare(name: str, *parts: tuple[Array, Array], source: str = "Pinocchio") -> float:
     """Reject generated code whose results are wrong.
 
     Args:
-        what: Name of the generated code, for the message.
+        name: Name of the generated code, for the message.
         parts: Differences from the source's results, and the size of the summands of such a
             result, which does not vanish where the sum happens to; one entry for each state, each
             of shape (k, …).
@@ -43,48 +43,51 @@ def compare(what: str, *parts: tuple[Array, Array], source: str = "Pinocchio") -
     error = float(np.max([_relative(*part) for part in parts]))
     if not error <= CHECK_TOLERANCE:
         raise KernelError(
-            f"generated {what} differs from {source} by {error:.2e} (relative); "
+            f"generated {name} differs from {source} by {error:.2e} (relative); "
             f"allowed: {CHECK_TOLERANCE:.0e}"
         )
     return error
 
 
 def _relative(difference: Array, size: Array) -> float:
-    count = len(difference)
-    worst = abs(difference).reshape(count, -1).max(axis=1, initial=0.0)
-    scale = abs(size).reshape(count, -1).max(axis=1, initial=0.0)
+    """The largest ratio, over states, of the largest difference to the largest size."""
+    states = len(difference)
+    worst = abs(difference).reshape(states, -1).max(axis=1, initial=0.0)
+    scale = abs(size).reshape(states, -1).max(axis=1, initial=0.0)
     return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))
 
 
 def _spring_torque(rigid: RigidTerms, q: Array, v: Array) -> tuple[Array, Array]:
     """S by Pinocchio's kinematics and the laws of springs, and the size of its summands.
 
-    Elsewhere numbers of springs come from the same expression as code.
+    Other numbers of springs come from the same expression as code, and could not confirm it.
     """
     robot, springs = rigid.robot, rigid.springs
-    E, bent = robot.followers, robot.followers @ q + robot.offsets - springs.rest
-    parts = [E.T @ (springs.pull(bent) + springs.damping * (E @ v))]
+    E, stretch = robot.followers, robot.followers @ q + robot.offsets - springs.rest
+    torques = [E.T @ (springs.pull(stretch) + springs.damping * (E @ v))]
     for spring in springs.points:
         ends = zip(spring.frames, spring.points, strict=True)
         (a, J_a), (b, J_b) = (rigid.motion(name).of_point(q, point, 0.0) for name, point in ends)
         u, slope = a - b, (a - b) @ (J_a - J_b)[:3]
-        parts.append(sum(tension(spring, u @ u, slope @ v)) * slope)
-    return sum(parts), sum(map(abs, parts))
+        torques.append(sum(tension(spring, u @ u, slope @ v)) * slope)
+    return sum(torques), sum(map(abs, torques))
 
 
 def verify(
     numbers: Numbers,
-    asked: tuple[Entry, tuple[Any, ...]],
+    entry: Entry,
+    selection: tuple[Any, ...],
     values: Callable[[Mapping[str, Array]], Array],
-    given: Sequence[str],
+    names: Sequence[str],
 ) -> float:
     """Compare code of a term with Pinocchio, at deterministic random states.
 
     Args:
         numbers: The arm, with numbers.
-        asked: The entry.
-        values: From the arguments by name, for all states, to the results.
-        given: Names of the arguments; others have the values of ``FIXED``.
+        entry: The term.
+        selection: Its arguments that are not numbers.
+        values: The code, from the arguments by name, for all states, to the results.
+        names: Names of the arguments of the code; others have the values of ``FIXED``.
 
     Returns:
         The largest error, see ``compare``.
@@ -92,28 +95,38 @@ def verify(
     Raises:
         KernelError: If it differs.
     """
-    (entry, which), n, rng = asked, numbers.rigid.robot.n, np.random.default_rng(0)
-    q, v, x = random_states(n)
-    states = {"q": q, "v": v, "a": x, "tau": x}
-    for name, usual in FIXED.items():
-        shape = CHECK_STATES, SIZES[name] or n
-        states[name] = np.full(shape, usual)
-        if name in given:
-            states[name] = rng.integers(0, 2, shape).astype(float)
-    if numbers.sprung:
-        found = [_spring_torque(numbers.rigid, *state) for state in zip(q, v, strict=True)]
-        expected, sizes = (np.array(part) for part in zip(*found, strict=True))
-        springs = np.array([numbers.rigid.spring(*state) for state in zip(q, v, strict=True)])
-        compare("springs", (springs - expected, sizes))
+    n = numbers.rigid.robot.n
+    arguments = _random_arguments(n, names)
+    if numbers.has_springs:
+        _check_springs(numbers, arguments["q"], arguments["v"])
     with np.errstate(all="ignore"):  # numbers that are not finite are rejected
-        made = values(states).reshape(CHECK_STATES, *entry.dimensions(n))
-        rows = zip(*(states[x] for x in entry.of), strict=True)
-        found = [
-            entry.compared(numbers, y, entry.formula, *row, *which)
-            for y, row in zip(made, rows, strict=True)
+        results = values(arguments).reshape(CHECK_STATES, *entry.dimensions(n))
+        states = zip(*(arguments[x] for x in entry.arguments), strict=True)
+        errors = [
+            entry.compared(numbers, result, entry.formula, *state, *selection)
+            for result, state in zip(results, states, strict=True)
         ]
-    difference, scale = (np.array(part) for part in zip(*found, strict=True))
+    difference, scale = (np.array(part) for part in zip(*errors, strict=True))
     parts = [(difference, scale)]
     if entry.fields or entry.name == "constraint_rows":  # each column by its own size
         parts = [(difference[..., i], scale[..., i]) for i in range(difference.shape[-1])]
-    return compare(entry.title(*which), *parts)
+    return compare(entry.title(*selection), *parts)
+
+
+def _random_arguments(n: int, names: Sequence[str]) -> dict[str, Array]:
+    """All arguments of formulas at the random states, of those in ``FIXED`` only the named."""
+    q, v, x = random_states(n)
+    arguments, rng = {"q": q, "v": v, "a": x, "tau": x}, np.random.default_rng(0)
+    for name, usual in FIXED.items():
+        shape = CHECK_STATES, SIZES[name] or n
+        arguments[name] = np.full(shape, usual)
+        if name in names:
+            arguments[name] = rng.integers(0, 2, shape).astype(float)
+    return arguments
+
+
+def _check_springs(numbers: Numbers, q: Array, v: Array) -> None:
+    torques = np.array([numbers.rigid.spring(*state) for state in zip(q, v, strict=True)])
+    by_pinocchio = [_spring_torque(numbers.rigid, *state) for state in zip(q, v, strict=True)]
+    expected, sizes = (np.array(part) for part in zip(*by_pinocchio, strict=True))
+    compare("springs", (torques - expected, sizes))

@@ -37,15 +37,4 @@ __all__ = [
     "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through", "retimed",
     "spline", "stop", "stretched_spline", "timed",
 ]  # fmt: skip
-__getattr__, __dir__ = on_demand(__name__, {
-    "cartesian": ("CartesianTrajectory", "circle", "line", "timed"), "excess":
-        ("Bounds",),
-    "files": ("JointTrajectory",), "follower": ("Follower",),
-    "joint_paths": ("JointPath", "joint_path", "paced"),
-    "planner": ("CartesianGoals", "Pace"),
-    "reference": ("Limits", "Motion", "Reference", "TaskReference", "Trajectory",
-        "Waypoint", "hold"),
-    "splines": ("spline", "stretched_spline"), "time_optimal": ("retimed",),
-    "timing": ("Quintic", "Timing", "Trapezoid"),
-    "waypoints": ("quintic", "quintic_through", "stop"),
-})  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -49,7 +49,7 @@ class Path(Protocol):
 
 @frozen
 class Line:
-    """A straight line between two poses with uniform rotation, made by ``line``."""
+    """A straight line between two poses with uniform rotation; see ``line``."""
 
     start: Pose
     step: Array
@@ -70,7 +70,7 @@ class Line:
 
 @frozen
 class Circle:
-    """An arc about an axis. Made by ``circle``."""
+    """An arc about an axis; see ``circle``."""
 
     start: Pose
     centre: Array
@@ -107,12 +107,12 @@ def line(start: Pose, end: Pose) -> Line:
     """
     start, end = checked_pose(start), checked_pose(end)
     turn = pin.log3(end.rotation @ start.rotation.T)
-    made = Line(start, end.position - start.position, turn)
-    if made.length < 1e-9:
+    straight = Line(start, end.position - start.position, turn)
+    if straight.length < 1e-9:
         raise InvalidInput(
             f"start and end are the same, {start.position}; allowed: different poses"
         )
-    return made
+    return straight
 
 
 def circle(

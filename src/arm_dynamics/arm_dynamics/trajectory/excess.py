@@ -78,14 +78,14 @@ class Bounds:
                 limit.
         """
         still = np.zeros(trajectory.ends.shape[1])
-        found = [
+        excesses = [
             *self._beyond(trajectory),
             *self._jumps(trajectory, still if before is None else before),
             *self._of_effort(trajectory),
         ]
-        if not found:
+        if not excesses:
             return
-        first = min(found, key=lambda x: x.time)
+        first = min(excesses, key=lambda x: x.time)
         name, unit = self.limits.name(first.joint), self.limits.unit(first.joint, first.quantity)
         wider = self.margin if first.quantity != "position" else 0.0
         more = f" and {100.0 * wider:.3g} % more (limit_margin)" if wider else ""
@@ -133,9 +133,9 @@ class Bounds:
     @cached_property
     def _wide(self) -> Limits:
         """The limits with the margin of velocities and accelerations."""
-        given, more = self.limits, 1.0 + self.margin
-        speed, rise = given.velocity * more, given.acceleration * more
-        return replace(given, velocity=speed, acceleration=rise)
+        limits, factor = self.limits, 1.0 + self.margin
+        speed, rise = limits.velocity * factor, limits.acceleration * factor
+        return replace(limits, velocity=speed, acceleration=rise)
 
     def _jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
         """Velocities that jump between segments, which no acceleration allows."""

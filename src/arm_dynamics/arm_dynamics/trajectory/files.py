@@ -63,9 +63,9 @@ class JointTrajectory:
         ends, last = motion.table(np.array([0.0])), motion.sample(motion.duration)
         q, v, a = (np.vstack([part, end]) for part, end in
                    zip(ends[1:], (last.q, last.v, last.a), strict=True))  # fmt: skip
-        added = motion.torques if motion.torques is not None else [None] * len(motion.times)
+        torques = motion.torques if motion.torques is not None else [None] * len(motion.times)
         points = [
-            Waypoint(float(turn * motion.duration + time), q[i], v[i], a[i], added[i])
+            Waypoint(float(turn * motion.duration + time), q[i], v[i], a[i], torques[i])
             for turn in range(turns)
             for i, time in enumerate(motion.times)
             if i or not turn
@@ -95,8 +95,8 @@ class JointTrajectory:
         named, rest = Named(self.joint_names, arm), np.zeros(len(arm))
 
         def ordered(field: str, row: ArrayLike) -> Array:
-            given = vector("a point", row, self.joint_names)
-            return named.spread("a point", field, given.tolist(), rest)
+            values = vector("a point", row, self.joint_names)
+            return named.spread("a point", field, values.tolist(), rest)
 
         def maybe(field: str, row: ArrayLike | None) -> Array | None:
             return None if row is None else ordered(field, row)
@@ -137,16 +137,16 @@ class JointTrajectory:
             OSError: If it cannot be read.
         """
         try:
-            found = yaml.load(Path(path).read_text(encoding="utf-8"), yaml.CSafeLoader)
-            names = tuple(map(str, found["joint_names"]))
+            content = yaml.load(Path(path).read_text(encoding="utf-8"), yaml.CSafeLoader)
+            names = tuple(map(str, content["joint_names"]))
             points = list[Waypoint]()
-            for point in found["points"]:
+            for point in content["points"]:
                 time = point["time_from_start"]
                 seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
-                rest = [point.get(key) or None for key in list(_PARTS)[1:]]  # [] is: not given
+                rest = [point.get(key) or None for key in list(_PARTS)[1:]]  # [] means none
                 points.append(Waypoint(seconds, point["positions"], *rest))
-            made = cls(names, tuple(points))
-            made.motion(names)
+            trajectory = cls(names, tuple(points))
+            trajectory.motion(names)
         except (KeyError, TypeError, AttributeError, UnicodeDecodeError, yaml.YAMLError) as error:
             raise InvalidInput(
                 f"'{path}' is not a joint trajectory: joint_names and points with positions and "
@@ -154,7 +154,7 @@ class JointTrajectory:
             ) from None
         except InvalidInput as error:
             raise InvalidInput(f"'{path}': {error}") from None
-        return made
+        return trajectory
 
 
 def _number(x: float) -> str:

@@ -178,7 +178,7 @@ def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Arra
     J_plus = pseudo_inverse(J)
     x1, x2 = place.first[rows], place.second[rows]
     first = J_plus @ x1
-    J_dot = task.motion.moving(q, first)[3][rows]
+    J_dot = task.motion.moving(q, first).jacobian_rate[rows]
     turned = J_dot.T @ np.linalg.solve(J @ J.T, x1)
     return first, J_plus @ (x2 - J_dot @ first) + turned - J_plus @ (J @ turned)
 

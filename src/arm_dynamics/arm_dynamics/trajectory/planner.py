@@ -86,7 +86,7 @@ class CartesianGoals:
         """
         rest, begin = self._at_rest(here)
         goal, start = checked_pose(goal), self._task.pose(rest)
-        length = way(self._task, start, goal)
+        length = path_length(self._task, start, goal)
         if length < 1e-9:
             return begin or hold(rest)
         InverseKinematics(self._task).reach(goal, rest)
@@ -107,20 +107,20 @@ class CartesianGoals:
         rest, begin = self._at_rest(here)
         if not poses:
             raise InvalidInput("no poses; at least one is expected")
-        pieces, ways, at = list[Line](), list[float](), self._task.pose(rest)
+        pieces, lengths, at = list[Line](), list[float](), self._task.pose(rest)
         for pose in map(checked_pose, poses):
-            if (ahead := way(self._task, at, pose)) > 1e-9:
+            if (length := path_length(self._task, at, pose)) > 1e-9:
                 pieces.append(line(at, pose))
-                ways.append(ahead)
+                lengths.append(length)
                 at = pose
         if not pieces:
             return begin or hold(rest)
-        length, counts = sum(ways), [int(np.ceil(w / _SPACING)) for w in ways]
+        length, counts = sum(lengths), [int(np.ceil(part / _SPACING)) for part in lengths]
         if sum(counts) > MAX_KNOTS:
             raise InvalidInput(f"the path is {length:.4g} m; allowed: {MAX_KNOTS * _SPACING:g} m")
         places = [
-            (piece.at(k / count), w / length / count)
-            for piece, w, count in zip(pieces, ways, counts, strict=True)
+            (piece.at(k / count), part / length / count)
+            for piece, part, count in zip(pieces, lengths, counts, strict=True)
             for k in range(1, count + 1)
         ]
         us = np.concatenate([[0.0], np.cumsum([step for _, step in places])])
@@ -129,7 +129,8 @@ class CartesianGoals:
         v, a = np.full_like(q, np.nan), np.full_like(q, np.nan)
         for i, u in ((0, 0.0), (-1, 1.0)):
             end = pieces[i].at(u)
-            end = replace(end, first=length / ways[i] * end.first)  # u is that of the piece alone
+            # On the piece alone, u is faster.
+            end = replace(end, first=length / lengths[i] * end.first)
             v[i], a[i] = derivatives(self._task, end, q[i], u)
         timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
         return self._after(begin, JointPath(Trajectory.through(us, q, v, a), timing))
@@ -147,7 +148,7 @@ class CartesianGoals:
         return motion if begin is None else InTurn(begin, motion)
 
 
-def way(task: TaskSpace, start: Pose, end: Pose) -> float:
+def path_length(task: TaskSpace, start: Pose, end: Pose) -> float:
     """Length of a path in [m] in the task's axes, rotations converted by the lever ``LEVER``."""
     turn = float(np.linalg.norm(pin.log3(end.rotation @ start.rotation.T)))
     step = float(np.linalg.norm(end.position - start.position))

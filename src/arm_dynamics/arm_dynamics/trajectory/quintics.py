@@ -67,12 +67,11 @@ def knot_derivatives(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Arr
     d, b, f = np.diff(q, axis=0), b[:, None], f[:, None]
     right[1:-1, 0] = 360 * (d[1:] * f**4 + d[:-1] * b**4)
     right[1:-1, 1] = 60 * (d[1:] * f**3 - d[:-1] * b**3)
-    given = np.nan_to_num(np.stack((v, a), axis=1))
-    known = np.stack((~open_v, ~open_a), axis=1)
+    fixed = np.stack((~open_v, ~open_a), axis=1)
     for block in (lower, middle, upper):
-        block[known] = 0.0
-    middle[:, (0, 1), (0, 1)] += known
-    right = np.where(known[..., None], given, right)
+        block[fixed] = 0.0
+    middle[:, (0, 1), (0, 1)] += fixed
+    right = np.where(fixed[..., None], np.nan_to_num(np.stack((v, a), axis=1)), right)
     x = _solve_block_tridiagonal(lower, middle, upper, right)
     return x[:, 0], x[:, 1]
 
@@ -99,7 +98,7 @@ def _solve_block_tridiagonal(lower: Array, middle: Array, upper: Array, right: A
 
 
 def extremes(coefficients: Array) -> Array:
-    """Find the smallest and largest position, velocity and acceleration of every segment.
+    """The smallest and largest position, velocity and acceleration of every segment.
 
     Between neighbouring extremes a derivative is monotone, so each holds at most one root of it:
     roots of the jerk follow from that of the snap, those of the acceleration from them, and so on.
@@ -112,13 +111,13 @@ def extremes(coefficients: Array) -> Array:
     """
     derivatives = [np.asarray(polyder(coefficients, k, axis=-1), float) for k in range(6)]
     points = np.broadcast_to([0.0, 1.0], (*coefficients.shape[:2], 2))
-    found = np.empty((2, 3, *coefficients.shape[:2]))
+    least_and_most = np.empty((2, 3, *coefficients.shape[:2]))
     for order in (4, 3, 2, 1):
         points = _roots_between(derivatives[order], derivatives[order + 1], points)
         if order <= 3:
             values = _evaluate(derivatives[order - 1], points)
-            found[:, order - 1] = values.min(-1), values.max(-1)
-    return found
+            least_and_most[:, order - 1] = values.min(-1), values.max(-1)
+    return least_and_most
 
 
 def _evaluate(polynomial: Array, points: Array) -> Array:

@@ -277,8 +277,7 @@ class Trajectory:
             Shape (segments, 3, n, m).
         """
         powers = np.power.outer(shares, np.arange(6.0)).T
-        motion: Array = np.moveaxis(self.polynomials, 1, 3) @ powers
-        return motion
+        return np.asarray(np.moveaxis(self.polynomials, 1, 3) @ powers)
 
     def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
         """The same in rows: times, shape (k,), and the three, each of shape (k, n)."""

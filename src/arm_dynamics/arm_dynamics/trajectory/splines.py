@@ -16,7 +16,7 @@ import numpy as np
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintics import segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
-from arm_dynamics.trajectory.waypoints import Knots, given_rows, timed_positions, with_torques
+from arm_dynamics.trajectory.waypoints import Knots, rows_or_nan, timed_positions, with_torques
 
 STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s], speed tolerated as rest at the end
 _TRIES = 60
@@ -29,8 +29,8 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
         waypoints: At least two, the first at time 0, with increasing times.
 
     Raises:
-        InvalidInput: If waypoints are malformed, accelerations are given without velocities, or
-            the last velocity is not zero.
+        InvalidInput: If waypoints are malformed, have accelerations without velocities, or the
+            last velocity is not zero.
     """
     return with_torques(_trajectory(_knots(waypoints), 1.0), waypoints)
 
@@ -40,7 +40,7 @@ def stretched_spline(
 ) -> Trajectory:
     """The same trajectory, slowed down by a factor until no limit is exceeded.
 
-    Velocities and accelerations given at waypoints are reduced accordingly, except at the first
+    Velocities and accelerations of waypoints are reduced accordingly, except at the first
     one, since it is the arm's current motion.
 
     Args:
@@ -82,8 +82,8 @@ def _trajectory(knots: Knots, stretch: float) -> Trajectory:
 def _knots(waypoints: Sequence[Waypoint]) -> Knots:
     times, q = timed_positions(waypoints)
     n = q.shape[1]
-    v = given_rows([w.v for w in waypoints], n, "velocity")
-    a = given_rows([w.a for w in waypoints], n, "acceleration")
+    v = rows_or_nan([w.v for w in waypoints], n, "velocity")
+    a = rows_or_nan([w.a for w in waypoints], n, "acceleration")
     for i in np.flatnonzero(np.isnan(v[:, 0]) & ~np.isnan(a[:, 0])):
         raise InvalidInput(f"waypoint {i} gives accelerations, but no velocities")
     if np.any(np.abs(np.nan_to_num(v[-1])) > STANDING):

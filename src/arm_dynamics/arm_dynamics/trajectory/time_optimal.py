@@ -36,7 +36,7 @@ _ROUNDED = 1e-12
 _STEP = 1e-6  # relative, of differences
 _SETTLED = 1e-4
 _ROUNDS = 20
-_LOOKS = 33  # points of a segment of the path at which joints are looked at for reversals
+_SAMPLES = 33  # points of a segment of the path between which reversals of joints are searched
 _APART = 1e-9
 _GAIN, _DOUBLINGS = 1e-3, 4
 _log = logging.getLogger(__name__)
@@ -120,7 +120,7 @@ def retimed(
     for _ in range(_DOUBLINGS):
         finer = _timed(motion, capacity, points)
         gain = 1.0 - finer.duration / best.duration
-        best, points = min(best, finer, key=lambda found: found.duration), 2 * points
+        best, points = min(best, finer, key=lambda timed: timed.duration), 2 * points
         if gain < _GAIN:
             return best
     _log.warning("the fastest timing may be another %.1f %% shorter: it was found in steps of "
@@ -166,9 +166,9 @@ class _Way:
             faster = self._faster(x)
             if faster is None:
                 break
-            found = Profile.of(self._us, np.sqrt(faster)).slower(1.0 / self._pace(faster))
-            if best is None or found.duration < best.duration:
-                best = found
+            profile = Profile.of(self._us, np.sqrt(faster)).slower(1.0 / self._pace(faster))
+            if best is None or profile.duration < best.duration:
+                best = profile
             settled = abs(faster - x).max() < _SETTLED * faster.max()
             x = faster
             if settled:
@@ -190,15 +190,15 @@ class _Way:
     def _faster(self, x: Array) -> Array | None:
         """The largest x at every end that limits allow, linearized about ``x``, or None."""
         (inside, y), unit = self._inside(x), x.max()
-        known, dx, dy = self._strain.shares(inside, y), _STEP * unit, _STEP * abs(y).max()
-        by_x = (self._strain.shares(inside + dx, y) - known) / dx
-        by_y = (self._strain.shares(inside, y + dy) - known) / dy
-        rest = known - by_x * inside[:, None] - by_y * y[:, None]
+        shares, dx, dy = self._strain.shares(inside, y), _STEP * unit, _STEP * abs(y).max()
+        by_x = (self._strain.shares(inside + dx, y) - shares) / dx
+        by_y = (self._strain.shares(inside, y + dy) - shares) / dy
+        rest = shares - by_x * inside[:, None] - by_y * y[:, None]
         ahead = 2.0 * (self._steps[:, None] * _WITHIN).reshape(-1, 1)
         rows = np.array([(by_y + by_x * ahead) * unit, by_x * unit, rest]) / _SHARE
         rows = np.concatenate([rows, -rows], axis=2).reshape(3, len(self._steps), -1)
-        found = _reachable(self._steps, *rows)
-        return None if found is None else found * unit
+        scaled = _reachable(self._steps, *rows)
+        return None if scaled is None else scaled * unit
 
 
 def _reachable(steps: Array, by_y: Array, by_x: Array, rest: Array) -> Array | None:
@@ -265,7 +265,7 @@ def _grid(points: int, marks: Array) -> Array:
 
 def _turns(over: Trajectory) -> Array:
     """Points of a path at which a joint reverses, hence its dry friction jumps."""
-    shares = np.linspace(0.0, 1.0, _LOOKS)
+    shares = np.linspace(0.0, 1.0, _SAMPLES)
     us, _, first, _ = over.table(shares)
     way = np.sign(first) * moving(first)
     i, joint = np.nonzero(way[1:] * way[:-1] < 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a motion asks of an arm, and how much slower it must be to stay within all limits.
+"""What a motion demands of an arm, and how much slower it must be to stay within all limits.
 
 Slower by s, velocities shrink by 1/s and accelerations by 1/s², so torques without friction are
 G + S + (M a + C v)/s², known for every speed from one evaluation of inverse dynamics (Hollerbach,
@@ -77,18 +77,17 @@ class Capacity:
             "voltage": voltage,
         }
         limits = np.concatenate(list(every.values()))
-        self._given = np.isfinite(limits)
+        self._is_limited = np.isfinite(limits)
         names = [(quantity, joint) for quantity in every for joint in range(dynamics.n)]
-        self.columns = [names[i] for i in np.flatnonzero(self._given)]
-        self.limits = limits[self._given]
+        self.columns = [names[i] for i in np.flatnonzero(self._is_limited)]
+        self.limits = limits[self._is_limited]
 
     def shares(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
         """Signed shares of the limits that a motion with joint torques tau uses, shape (k, m)."""
         motors = self.dynamics.command_map.of_motors(q, v, a, tau)
         values = (v, a, motors, self._resistance * motors + self._emf * v)
         limits = np.fmax(self.limits, _NONE**2)
-        used: Array = np.concatenate(values, axis=1)[:, self._given] / limits
-        return used
+        return np.asarray(np.concatenate(values, axis=1)[:, self._is_limited] / limits)
 
 
 class Strain:
@@ -180,15 +179,14 @@ class Strain:
 def moving(first: Array) -> NDArray[np.bool_]:
     """Joints that move along a path, apart from rounding, by derivatives of shape (k, n)."""
     size = abs(first)
-    more: NDArray[np.bool_] = size > _STILL * size.max(axis=1, keepdims=True)
-    return more
+    return np.asarray(size > _STILL * size.max(axis=1, keepdims=True))
 
 
-def torque_limits(dynamics: Dynamics, given: ArrayLike | None) -> Array:
+def torque_limits(dynamics: Dynamics, limit: ArrayLike | None) -> Array:
     """Torque limits, from one positive number or shape (n,), else the model's; shape (n,)."""
-    if given is None:
+    if limit is None:
         return dynamics.model.effort_limit
-    return positive_limits("limit", given, dynamics.n)
+    return positive_limits("limit", limit, dynamics.n)
 
 
 def slowdown(
@@ -236,11 +234,11 @@ def closely(shares: Callable[[Array], Array], edges: Array) -> tuple[Array, Arra
     times, values, top = [], [], 1.0
     for _ in range(_HALVINGS):
         at = low[:, None] + (high - low)[:, None] * _NODES
-        found = shares(at.ravel()).reshape(*at.shape, -1)
+        used = shares(at.ravel()).reshape(*at.shape, -1)
         times.append(at.ravel())
-        values.append(found.reshape(at.size, -1))
-        peak = abs(found).max(axis=(1, 2), initial=0.0)
-        rise = abs(np.diff(found, 2, axis=1)).max(axis=(1, 2), initial=0.0) / 4.0
+        values.append(used.reshape(at.size, -1))
+        peak = abs(used).max(axis=(1, 2), initial=0.0)
+        rise = abs(np.diff(used, 2, axis=1)).max(axis=(1, 2), initial=0.0) / 4.0
         top = max(top, float(peak.max(initial=0.0)))
         doubtful = (peak + rise > top) & (rise > BETWEEN * top)
         if not doubtful.any():
@@ -260,7 +258,7 @@ def closely(shares: Callable[[Array], Array], edges: Array) -> tuple[Array, Arra
 def _root(
     excess: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
 ) -> float:
-    """Largest x found at which a function has not risen above zero yet (Illinois method)."""
+    """Largest x at which a function has not risen above zero, between two points (Illinois)."""
     (a, below), (b, above) = low, high
     last = 0.0
     for _ in range(100):

@@ -102,6 +102,6 @@ class Trapezoid:
         return Trapezoid(self.duration * stretch, self.ramp * stretch)
 
 
-def _check(**given: float) -> None:
-    for name, value in given.items():
+def _check(**numbers: float) -> None:
+    for name, value in numbers.items():
         positive(name, value)

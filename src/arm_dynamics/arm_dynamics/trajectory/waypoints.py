@@ -32,7 +32,7 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
 
     The motion starts with the velocity and acceleration of the first waypoint (zero by default)
     and ends at rest. If a velocity or acceleration exceeds its limit, all times are stretched by
-    one factor, and velocities given at waypoints are reduced accordingly, which preserves the
+    one factor, and velocities of waypoints are reduced accordingly, which preserves the
     path. Only the motion at the first waypoint is kept, since it is the arm's current motion.
 
     Args:
@@ -178,7 +178,7 @@ def with_torques(motion: Trajectory, waypoints: Sequence[Waypoint]) -> Trajector
             "waypoints without torques"
         )
     n = motion.ends.shape[1]
-    return replace(motion, torques=given_rows([w.tau for w in waypoints], n, "torque"))
+    return replace(motion, torques=rows_or_nan([w.tau for w in waypoints], n, "torque"))
 
 
 def check_kind(waypoints: Sequence[Waypoint], first: int = 0) -> None:
@@ -207,32 +207,30 @@ def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
     if not np.all(np.isfinite(times)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
         raise InvalidInput(f"waypoint times are {times} s; allowed: increasing from 0")
     n, rows = np.size(waypoints[0].q), enumerate(waypoints)
-    return times, np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in rows])
+    return times, np.stack([_row(f"position of waypoint {i}", w.q, n) for i, w in rows])
 
 
-def given_rows(rows: Sequence[ArrayLike | None], n: int, what: str) -> Array:
-    """Check and stack values given at waypoints, shape (w, n); NaN in free rows."""
-    stacked = np.full((len(rows), n), np.nan)
-    for i, row in enumerate(rows):
-        if row is not None:
-            stacked[i] = _row(row, n, f"{what} of waypoint {i}")
-    return stacked
+def rows_or_nan(rows: Sequence[ArrayLike | None], n: int, quantity: str) -> Array:
+    """Check and stack values of waypoints, shape (w, n); NaN in rows that are None."""
+    free = np.full(n, np.nan)
+    names = (f"{quantity} of waypoint {i}" for i in range(len(rows)))
+    pairs = zip(names, rows, strict=True)
+    return np.stack([free if row is None else _row(name, row, n) for name, row in pairs])
 
 
-def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
-    """Stack derivatives given at waypoints; free ends are zero, free inner rows are NaN."""
-    stacked = given_rows(rows, n, what)
-    for end in (0, -1):
-        stacked[end] = np.nan_to_num(stacked[end])
+def _derivative(rows: list[ArrayLike | None], n: int, quantity: str) -> Array:
+    """Stack derivatives of waypoints; free ends are zero, free inner rows are NaN."""
+    stacked = rows_or_nan(rows, n, quantity)
+    stacked[[0, -1]] = np.nan_to_num(stacked[[0, -1]])
     if np.any(stacked[-1]):
-        raise InvalidInput(f"{what} of the last waypoint is {stacked[-1]}; allowed: zero")
+        raise InvalidInput(f"{quantity} of the last waypoint is {stacked[-1]}; allowed: zero")
     return stacked
 
 
-def _row(values: ArrayLike, n: int, what: str) -> Array:
-    row = numbers(what, values)
+def _row(name: str, values: ArrayLike, n: int) -> Array:
+    row = numbers(name, values)
     if row.shape != (n,):
-        raise InvalidInput(f"{what} has shape {row.shape}; allowed: ({n},)")
+        raise InvalidInput(f"{name} has shape {row.shape}; allowed: ({n},)")
     return row
 
 
@@ -247,8 +245,7 @@ def segment_excess(trajectory: Trajectory, peaks: Array, limits: Limits) -> Arra
     peaks = np.abs(peaks).max(axis=0)
     speed = peaks[1] / h / limits.velocity
     acceleration = peaks[2] / h**2 / limits.acceleration
-    excess: Array = np.maximum(speed, np.sqrt(acceleration)).max(axis=1)
-    return excess
+    return np.asarray(np.maximum(speed, np.sqrt(acceleration)).max(axis=1))
 
 
 def _check_positions(q: Array, start: Array, limits: Limits) -> None:

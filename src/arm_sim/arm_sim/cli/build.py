@@ -138,9 +138,9 @@ def _of_batches(simulator: Simulator) -> Parts:
     q, dynamics = np.tile(simulator.model.q0, (MANY, 1)), simulator.dynamics
     still = np.zeros_like(q)
     for entry in TERMS:
-        if not entry.which and entry is not FRICTION:  # which takes no code
-            arguments = [q if x == "q" else still for x in entry.asks]
-            method = getattr(dynamics, entry.asked)
+        if not entry.selectors and entry is not FRICTION:  # which takes no code
+            arguments = [q if x == "q" else still for x in entry.parameters]
+            method = getattr(dynamics, entry.method_name)
             yield f"batches of {entry.title()}", partial(method, *arguments)
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
 

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address, pointer
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.motion import Motion
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
@@ -25,7 +26,6 @@ from arm_sim.integrators.steps import build_step
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
-from arm_sim.stepping.addresses import address, pointer
 from arm_sim.stepping.arm_table import Engine
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -31,7 +32,6 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import dense_function
 from arm_sim.stepping.adaptive import SubstepControl
-from arm_sim.stepping.addresses import address
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.lanes import ADDRESS, built_of_lanes, lanes_source
 
@@ -47,9 +47,7 @@ REFUSALS = {value: name for name, value in Header(
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
-    "BEGINS_ON_BOUNDARY": (
-        "{} is on the boundary between two modes at its beginning, as at rest and about to slide"
-    ),
+    "BEGINS_ON_BOUNDARY": "{} is on the boundary of two modes, as of sticking and sliding",
     "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
     "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
     "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",

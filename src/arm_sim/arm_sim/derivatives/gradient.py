@@ -17,6 +17,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen, sealed
+from arm_dynamics.codegen.addresses import address, repeated
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.derivatives.event_free_gradient import (
@@ -34,7 +35,6 @@ from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address, repeated
 from arm_sim.stepping.arm_table import ArmTable, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widths

@@ -52,34 +52,25 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
 def _residuals(
     plant: Plant, before: ca.MX, after: ca.MX, f: ca.MX, modes: tuple[ca.MX, ca.MX], impulse: ca.MX
 ) -> ca.MX:
-    """Residuals of all contacts, by velocities before and after."""
+    """Residuals of all contacts, along the normal and the tangents, zero in an impact.
+
+    Args:
+        plant: The plant.
+        before: Velocities of all contacts before the impact, shape (3 contacts,).
+        after: Afterwards, likewise.
+        f: Coefficients of restitution, shape (contacts,).
+        modes: Whether each contact carries a load, and whether it sticks.
+        impulse: Impulses of all contacts, shape (3 contacts,).
+    """
     (carries, sticks), residuals = modes, list[ca.MX]()
     for k, point in enumerate(plant.points):
         rows = slice(3 * k, 3 * k + 3)
         restitution_residual = after[rows.start] + f[k] * before[rows.start]
-        residuals += _contact_residual(
-            after[rows], impulse[rows], restitution_residual, carries[k], sticks[k], point.friction
-        )
+        push, speed = impulse[rows], after[rows][1:]
+        slides = push[1:]
+        if point.friction > 0.0:
+            slides = slides + point.friction * push[0] * speed / ca.norm_2(speed)
+        moves = ca.if_else(sticks[k] > 0, speed, slides)
+        residuals.append(ca.if_else(carries[k] > 0, restitution_residual, push[0]))
+        residuals.append(ca.if_else(carries[k] > 0, moves, push[1:]))
     return ca.vertcat(*residuals)
-
-
-def _contact_residual(
-    speed_after: ca.MX, impulse: ca.MX, restitution_residual: ca.MX, carries: ca.MX,
-    sticks: ca.MX, friction: float,
-) -> tuple[ca.MX, ca.MX]:  # fmt: skip
-    """What is zero in an impact of a contact, along the normal and the tangents.
-
-    Args:
-        speed_after: Its velocity afterwards, shape (3,).
-        impulse: Its impulse, likewise.
-        restitution_residual: Zero by the law of restitution.
-        carries: Whether it carries a load.
-        sticks: Whether it sticks.
-        friction: Its coefficient.
-    """
-    slides = impulse[1:]
-    if friction > 0.0:
-        slides = slides + friction * impulse[0] * speed_after[1:] / ca.norm_2(speed_after[1:])
-    moves = ca.if_else(sticks > 0, speed_after[1:], slides)
-    normal = ca.if_else(carries > 0, restitution_residual, impulse[0])
-    return normal, ca.if_else(carries > 0, moves, impulse[1:])

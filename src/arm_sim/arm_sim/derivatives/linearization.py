@@ -20,6 +20,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
+from arm_dynamics.codegen.addresses import repeated
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
@@ -32,7 +33,6 @@ from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
-from arm_sim.stepping.addresses import repeated
 from arm_sim.stepping.lanes import natural_width, widths
 from arm_sim.stepping.python_step import unanswered
 from arm_sim.stepping.stepper import Stepper

@@ -7,10 +7,10 @@ import ctypes
 from collections.abc import Callable
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.header import Header
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address
 from arm_sim.stepping.engine import NATIVE, address_of
 from arm_sim.stepping.python_step import function_of_structure, unanswered
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, SceneError
 from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.dynamics import asked
+from arm_dynamics.dynamics.dynamics import call_entry
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.terms.verify import compare
@@ -65,7 +65,7 @@ class Expected:
         if term.entry is None:  # computed torque, all else zero
             return (self._dynamics.inverse(q, v, 0.0 * a),)
         state = {"q": q, "v": v, "a": a, "tau": a}
-        return (np.ravel(asked(self._dynamics, term.entry, state, *term.which)),)
+        return (np.ravel(call_entry(self._dynamics, term.entry, state, *term.which)),)
 
     def verify(self, terms: Sequence[Term], points: Sequence[Point]) -> None:
         """Compare the terms, except for derivatives, with these results.

@@ -29,7 +29,7 @@ from arm_sim.plant.options import Options
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.symbols import Joints, Symbols
 
-TERMS = tuple(entry.name for entry in table.TERMS if not entry.which)
+TERMS = tuple(entry.name for entry in table.TERMS if not entry.selectors)
 """Names of the terms in C, without the library's name."""
 _FOLLOWING = (
     "Torques [N m, N] that follow a motion q_d, v_d, a_d, held for a time dt [s]: those of the "
@@ -94,7 +94,7 @@ def terms_of(model: ArmModel, names: Collection[str], frames: Sequence[str]) -> 
 
 
 def _of_joints(model: ArmModel, names: Collection[str]) -> Iterator[Term]:
-    for entry in (entry for entry in table.TERMS if not entry.which):
+    for entry in (entry for entry in table.TERMS if not entry.selectors):
         slopes = f"{entry.name}_derivatives"
         if entry.name in names or slopes in names:
             function = _function(model, entry, entry.name)
@@ -113,7 +113,7 @@ def _of_frames(model: ArmModel, frames: Sequence[str]) -> Iterator[Term]:
     """Terms of frames, the first under two names."""
     for k, part in enumerate(of_frames(frames)):
         check_frame(model, frames[k], model.frame_names)
-        for entry in (entry for entry in table.TERMS if entry.which):
+        for entry in (entry for entry in table.TERMS if entry.selectors):
             # CasADi refuses names such as tool__tip.
             function = _function(model, entry, f"{entry.name}_{k}", frames[k])
             for suffix in ("", f"_{part}")[k > 0 :]:
@@ -153,7 +153,7 @@ def _constrained(model: ArmModel) -> ca.Function:
     p = ca.vertcat(ca.DM(parameters.nominal), sliding, apart)
     names = ["q", "v", "tau"]
     q, v, tau = (ca.SX.sym(name, model.n) for name in names)
-    load = tau - arm.lost(v, q, tau) - arm.rigid.spring(q, v)
+    load = tau - arm.friction(v, q, tau) - arm.rigid.spring(q, v)
     results = [ca.densify(accelerations(q, v, load, p))]
     name = f"term_{table.FORWARD.name}"
     return ca.Function(name, [q, v, tau], results, names, ["o0"], {"cse": True})
@@ -162,7 +162,7 @@ def _constrained(model: ArmModel) -> ca.Function:
 def _about(entry: Entry, *which: str) -> str:
     """The comment of an entry."""
     text = entry.about
-    for kind, name in zip(entry.which, which, strict=True):
+    for kind, name in zip(entry.selectors, which, strict=True):
         text = text.replace(f"a {kind}", f"{kind} '{name}'")
     rows = f"; {' x '.join(map(str, entry.shape))}, row by row" if len(entry.shape) == 2 else ""
     return f"{text} In {entry.unit.replace('²', '^2')}{rows}."

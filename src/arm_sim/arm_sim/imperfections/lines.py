@@ -40,10 +40,10 @@ class Line[T]:
         self._waiting: deque[tuple[int, T]] = deque()  # sorted by arrival, hence by age
         self._newest: T | None = None
 
-    def restart(self, known: T | None = None) -> None:
-        """Discard messages in transit; ``known`` has arrived already."""
+    def restart(self, received: T | None = None) -> None:
+        """Discard messages in transit; ``received`` has arrived already."""
         self._waiting.clear()
-        self._newest = known
+        self._newest = received
 
     def send(self, tick: int, message: T) -> None:
         """Send a message; ticks must not decrease."""

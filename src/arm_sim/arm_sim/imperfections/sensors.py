@@ -33,9 +33,9 @@ class Measured:
     effort: Array
 
     @classmethod
-    def of(cls, told: Array) -> Measured:
+    def of(cls, rows: Array) -> Measured:
         """From rows of (q, v, effort)."""
-        return cls(*(read_only(part) for part in np.split(told, 3, axis=1)))
+        return cls(*(read_only(part) for part in np.split(rows, 3, axis=1)))
 
 
 class Sensors:
@@ -61,13 +61,9 @@ class Sensors:
         self._rate, self._step = 1.0 / dt, _steps(scene.position, names)
         rounds = self._step > 0.0
         self._rounds = rounds if rounds.any() else None
-        self._errors = [
-            _error(part, names, scene.seed, channel)
-            for part, channel in (
-                (scene.position, Channel.POSITION), (velocity, Channel.VELOCITY),
-                (scene.effort, Channel.EFFORT),
-            )
-        ]  # fmt: skip
+        self._q_error = _error(scene.position, names, scene.seed, Channel.POSITION)
+        self._v_error = _error(velocity, names, scene.seed, Channel.VELOCITY)
+        self._effort_error = _error(scene.effort, names, scene.seed, Channel.EFFORT)
         self._differences = velocity.source == "position"
         self._filter = _filter(velocity, names, dt)
         self._now, self._last = np.zeros(3 * n), np.zeros(n)
@@ -112,15 +108,15 @@ class Sensors:
             self.measured[:] = self._line.carry(tick, self._now.copy())
 
     def _position(self, tick: int, q: Array) -> None:
-        _write(self._q, q, self._errors[0], tick)
+        _write(self._q, q, self._q_error, tick)
         if self._rounds is not None:
             np.divide(self._q, self._step, self._q, where=self._rounds)
             np.rint(self._q, self._q, where=self._rounds)
             np.multiply(self._q, self._step, self._q, where=self._rounds)
 
     def _rest(self, tick: int, v: Array, effort: Array) -> None:
-        _write(self._v, v, self._errors[1], tick)
-        _write(self._effort, effort, self._errors[2], tick)
+        _write(self._v, v, self._v_error, tick)
+        _write(self._effort, effort, self._effort_error, tick)
 
 
 def _write(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
@@ -156,8 +152,8 @@ def sensors_of(scene: Scene, names: Sequence[str], dt: float) -> Sensors | None:
 def _steps(position: schema.PositionSensor, names: Sequence[str]) -> Array:
     """Steps of encoders, zero for exact ones; a joint's own takes precedence over that of all."""
     turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
-    given = [{schema.ALL: 0.0}, position.resolution, turns]
-    common = next(steps[schema.ALL] for steps in reversed(given) if schema.ALL in steps)
+    levels = [{schema.ALL: 0.0}, position.resolution, turns]
+    common = next(steps[schema.ALL] for steps in reversed(levels) if schema.ALL in steps)
     own = {**position.resolution, **turns, schema.ALL: common}
     return np.array(values(own, names))
 

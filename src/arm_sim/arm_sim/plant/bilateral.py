@@ -79,8 +79,8 @@ class Bilateral(Response):
         """As ``Response``, under A v = 0 after the impact if that held before."""
         A = self.rows.jacobian
         free = self._metric.of_forces(self._sliding @ (push - self._M @ change))
-        found, shares = self._obeyed.solved(free, -(A @ change))
-        gain = change + self._metric.motion(found)
+        nearest, shares = self._obeyed.solved(free, -(A @ change))
+        gain = change + self._metric.motion(nearest)
         return gain, self._sticking @ (self._M @ gain - push - A.T @ shares)
 
     @property
@@ -111,12 +111,12 @@ class Bilateral(Response):
         v = s.v + metric.motion(moving.nearest(still, -(A @ s.v)))
         every = ca.substitute(rows.every, s.q, q)
         left = ca.fmax(_largest(every) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING)
-        way = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v, before[n:])
-        refused = REFUSED * (ca.fmax(0, left) + way)
+        astray = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v, before[n:])
+        refused = REFUSED * (ca.fmax(0, left) + astray)
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
         results = [ca.vertcat(q, v) + refused, *gap]
-        found = ca.substitute(results, [s.q, s.v], [after[:n], after[n:]])
-        return dense_function("project", [before, after, p], *found)
+        projected = ca.substitute(results, [s.q, s.v], [after[:n], after[n:]])
+        return dense_function("project", [before, after, p], *projected)
 
     def _projected(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
         free = self._metric.of_forces(self._sliding @ load)
@@ -124,9 +124,9 @@ class Bilateral(Response):
 
 
 def _astray(correction: ca.SX, *wholes: ca.SX) -> ca.SX:
-    """Positive if a correction is large relative to the largest of what it is measured by."""
-    whole = ca.mmax(ca.vertcat(*map(ca.sumsqr, wholes)))
-    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * whole - LEFT_OPEN**2)
+    """Positive if a correction is large relative to the largest of some whole changes."""
+    largest = ca.mmax(ca.vertcat(*map(ca.sumsqr, wholes)))
+    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * largest - LEFT_OPEN**2)
 
 
 def _largest(values: ca.SX) -> ca.SX:

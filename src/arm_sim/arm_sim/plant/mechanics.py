@@ -49,17 +49,18 @@ class Mechanics:
         self.symbols = s = symbols
         self.joints = joints = Joints(model, s, options)
         self._at_stops = options.stops and bool(model.stops)
-        self._bilateral = held = Bilateral(model, s, joints) if model.scene.bilateral else None
-        self.project = held.project(joints.p) if held else None
+        bilateral = Bilateral(model, s, joints) if model.scene.bilateral else None
+        self._bilateral = bilateral
+        self.project = bilateral.project(joints.p) if bilateral else None
         self.contact: ContactFunctions | None = None
         modes = joints.direction.numel() + joints.pressed.numel() + joints.switches.numel()
         self._eventful = not options.sliding and bool(modes or joints.contacts.numel())
-        if not (held or self._eventful or options.sliding):
+        if not (bilateral or self._eventful or options.sliding):
             self.method, self.acceleration = _shortest(model, s)
             return
-        self._response = held or response_of(model, s, joints)
+        self._response = bilateral or response_of(model, s, joints)
         if joints.contacts.numel() and not options.sliding:
-            self._response = dense = held or Response(model, s, joints)
+            self._response = dense = bilateral or Response(model, s, joints)
             self.contact = ContactFunctions(model, s, joints, dense)
         self.method = _method(self._response.algorithm, model)
         contact = self.contact
@@ -76,14 +77,15 @@ class Mechanics:
         """
         if not self._eventful:
             return ()
-        s, joints, held, bilateral = self.symbols, self.joints, self._reactions, self._bilateral
+        s, joints, bilateral = self.symbols, self.joints, self._bilateral
+        reactions = self._reactions
         functions = [self.contact.inertia] if self.contact else []
-        functions.append(_loads(s, joints, held, self._at_stops))
+        functions.append(_loads(s, joints, reactions, self._at_stops))
         if bilateral:
-            functions.append(_bilateral(s, joints, held, bilateral))
+            functions.append(_bilateral(s, joints, reactions, bilateral))
         parts = len(self.contact.points) if self.contact else 0
         if parts + bool(joints.direction.numel()) + bool(bilateral) > 1:
-            functions.append(_statics(s, joints, held, bilateral))
+            functions.append(_statics(s, joints, reactions, bilateral))
         return tuple(functions)
 
     @property
@@ -135,13 +137,13 @@ def _method(algorithm: str, model: ArmModel) -> str:
         "contacts closed or apart": model.scene.contacts,
         "sticking joints held": model.has_dry_friction,
     }
-    return f"{algorithm}, {' and '.join(words for words, there in kinds.items() if there)}"
+    return f"{algorithm}, {' and '.join(kind for kind, present in kinds.items() if present)}"
 
 
 def _loads(s: Symbols, joints: Joints, reactions: Reactions, at_stops: bool) -> ca.Function:
     """``Reactions.loads``, the torques of stops on the joints, and q̈.
 
-    These torques include what friction alone may hold. Code that does not ask for them does not
+    These torques include what friction alone may hold. Code that does not use them does not
     compute them.
     """
     stopped = joints.stop - reactions.held if at_stops else ca.SX(0, 1)

@@ -42,6 +42,14 @@ class Parameter:
     least: Array
     most: Array
 
+    @classmethod
+    def of(
+        cls, name: str, nominal: Array, least: ArrayLike = -np.inf, most: ArrayLike = np.inf
+    ) -> Parameter:
+        """A quantity whose bounds are numbers or arrays."""
+        bounds = (np.array(np.broadcast_to(bound, nominal.shape)) for bound in (least, most))
+        return cls(name, nominal, *bounds)
+
 
 class Parameters:
     """All tunable quantities of a scene, in the order of the vector p.
@@ -52,31 +60,19 @@ class Parameters:
 
     def __init__(self, model: ArmModel) -> None:
         payloads = [[load.mass, *load.com, *load.inertia] for load in model.scene.payloads]
-        nominal = {
-            "gravity": np.array(model.scene.gravity),
-            "payload": np.array(payloads, dtype=float).ravel(),
-            "friction": model.viscous,
-            "coulomb": model.friction.coulomb.mean,
-            EXTERNAL: np.zeros(model.n),
-            "constraints": switches(model.scene.constraints),
-        }
-        dry = nominal["coulomb"] > 0.0
-        least = {
-            "payload": np.tile(_LEAST_OF_A_BODY, len(payloads)),
-            "friction": abs(model.friction.viscous.skew),
-            "coulomb": np.zeros(model.n),
-        }
-        most = {"coulomb": np.where(dry, np.inf, 0.0)}
-        tunable = {*model.scene.tunable, *(["constraints"] if nominal["constraints"].size else [])}
+        bodies, friction = np.array(payloads, dtype=float).ravel(), model.friction
+        dry, switchable = friction.coulomb.mean, switches(model.scene.constraints)
+        every = (
+            Parameter.of("gravity", np.array(model.scene.gravity)),
+            Parameter.of("payload", bodies, np.tile(_LEAST_OF_A_BODY, len(payloads))),
+            Parameter.of("friction", model.viscous, abs(friction.viscous.skew)),
+            Parameter.of("coulomb", dry, 0.0, np.where(dry > 0.0, np.inf, 0.0)),
+            Parameter.of(EXTERNAL, np.zeros(model.n)),
+            Parameter.of("constraints", switchable),
+        )
+        tunable = {*model.scene.tunable, *(["constraints"] if switchable.size else [])}
         self._joints = model.joint_names
-        self.items = tuple(
-            Parameter(
-                name, value,
-                least.get(name, np.full(value.size, -np.inf)),
-                most.get(name, np.full(value.size, np.inf)),
-            )
-            for name, value in nominal.items() if name in tunable
-        )  # fmt: skip
+        self.items = tuple(item for item in every if item.name in tunable)
         ends = np.cumsum([item.nominal.size for item in self.items]).tolist()
         self._places = dict(zip(self.names, map(slice, [0, *ends], ends), strict=True))
         if "coulomb" in tunable and not dry.any():
@@ -111,15 +107,15 @@ class Parameters:
             InvalidInput: If a name is not tunable, or denotes switches.
         """
         allowed = [name for name in self.names if name != "constraints"]
-        found = dict[str, tuple[int, ...]]()
+        indices = dict[str, tuple[int, ...]]()
         for name in names:
             if name not in allowed or (place := self.place(name)) is None:
                 raise InvalidInput(
                     f"by = {list(names)}: there is no derivative by '{name}'; the scene's "
                     f"'tunable' allows {allowed or 'nothing'}"
                 )
-            found[name] = tuple(range(place.start, place.stop))
-        return found
+            indices[name] = tuple(range(place.start, place.stop))
+        return indices
 
     def symbols(self) -> dict[str, ca.SX]:
         """One symbol for each quantity, in the order of p."""

@@ -61,12 +61,12 @@ def placed(
     return x
 
 
-def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
+def inside_stops(plant: Plant, q: Array, prefix: str = "") -> Array:
     """Positions of shape (n,) clipped to rigid stops up to rounding; else InvalidInput."""
     stops, model = plant.model.stops, plant.model
     if refusal := stops.refusal(q, model.joint_names):
         remark = degrees_meant(_farthest(plant, q))
-        raise InvalidInput(who + refusal + (remark and f"; {remark}"))
+        raise InvalidInput(prefix + refusal + (remark and f"; {remark}"))
     return stops.within(q)
 
 
@@ -76,10 +76,10 @@ def warn_of_speeds(plant: Plant, v: Array) -> None:
         _log.warning("%s; velocities are in rad/s and m/s", fast)
 
 
-def warn_of_degrees(plant: Plant, q: Array, *known: Array) -> None:
-    """Warn of positions of many turns that the arm has not reached by itself."""
+def warn_of_degrees(plant: Plant, q: Array, *reached: Array) -> None:
+    """Warn of positions of many turns, farther than those that the arm has reached by itself."""
     far = _farthest(plant, q)
-    if (remark := degrees_meant(far)) and far > max(_farthest(plant, one) for one in known):
+    if (remark := degrees_meant(far)) and far > max(_farthest(plant, one) for one in reached):
         _log.warning("position %s", remark)
 
 

@@ -152,8 +152,7 @@ class Plant:
         """
         if self.torques is None or not u.size:
             return u
-        torque: Array = np.array(self.torques(x.T, u.T)[0]).T
-        return torque.reshape(u.shape)
+        return np.array(self.torques(x.T, u.T)[0]).T.reshape(u.shape)
 
     @built_once
     def layout(self) -> Layout:

@@ -32,7 +32,7 @@ class PresentDynamics:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self._columns = self._columns_of(OF_THE_ARM)
-        self._made = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
+        self._recent = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
 
     def tuned(self, p: Array) -> Dynamics:
         """The dynamics under all of p, shape (np,): external torques and switches included."""
@@ -46,12 +46,12 @@ class PresentDynamics:
 
     def at(self, p: Array) -> Dynamics:
         """The dynamics of the arm itself under p; the same object for the same numbers."""
-        key, made = self._key(p), self._made
-        if key not in made:
+        key, recent = self._key(p), self._recent
+        if key not in recent:
             dynamics = Dynamics(model_under(self._plant, p))
             # Replaced as a whole, since another thread may be reading it.
-            self._made = made = {**dict(list(made.items())[-KEPT:]), key: dynamics}
-        return made[key]
+            self._recent = recent = {**dict(list(recent.items())[-KEPT:]), key: dynamics}
+        return recent[key]
 
     def runs(self, p: Array, *others: str) -> list[slice]:
         """Runs of successive rows of p, shape (k, np), with the same dynamics.

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_dynamics import ArmModel
-from arm_dynamics.equations import contact, rigid_body
+from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, hybrid
 from arm_sim.plant.symbols import Joints, Symbols
 
@@ -52,7 +52,7 @@ class Response:
 
     def mobility(self, forces: ca.SX) -> ca.SX:
         """Accelerations per unit of forces that act in columns of torques, shape (n, k)."""
-        return contact.solve_columns(self._held, self._sliding @ forces)
+        return rigid_body.solve_columns(self._held, self._sliding @ forces)
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
         """Holding torques of sticking joints in [N m] or [N], zero for sliding ones, shape (n,).

@@ -11,6 +11,7 @@ the work of differentiating forward dynamics. Loops and contacts are differentia
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -45,16 +46,16 @@ class Slopes:
 
     def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
-        slope, n, chosen = _slope(plant, x, u, p), plant.model.n, p[list(tuned), :]
+        slope, n, by_p = _slope(plant, x, u, p), plant.model.n, p[list(tuned), :]
         dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
         kept = Kept()
         if not plant.constrained:
             contact = plant.mechanics.contact
             K_x, K_u, H = scaled_slopes(plant, x, u, p, slope)
             if contact:
-                pushed, rates_x, rows_, joined, unknown = contact_slopes(plant, x, u, p, slope)
-                K_x[:n, : 2 * n] += pushed
-            K_w = ca.horzcat(K_u, _scaled_by(chosen, plant, x, u, p, slope)) if tuned else K_u
+                contacts = contact_slopes(plant, x, u, p, slope)
+                K_x[:n, : 2 * n] += contacts.torques
+            K_w = ca.horzcat(K_u, _scaled_by(by_p, plant, x, u, p, slope)) if tuned else K_u
             rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
             factors = factored(ca.sparsify(H[:n, :n]))
             pivots = kept.matrix(1 / ca.diag(factors))
@@ -62,23 +63,25 @@ class Slopes:
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
             da = substituted(factors, pivots * eliminated(factors, load))
             if contact:
-                astray = kept.matrix(rates_x) @ dx[: 2 * n] + kept.matrix(rows_) @ da
-                da = da + kept.matrix(joined) @ (kept.matrix(unknown) @ astray)
+                by_x, by_a = kept.matrix(contacts.rates), kept.matrix(contacts.rows)
+                astray = by_x @ dx[: 2 * n] + by_a @ da
+                mobility, forces = kept.matrix(contacts.mobility), kept.matrix(contacts.forces)
+                da = da + mobility @ (forces @ astray)
             changes = ca.vertcat(da, rates)
         else:
-            J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, chosen)))
+            J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, by_p)))
             changes = kept.matrix(J_x) @ dx + kept.matrix(J_w) @ dw
         self.coefficients = dense_function("coefficients", [x, u, p], slope, kept.values)
         change = ca.vertcat(dx[n : 2 * n], changes)
         self.carried = dense_function("carried", [kept.symbols, dx, dw], change)
 
 
-def _scaled_by(chosen: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ca.SX:
+def _scaled_by(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ca.SX:
     """H ∂g/∂p for some entries of p, as ``scaled_slopes`` for x and u."""
     n, a = plant.model.n, ca.SX.sym("a", plant.model.n)
-    by_p = ca.jacobian(residual(plant, x, u, p, a)[0], chosen)
-    rows = ca.Function("rows", [x, u, p, a], [by_p])(x, u, p, slope[n : 2 * n])
-    return ca.vertcat(rows, ca.jacobian(plant.rhs(x, u, p)[2 * n :], chosen))
+    torques = ca.jacobian(residual(plant, x, u, p, a)[0], by_p)
+    rows = ca.Function("rows", [x, u, p, a], [torques])(x, u, p, slope[n : 2 * n])
+    return ca.vertcat(rows, ca.jacobian(plant.rhs(x, u, p)[2 * n :], by_p))
 
 
 def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
@@ -150,14 +153,14 @@ def pullback(plant: Plant) -> ca.Function:
     if not held_by_joints(plant):
         gradients = [ca.jtimes(plant.rhs(x, u, p), by, mu, True) for by in (x, u, p)]
     else:
-        left, H = residual(plant, x, u, p, slope[n : 2 * n])
+        R, H = residual(plant, x, u, p, slope[n : 2 * n])
         nu = ca.SX.sym("nu", n)
-        weighed = ca.dot(nu, left) + ca.dot(mu[:n], x[n : 2 * n])
+        weighted = ca.dot(nu, R) + ca.dot(mu[:n], x[n : 2 * n])
         rates = plant.rhs(x, u, p)[2 * n :]
-        weighed = weighed + ca.dot(mu[2 * n :], rates) if plant.nz else weighed
+        weighted = weighted + ca.dot(mu[2 * n :], rates) if plant.nz else weighted
+        by_nu = [ca.gradient(weighted, by) for by in (x, u, p)]
         load = solve(ca.sparsify(H), mu[n : 2 * n])
-        found = ca.Function("g", [*arguments, nu], [ca.gradient(weighed, by) for by in (x, u, p)])
-        gradients = found(*arguments, load)
+        gradients = ca.Function("g", [*arguments, nu], by_nu)(*arguments, load)
     by_x, by_u, by_p = gradients
     return dense_function("pullback", arguments, by_x, by_u, by_p[:tunable])
 
@@ -175,11 +178,10 @@ def residual(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.S
     """
     n, s, joints = plant.model.n, plant.mechanics.symbols, plant.mechanics.joints
     q, v, _ = split(x, n)
-    tau = inverse(s.tree, s.q, s.v, s.tau, s.gravity)
-    needs = [tau, mass_matrix(s.tree, s.q)]
-    needed, M = ca.Function("needs", [s.q, s.v, s.tau, joints.p], needs)(q, v, a, p)
-    free, left = _free_and_load(plant, x, u, p)
-    return free @ (left - needed), free @ M @ free + ca.SX.eye(n) - free
+    inertial = inverse(s.tree, s.q, s.v, s.tau, s.gravity), mass_matrix(s.tree, s.q)
+    tau, M = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], inertial)(q, v, a, p)
+    free, load = _free_and_load(plant, x, u, p)
+    return free @ (load - tau), free @ M @ free + ca.SX.eye(n) - free
 
 
 def scaled_slopes(
@@ -194,23 +196,41 @@ def scaled_slopes(
     by_q, by_v, M = inverse_derivatives(s.tree, s.q, s.v, s.tau, s.gravity)
     inertial = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], [by_q, by_v, M])
     by_q, by_v, M = inertial(q, v, slope[n : 2 * n], p)
-    free, left = _free_and_load(plant, x, u, p)
+    free, load = _free_and_load(plant, x, u, p)
     inertial_by_x = ca.horzcat(by_q, by_v, ca.SX(n, z.shape[0]))
-    rows = ca.sparsify(free @ (ca.jacobian(left, x) - inertial_by_x))
+    rows = ca.sparsify(free @ (ca.jacobian(load, x) - inertial_by_x))
     rates = plant.rhs(x, u, p)[2 * n :]
     K_x = ca.vertcat(rows, ca.jacobian(rates, x))
-    K_u = ca.vertcat(ca.sparsify(free @ ca.jacobian(left, u)), ca.jacobian(rates, u))
+    K_u = ca.vertcat(ca.sparsify(free @ ca.jacobian(load, u)), ca.jacobian(rates, u))
     H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
     return K_x, K_u, H
 
 
-def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> tuple[ca.SX, ...]:
-    """Derivatives of the contacts' forces and accelerations, see ``ContactFunctions.slopes``."""
+class ContactSlopes(NamedTuple):
+    """Results of ``ContactFunctions.slopes``.
+
+    Attributes:
+        torques: Derivatives of the torques of constant contact forces by q and v.
+        rates: Those of the accelerations of the active rows, at constant q̈.
+        rows: These rows.
+        mobility: Accelerations of the joints per unknown force.
+        forces: Minus the unknown forces per acceleration of the rows.
+    """
+
+    torques: ca.SX
+    rates: ca.SX
+    rows: ca.SX
+    mobility: ca.SX
+    forces: ca.SX
+
+
+def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ContactSlopes:
+    """Derivatives of the contacts' forces and accelerations."""
     n, contact = plant.model.n, plant.mechanics.contact
     assert contact is not None
     q, v, _ = split(x, n)
     force, tau = plant.events["loads"](x, u, p)[1], _torque(plant, x, u, p)
-    return tuple(contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
+    return ContactSlopes(*contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
 
 
 @one_at_a_time
@@ -227,8 +247,8 @@ def scaled_jacobian(plant: Plant) -> ca.Function | None:
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     slope = ca.SX.sym("slope", plant.nx)
     K, _, H = scaled_slopes(plant, x, u, p, slope)
-    found = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
-    return ca.Function("jacobian", [x, u, p, slope], found, {"cse": True})
+    parts = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
+    return ca.Function("jacobian", [x, u, p, slope], parts, {"cse": True})
 
 
 def _free_and_load(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -237,8 +257,8 @@ def _free_and_load(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[ca.SX, c
     q, v, _ = split(x, plant.model.n)
     load = s.tau - s.passive - joints.friction + joints.stop
     load_of = ca.Function("load", [s.q, s.v, s.tau, joints.p], [load])
-    left = load_of(q, v, _torque(plant, x, u, p), p)
-    return ca.Function("free", [joints.p], [ca.diag(joints.sliding)])(p), left
+    free = ca.Function("free", [joints.p], [ca.diag(joints.sliding)])(p)
+    return free, load_of(q, v, _torque(plant, x, u, p), p)
 
 
 def _torque(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:

@@ -103,11 +103,11 @@ class StateSpace:
         x, u, p = self._arguments()
         q, v, z = split(x, self._n)
         tau, rates = flow_under_modes(self._laws, self._mechanics, q, v, z, u, p)
-        found = function.call([q, v, tau, p])
+        results = function.call([q, v, tau, p])
         if appends_rates:
             flows = [power(q, v, tau, p) for power in self._powers]
-            found[-1] = ca.vertcat(v, found[-1], rates, *flows)
-        return dense_function(name, [x, u, p], *found)
+            results[-1] = ca.vertcat(v, results[-1], rates, *flows)
+        return dense_function(name, [x, u, p], *results)
 
     def _switches(self) -> ca.Function:
         """Switching functions of cords and drives, in the order of their modes in p."""
@@ -115,8 +115,8 @@ class StateSpace:
         s, (q, v, z) = self._mechanics.symbols, split(x, self._n)
         pairs = list[Sequence[ca.SX]]()
         if s.cords:
-            found = ca.Function("cords", [s.q, s.v, s.p], [s.cords.values, s.cords.sizes])
-            pairs.append(found(q, v, p[: s.p.numel()]))
+            cords = ca.Function("cords", [s.q, s.v, s.p], [s.cords.values, s.cords.sizes])
+            pairs.append(cords(q, v, p[: s.p.numel()]))
         for drive, own in self._laws.parts(z):
             if isinstance(drive, SwitchedLaw):
                 pairs.append(drive.switches(q, v, own, u))
@@ -147,8 +147,7 @@ def flow_under_modes(
     if not joints.switches.numel():
         return parts
     modes = ca.Function("modes", [joints.p], [joints.switches])(p)
-    found: list[ca.SX] = ca.substitute(parts, [joints.switches], [modes])
-    return found
+    return list(ca.substitute(parts, [joints.switches], [modes]))
 
 
 def dissipated_and_external_power(model: ArmModel, parameters: Parameters) -> tuple[Power, Power]:

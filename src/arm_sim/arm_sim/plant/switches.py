@@ -50,9 +50,9 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
         results: Expressions.
         state: Symbols of the state that may change during a tick.
     """
-    others = ca.symvar(ca.veccat(*results))
-    known = {symbol.element_hash() for symbol in ca.vertsplit(state)}
-    constant = ca.vertcat(*(s for s in others if s.element_hash() not in known))
+    of_state = {symbol.element_hash() for symbol in ca.vertsplit(state)}
+    symbols = ca.symvar(ca.veccat(*results))
+    constant = ca.vertcat(*(s for s in symbols if s.element_hash() not in of_state))
     function = ca.Function("f", [state, constant], list(results), {"cse": True})
     plain, moded = _Graph(function, state, constant), _Graph(function, state, constant)
     modes, values, sizes = list[ca.SX](), list[ca.SX](), list[ca.SX]()
@@ -65,15 +65,15 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
         a, b = plain.operands
         if ca.is_equal(b, -a, 1):  # an absolute value, which has powers: it must stay positive
             continue
-        chosen = ca.SX.sym(f"holds{len(modes)}")
-        modes.append(chosen)
+        holds = ca.SX.sym(f"holds{len(modes)}")
+        modes.append(holds)
         values.append(_COMPARED[operation] * (a - b))
         sizes.append(ca.fabs(a) + ca.fabs(b))
         if operation in (ca.OP_FMIN, ca.OP_FMAX):
             a, b = moded.operands
-            moded.put(k, chosen * a + (1.0 - chosen) * b)
+            moded.put(k, holds * a + (1.0 - holds) * b)
         else:
-            moded.put(k, 1.0 - chosen if operation == ca.OP_LT else chosen)
+            moded.put(k, 1.0 - holds if operation == ca.OP_LT else holds)
     columns = (ca.vertcat(ca.SX(0, 1), *parts) for parts in (modes, values, sizes))
     return Switches(moded.outputs, *columns)
 
@@ -97,20 +97,22 @@ class _Graph:
     def run(self, k: int) -> None:
         """Evaluate the next instruction, number k."""
         f = self._function
-        operation, to = f.instruction_id(k), f.instruction_output(k)
-        given = f.instruction_input(k)
+        operation, outputs = f.instruction_id(k), f.instruction_output(k)
+        inputs = f.instruction_input(k)
         if operation == ca.OP_CONST:
-            self._set(to[0], ca.SX(f.instruction_constant(k)), varies=False)
+            self._set(outputs[0], ca.SX(f.instruction_constant(k)), varies=False)
         elif operation == ca.OP_INPUT:
-            self._set(to[0], self._arguments[given[0]].nz[given[1]], varies=given[0] == 0)
+            argument, element = inputs
+            self._set(outputs[0], self._arguments[argument].nz[element], varies=argument == 0)
         elif operation == ca.OP_OUTPUT:
-            row, column = f.sparsity_out(to[0]).get_triplet()
-            self.outputs[to[0]][row[to[1]], column[to[1]]] = self._work[given[0]]
+            result, element = outputs
+            row, column = f.sparsity_out(result).get_triplet()
+            self.outputs[result][row[element], column[element]] = self._work[inputs[0]]
         else:
-            self.operands = [self._work[i] for i in given]
-            self.varies = any(self._varies[i] for i in given)
-            apply = ca.SX.binary if len(given) == 2 else ca.SX.unary
-            self._set(to[0], apply(operation, *self.operands), self.varies)
+            self.operands = [self._work[i] for i in inputs]
+            self.varies = any(self._varies[i] for i in inputs)
+            apply = ca.SX.binary if len(inputs) == 2 else ca.SX.unary
+            self._set(outputs[0], apply(operation, *self.operands), self.varies)
 
     def put(self, k: int, value: ca.SX) -> None:
         """Replace the result of an instruction."""
@@ -153,17 +155,17 @@ class SwitchedLaw:
         flow = law.equations(q, v, z, u)
         parts = [flow.torque, flow.slope, *map(ca.SX, (flow.stored, flow.supplied, flow.lost))]
         x, torque = ca.vertcat(q, v, z), ca.densify(flow.torque)
-        found = case_modes([ca.densify(part) for part in parts], x)
+        cases = case_modes([ca.densify(part) for part in parts], x)
         turning = [i for i in gears if ca.depends_on(torque[i], x)]
         self.forward = {i: ca.SX.sym(f"forward{i}") for i in turning}
-        self.modes = ca.vertcat(found.modes, *self.forward.values())
-        self._flow = ca.Function("flow", [q, v, z, u, self.modes], found.results, {"cse": True})
-        values = ca.vertcat(found.values, *(torque[i] for i in turning))
-        sizes = ca.vertcat(found.sizes, *(_magnitude(torque[i]) for i in turning))
+        self.modes = ca.vertcat(cases.modes, *self.forward.values())
+        self._flow = ca.Function("flow", [q, v, z, u, self.modes], cases.results, {"cse": True})
+        values = ca.vertcat(cases.values, *(torque[i] for i in turning))
+        sizes = ca.vertcat(cases.sizes, *(_magnitude(torque[i]) for i in turning))
         self._values = ca.Function("switches", [q, v, z, u], [values, sizes])
         owners = [*range(n), *range(n), *(state.joint for state in law.states), *range(n)]
-        needs = ca.jacobian(values, ca.vertcat(x, u)).sparsity()
-        owner = {row: owners[column] for row, column in zip(*needs.get_triplet(), strict=True)}
+        pattern = ca.jacobian(values, ca.vertcat(x, u)).sparsity()
+        owner = {row: owners[column] for row, column in zip(*pattern.get_triplet(), strict=True)}
         self.joints = tuple(owner[k] for k in range(self.modes.numel()))
 
     def initial(self, q: Array, v: Array) -> Array:

@@ -30,7 +30,7 @@ class Symbols:
         gravity: Gravity in the world frame in [m/s²], shape (3,).
         friction: Friction of the joints, with possibly tunable dry levels.
         passive: Viscous friction and springs less external torques, shape (n,).
-        drives: As given.
+        drives: Drives with modes, or None.
         cords: Case distinctions of cords; None without any, or with comparisons instead.
     """
 

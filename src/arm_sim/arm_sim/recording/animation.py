@@ -21,11 +21,11 @@ from arm_sim.recording.motion import RecordedMotion
 
 def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: float) -> Any:
     """See ``Recording.animate``."""
-    if path is not None and path.suffix != ".gif":
-        instead = f"animate().save('{path.name}') makes films of other formats, by ffmpeg"
-        raise InvalidInput(f"'{path}': unknown format of films; allowed: .gif; {instead}")
     if path is not None:
         check_folder(path)
+        if path.suffix != ".gif":
+            instead = f"animate().save('{path.name}') makes films of other formats, by ffmpeg"
+            raise InvalidInput(f"'{path}': unknown format of films; allowed: .gif; {instead}")
     if not (rate > 0.0 and speed > 0.0):
         raise InvalidInput(f"rate = {rate}, speed = {speed}; allowed: more than 0")
     pace = max(round(100.0 / rate), 1) / 100.0  # [s], a GIF counts hundredths of a second

@@ -62,12 +62,10 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
             figsize=(figures.WIDTH, 1.7 * len(panels) + 0.5),
         )  # fmt: skip
         for axis, (title, of_each) in zip(axes[:, 0], panels.items(), strict=True):
-            labelled = next(curves for curves in of_each if curves)
             for recording, curves, line in zip(recordings, of_each, cycle(_LINES), strict=False):
                 for label, values, color in curves:
                     curve = thinned(recording.time, values[:, None], _POINTS)
-                    shown = label if curves is labelled else None
-                    axis.plot(*curve, line, color=color, label=shown)
+                    axis.plot(*curve, line, color=color, label=label if line == "-" else None)
             axis.set_ylabel(title)
             _marks(axis, first)
         for i, line in enumerate(_LINES[: len(recordings)] if len(recordings) > 1 else (), 1):
@@ -139,36 +137,35 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
 def _energies(recordings: Sequence[RecordedMotion]) -> list[list[_Curve]]:
     """Energies of each: none that is zero in all, and one for those that coincide in all.
 
-    Potential energies are counted from the least of all recordings.
+    Potential energies are counted from the least of all recordings; NaN where unknown.
     """
-    accounts = [_account(one) for one in recordings]
-    if not (known := [account for account in accounts if len(account)]):
-        return []
-    least, count = min(account[1].min() for account in known), min(map(len, known))
-    for account in known:
-        account[1:3] -= least
-    whole = np.hstack([account[:count] for account in known])
-    apart = _APART * np.ptp(whole, axis=1).max()
-    rest = [i for i in range(count) if abs(whole[i]).max() > apart]
-    of_each: list[list[_Curve]] = [[] for _ in accounts]
+    rows = np.hstack([_account(one) for one in recordings])
+    rows[1:3] -= np.min(rows[1], where=~np.isnan(rows[1]), initial=np.inf)
+    known, curves = np.nan_to_num(rows), list[_Curve]()
+    apart = _APART * np.ptp(known, axis=1).max()
+    rest = [i for i in range(len(rows)) if abs(known[i]).max() > apart]
     while rest:
-        alike = [i for i in rest if abs(whole[i] - whole[rest[0]]).max() <= apart]
-        label, color = " = ".join(_ACCOUNT[i] for i in alike), _ENERGY_COLORS[rest[0]]
-        for curves, account in zip(of_each, accounts, strict=True):
-            curves += [(label, values, color) for values in account[rest[0] : rest[0] + 1]]
+        alike = [i for i in rest if abs(known[i] - known[rest[0]]).max() <= apart]
+        label = " = ".join(_ACCOUNT[i] for i in alike)
+        curves.append((label, rows[rest[0]], _ENERGY_COLORS[rest[0]]))
         rest = [i for i in rest if i not in alike]
-    return of_each
+    ends = np.cumsum([len(one) for one in recordings]).tolist()
+    return [
+        [(label, values[end - len(one) : end], color) for label, values, color in curves]
+        for one, end in zip(recordings, ends, strict=True)
+    ]
 
 
 def _account(recording: RecordedMotion) -> Array:
-    """Rows of ``_ACCOUNT``, work and heat if they are cheap to compute; none if unknown."""
+    """Rows of ``_ACCOUNT``, NaN where they are unknown, or work and heat take long to compute."""
+    rows = np.full((len(_ACCOUNT), len(recording)), np.nan)
     if recording.of_robot or recording.origin is None:
-        return np.empty((0, len(recording)))
+        return rows
     rest = recording.energy - recording.kinetic
-    rows = [recording.kinetic, rest, recording.kinetic + rest]
+    rows[:3] = recording.kinetic, rest, recording.kinetic + rest
     if not recording.account.makes_ticks_again(recording.x) or len(recording) <= LONG:
-        rows += [recording.supplied, recording.lost, recording.balance]
-    return np.array(rows)
+        rows[3:] = recording.supplied, recording.lost, recording.balance
+    return rows
 
 
 def _marks(axis: Any, recording: RecordedMotion) -> None:

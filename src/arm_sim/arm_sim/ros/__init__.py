@@ -14,4 +14,4 @@ if TYPE_CHECKING:
     from arm_sim.ros.sim_node.node import SimNode
 
 __all__ = ["SimNode"]
-__getattr__, __dir__ = on_demand(__name__, {"sim_node.node": ("SimNode",)})
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -95,15 +95,15 @@ class EnergyTopic:
     def _run(self, period: float) -> None:
         published, last_step = False, -1
         while not self._ended.wait(period if published else _UNPUBLISHED):
-            published, account = self.has_subscribers, self._engine.energy.read()
-            self._latest = account
-            if published and account is not None and account.step != last_step:
-                last_step = account.step
-                try:
+            self._latest = account = self._engine.energy.read()
+            try:
+                published = self.has_subscribers
+                if published and account is not None and account.step != last_step:
+                    last_step = account.step
                     self._publish(account)
-                except Exception:
-                    if self._context.ok():  # otherwise ROS has been shut down meanwhile
-                        raise
+            except Exception:
+                if self._context.ok():  # otherwise ROS has been shut down meanwhile
+                    raise
 
     def _publish(self, account: Account) -> None:
         energies = account._asdict()

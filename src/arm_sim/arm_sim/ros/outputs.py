@@ -69,7 +69,6 @@ class Outputs:
         period = params.energy_period
         self.energy = EnergyTopic(node, engine, period, account_read, stamp, self._publish)
         if self._by_the_clock:
-            self.energy.watch(period / (params.realtime_factor or 1.0))
             steady_timer(node, _POLL, self._update)
         self._share(params.publish_every)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))

@@ -91,9 +91,7 @@ class TickEngine:
         self.arbiter, self.queue = Arbiter(self.duration(_SILENCE)), TickQueue()
         self.failure = ""
         self._self_running = self_running
-        self._servos = Servos(self._arm, background)
-        self._in_background = background is not None
-        self.stopping = Stopping(self._arm, self._servos)
+        self.stopping = Stopping(self._arm, Servos(self._arm, background))
         self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
         self._wrench_ticks = self.duration(wrench_timeout)
         self._pushable = self._pushing = False
@@ -252,15 +250,15 @@ class TickEngine:
         arm, stopping = self._arm, self.stopping
         command: str | Command | None = self.commands.command(self.ticks.acts, self._q)
         if isinstance(command, JointCommand) and self.paused:
-            self._servos.build()  # time waits
+            stopping.servos.build()  # time waits
         if isinstance(command, str):
             command = stopping.command(command)
-        elif isinstance(command, JointCommand) and not self._servos.ready:
+        elif isinstance(command, JointCommand) and not stopping.servos.ready:
             command = None
         elif stopping.acts:
             stopping.release()
-            if self._in_background and self.stale_policy in (BRAKE, SERVO):
-                self._servos.ready  # noqa: B018 - begins to build what may have to stop the arm
+            if stopping.servos.in_background and self.stale_policy in (BRAKE, SERVO):
+                stopping.servos.ready  # noqa: B018 - begins to build what may have to stop the arm
         try:
             if command is None:
                 if not stopping.locked:  # the energy that brakes absorb is a change

@@ -16,6 +16,4 @@ if TYPE_CHECKING:
     from arm_sim.servo.servo import Servo
 
 __all__ = ["JointCommand", "Rest", "Servo"]
-__getattr__, __dir__ = on_demand(
-    __name__, {"command": ("JointCommand",), "rest": ("Rest",), "servo": ("Servo",)}
-)
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -16,10 +16,4 @@ if TYPE_CHECKING:
     from arm_sim.simulation.simulator import Simulator
 
 __all__ = ["ClosedLoop", "Plan", "SimulatedArm", "Simulator", "contact_history"]
-__getattr__, __dir__ = on_demand(
-    __name__,
-    {
-        "closed_loop": ("ClosedLoop",), "contact_loads": ("contact_history",), "plan": ("Plan",),
-        "simulated_arm": ("SimulatedArm",), "simulator": ("Simulator",),
-    },
-)  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, __file__)

@@ -7,8 +7,8 @@ import ctypes
 from itertools import compress
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address, strides
 from arm_dynamics.codegen.header import Header
-from arm_sim.stepping.addresses import address, strides
 from arm_sim.stepping.engine import NATIVE
 from arm_sim.stepping.stepper import Stepper
 

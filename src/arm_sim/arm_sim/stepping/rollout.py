@@ -13,13 +13,13 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector
+from arm_dynamics.codegen.addresses import address, repeated
 from arm_sim.inputs import whole
 from arm_sim.integrators.selection import Choice
 from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address, repeated
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.lanes import (

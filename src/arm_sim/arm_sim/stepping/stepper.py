@@ -21,6 +21,7 @@ import arm_dynamics
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiled_scenes
+from arm_dynamics.codegen.addresses import address, pointer
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.known_kernels import digest_of
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -31,7 +32,6 @@ from arm_sim.long_runs import slices
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
-from arm_sim.stepping.addresses import address, pointer
 from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble

@@ -70,9 +70,8 @@ def draw_torques(identification: Identification, path: Path) -> None:
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
     torques = {"nominal": shown.nominal[rows], "identified": shown.predicted[rows]}
-    with torque_panels(
-        path, identification.scene, order[rows], shown.measured[rows], torques
-    ) as panels:
+    drawn = identification.scene, order[rows], shown.measured[rows], torques
+    with torque_panels(path, *drawn) as panels:
         for joint, (left, right) in zip(identification.joints, panels, strict=True):
             error = joint.errors.identified
             percent = "unknown" if np.isnan(error) else f"{100 * error:.1f} %"
@@ -104,16 +103,15 @@ def draw_friction(identification: Identification, path: Path) -> None:
         identification: The identification.
         path: The figure.
     """
-    shown, n = identification.torques, len(identification.joints)
-    types = ArmModel(identification.scene).joint_types
-    columns = min(4, n)
-    lines = -(-n // columns)
+    shown, types = identification.torques, ArmModel(identification.scene).joint_types
+    names = joint_words(identification.joint_names)
+    columns = min(4, len(names))
+    lines = -(-len(names) // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
-        names = joint_words(identification.joint_names)
         for j, (at, name) in enumerate(zip(axes.flat, names, strict=False)):
-            v, friction = shown.v[rows, j], shown.friction[rows, j]
-            at.plot(v, friction, ".", color="0.7", ms=2, label="measured")
+            measured = shown.v[rows, j], shown.friction[rows, j]
+            at.plot(*measured, ".", color="0.7", ms=2, label="measured")
             law = identification.joints[j].friction
             if law is not None and law.kinds:
                 v = _velocities(shown.v[:, j])

@@ -12,7 +12,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
-from arm_sim.stepping.addresses import pointer
+from arm_dynamics.codegen.addresses import pointer
 from arm_studies.optimization.cost import Expansion
 
 OWN = (f"-I{Path(__file__).parent / 'native'}",)

@@ -10,10 +10,10 @@ from functools import cached_property, partial
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address, strides
 from arm_sim.plant.plant import Plant
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper, lanes
-from arm_sim.stepping.addresses import address, strides
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
 from arm_studies.optimization.backward import OWN, Policy

@@ -38,14 +38,14 @@ class Lateness:
         self._timer = steady_timer(node, PERIOD, self.end_second)
 
     def end_second(self) -> None:
-        """Look at the last second, and log what is wrong in two in a row, unlike at the start."""
+        """End a second; log the second warning in a row, since one is normal at the start."""
         before, self.longest = self.message, 0.0
         self.update()
         if before and (message := self.message):
             self._log.warning(message)
 
     def update(self) -> None:
-        """Look at the time since then, too."""
+        """Take the durations since the last call into account."""
         self.longest = max(self.longest, self._take())
 
     @property

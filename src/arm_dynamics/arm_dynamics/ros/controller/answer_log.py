@@ -6,9 +6,9 @@ from __future__ import annotations
 import time
 from ctypes import addressof, byref
 
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.controller.controller_library import HEADER, library
-from arm_dynamics.ros.joint_state import address
 
 _ROOM = 4096  # bytes of a state at first
 SILENCE = 1.0  # [s] without a joint state after which it is reported

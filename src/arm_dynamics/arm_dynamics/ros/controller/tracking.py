@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import CdrReader
+from arm_dynamics.codegen.addresses import address
 from arm_dynamics.control.controller import Moving
 from arm_dynamics.ros.common.convert import as_bytes, to_array
 from arm_dynamics.ros.common.topics import advertise
@@ -19,7 +20,6 @@ from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.tolerances import joined
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE
-from arm_dynamics.ros.joint_state import address
 from arm_dynamics.trajectory.reference import Reference
 
 _FIELDS = (

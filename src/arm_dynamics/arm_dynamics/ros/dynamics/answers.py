@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import finite_answer
-from arm_dynamics.dynamics.dynamics import Dynamics, asked
+from arm_dynamics.dynamics.dynamics import Dynamics, call_entry
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_array
@@ -53,7 +53,7 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
     for entry in OF_SERVICE:
-        term = asked(dynamics, entry, {"q": batch.q, "v": v})
+        term = call_entry(dynamics, entry, {"q": batch.q, "v": v})
         parts = zip(entry.parts.items(), term if entry.fields else [term], strict=True)
         for (name, shape), values in parts:
             setattr(response, name, batch.write(values, shape))

@@ -7,9 +7,16 @@
 from __future__ import annotations
 
 import sys
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
+from arm_dynamics.lazy import on_demand
 from arm_dynamics.starting import end_when_interrupted
+
+if TYPE_CHECKING:
+    from arm_dynamics.ros.dynamics_node.node import DynamicsNode, DynamicsParams
+
+__all__ = ["DynamicsNode", "DynamicsParams", "main"]
+__getattr__, __dir__ = on_demand(__name__, __file__)
 
 
 def main(args: list[str] | None = None) -> NoReturn:

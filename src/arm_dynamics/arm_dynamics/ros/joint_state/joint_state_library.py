@@ -23,8 +23,3 @@ def library() -> ctypes.CDLL:
         KernelError: If they are not available.
     """
     return code_of_nodes(SOURCE, headers=(HEADER,))
-
-
-def address(buffer: bytearray) -> int:
-    """Address of the bytes of a buffer, whose size is fixed from now on."""
-    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))

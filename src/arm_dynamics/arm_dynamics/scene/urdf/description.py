@@ -102,9 +102,9 @@ class Urdf:
 
     def leader(self, name: str) -> str:
         """The joint that ``name`` follows in the end; itself if it is independent."""
-        seen = {name}
-        while name in self.mimics and (above := self.mimics[name].leader) not in seen:
-            seen.add(name := above)
+        passed = {name}
+        while name in self.mimics and (above := self.mimics[name].leader) not in passed:
+            passed.add(name := above)
         return name
 
     @property
@@ -152,12 +152,12 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
         remove_range(joints[name])
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
-    anew = _written(robot, [*links.values(), *joints.values()], notes)
+    anew = _text_for_pinocchio(robot, [*links.values(), *joints.values()], notes)
     limited = {name: described_range(x) for name, x in joints.items() if is_limited(x)}
     return Urdf(anew, kinds, tuple(links), mimics, limited, crossed, size, doubtful, notes)
 
 
-def _written(
+def _text_for_pinocchio(
     robot: ElementTree.Element, parts: Iterable[ElementTree.Element], notes: Notes
 ) -> str:
     """The description for Pinocchio, to which every joint is independent."""
@@ -177,8 +177,8 @@ def _written(
 def _root(text: str) -> ElementTree.Element:
     root = xml_root(text)
     if root.tag != "robot":
-        known = _FORMATS.get(root.tag)
-        hint = f"; this is {known}: use the robot's URDF, or convert it to one" if known else ""
+        other = _FORMATS.get(root.tag)
+        hint = f"; this is {other}: use the robot's URDF, or convert it to one" if other else ""
         raise ModelError(f"robot description: the root element is <{root.tag}>, not <robot>{hint}")
     bound = [key.removeprefix("xmlns:") for key, value in root.items() if "xacro" in value]
     for element in root:
@@ -190,17 +190,17 @@ def _root(text: str) -> ElementTree.Element:
 
 
 def _unique(robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
-    found: dict[str, ElementTree.Element] = {}
+    by_name = dict[str, ElementTree.Element]()
     for element in robot.findall(tag):
         name = element.get("name")
         if not name:
             raise ModelError(f"robot description: a <{tag}> has no name")
         if "${" in name or "$(" in name:
             raise ModelError(f"robot description: {tag} {name!r} is not expanded: {_EXPAND}")
-        if name in found:
+        if name in by_name:
             raise ModelError(f"robot description: two <{tag}> are called '{name}'")
-        found[name] = element
-    return found
+        by_name[name] = element
+    return by_name
 
 
 def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None:
@@ -244,12 +244,12 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
             raise ModelError(
                 f"link '{name}': <inertia {key}={tensor.get(key)!r}>: must not be negative"
             )
-    found = moments(six)
-    if found[0] < -max(NEGATIVE_PART * found[2], point):
-        said = ", ".join(f"{moment:.6g}" for moment in found)
+    principal = moments(six)
+    if principal[0] < -max(NEGATIVE_PART * principal[2], point):
+        listed = ", ".join(f"{moment:.6g}" for moment in principal)
         raise ModelError(
-            f"link '{name}': <inertia>: principal moments {said} kg m²: the smallest must not be "
-            f"negative by more than {NEGATIVE_PART} of the largest"
+            f"link '{name}': <inertia>: principal moments {listed} kg m²: the smallest must not "
+            f"be negative by more than {NEGATIVE_PART} of the largest"
         )
     return fault(weight, six)
 
@@ -308,11 +308,11 @@ def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> di
         leader = element.get("joint")
         if leader not in kinds or kinds[leader] not in MOVING or leader == name:
             others = [n for n, kind in kinds.items() if kind in MOVING and n != name]
-            allowed = known_names(others) + (
-                "" if leader in kinds else did_you_mean(leader, others)
-            )
-            why = "is not a joint" if leader not in kinds else "does not move"
-            why = "is that joint itself" if leader == name else why
+            allowed, why = known_names(others), "does not move"
+            if leader not in kinds:
+                allowed, why = allowed + did_you_mean(leader, others), "is not a joint"
+            elif leader == name:
+                why = "is that joint itself"
             raise ModelError(f"joint '{name}': mimics {leader!r}, which {why}; allowed: {allowed}")
         rules[name] = Mimic(
             leader, float(element.get("multiplier", "1")), float(element.get("offset", "0"))

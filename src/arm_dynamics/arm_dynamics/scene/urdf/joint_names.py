@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of joints in vectors, and values given by name, where mimic joints may be named, too."""
+"""Names of joints in vectors, and values by name, where mimic joints may be named, too."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FIELDS = ("position", "velocity", "acceleration")
 
 
 class Follower(NamedTuple):
-    """A mimic joint among given joints.
+    """A mimic joint among named joints.
 
     Attributes:
         name: The joint.
-        place: Its index among the given ones.
+        place: Its index among the named ones.
         leader: Index of its leader there.
         rule: How it follows.
     """
@@ -39,28 +39,28 @@ class Follower(NamedTuple):
         offset = self.rule.offset if field == "position" else 0.0
         return (self.rule.multiplier, offset) if field in FIELDS else (0.0, 0.0)
 
-    def check(self, what: str, field: str, values: ArrayLike) -> None:
+    def check(self, title: str, field: str, values: ArrayLike) -> None:
         """Refuse a value that contradicts the leader's.
 
         Args:
-            what: Name of the values, for the message.
+            title: Name of the values, for the message.
             field: See ``law``.
-            values: Those of all given joints, shape (k,).
+            values: Those of all named joints, shape (k,).
 
         Raises:
             InvalidInput: Naming both joints and what is expected.
         """
         row, (factor, offset) = np.asarray(values, float), self.law(field)
         own = float(row[self.place])
-        due = factor * float(row[self.leader]) + offset if factor else offset
-        if not abs(own - due) <= AGREES * max(1.0, abs(due)) and not np.isnan(own):
-            follows = f"{self.name} follows {self.rule.leader}"
-            raise InvalidInput(
-                f"{what}: {follows}; command that one"
-                if np.isnan(due)
-                else f"{what}: {self.name} is {own:.6g}, but {follows}, so {due:.6g} is expected; "
-                "command that one only"
-            )
+        expected = factor * float(row[self.leader]) + offset if factor else offset
+        if not abs(own - expected) <= AGREES * max(1.0, abs(expected)) and not np.isnan(own):
+            message = f"{title}: {self.name} follows {self.rule.leader}; command that one"
+            if not np.isnan(expected):
+                message = (
+                    f"{title}: {self.name} is {own:.6g}, but {self.name} follows "
+                    f"{self.rule.leader}, so {expected:.6g} is expected; command that one only"
+                )
+            raise InvalidInput(message)
 
 
 class JointNames(tuple[str, ...]):
@@ -76,15 +76,15 @@ class JointNames(tuple[str, ...]):
     def of(
         cls, names: Iterable[str], rules: Mapping[str, Mimic], locked: Collection[str]
     ) -> JointNames:
-        """Names with what is known of the others."""
-        made = cls(names)
-        made.rules, made.locked = rules, locked
-        return made
+        """Names with rules and locks of the other joints."""
+        joints = cls(names)
+        joints.rules, joints.locked = rules, locked
+        return joints
 
-    def refuse(self, names: Sequence[str], what: str) -> None:
-        """Refuse names that are unknown or locked, or follow others that are not given.
+    def refuse(self, names: Sequence[str], unknown_joints: str) -> None:
+        """Refuse names that are unknown or locked, or follow others that are not named.
 
-        ``what`` begins the message, if a name is unknown.
+        ``unknown_joints`` begins the message, if a name is unknown.
         """
         others = [name for name in names if name not in self]
         for name in others:
@@ -94,7 +94,7 @@ class JointNames(tuple[str, ...]):
                 raise InvalidInput(f"{name} follows {leader}; command that one")
         if unknown := [name for name in others if name not in self.rules]:
             raise InvalidInput(
-                f"{what} {known_names(unknown)}; allowed: {choices(unknown[0], self)}"
+                f"{unknown_joints} {known_names(unknown)}; allowed: {choices(unknown[0], self)}"
             )
 
     def followers(self, names: Sequence[str]) -> list[Follower]:
@@ -126,11 +126,11 @@ class Named:
         self._own = [i for i, name in enumerate(names) if name in arm]
         self.joints = np.array([arm.index(names[i]) for i in self._own], np.intp)
 
-    def spread(self, what: str, field: str, values: Sequence[float], rest: Array) -> Array:
+    def spread(self, title: str, field: str, values: Sequence[float], rest: Array) -> Array:
         """Insert values of the named joints into a vector of all.
 
         Args:
-            what: Name of the values, for messages.
+            title: Name of the values, for messages.
             field: ``position``, ``velocity``, ``acceleration``, or another quantity, of which
                 mimic joints have none.
             values: One for each name.
@@ -141,13 +141,13 @@ class Named:
                 mimic joints contradict.
         """
         if len(values) != len(self._names):
-            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {len(self._names)}")
+            raise InvalidInput(f"{title} has {len(values)} numbers; allowed: {len(self._names)}")
         for i in self._own:
             if not math.isfinite(x := values[i]):
                 joint = f"joint '{self._names[i]}'"
-                raise InvalidInput(f"{what}, {joint}, is {x}; allowed: finite numbers")
+                raise InvalidInput(f"{title}, {joint}, is {x}; allowed: finite numbers")
         for follower in self._followers:
-            follower.check(what, field, values)
+            follower.check(title, field, values)
         full = np.array(rest)
         full[self.joints] = np.asarray(values)[self._own] if self._followers else values
         return full

@@ -3,7 +3,7 @@
 
 Parsers disagree about what is a number, and urdfdom, which Pinocchio uses, drops an element
 without an error if it cannot read one of its numbers: a mass of ``"3 "`` becomes zero. Hence
-Pinocchio is given only what was read here, in a form about which all parsers agree.
+Pinocchio receives only what was read here, in a form about which all parsers agree.
 """
 
 from __future__ import annotations
@@ -33,15 +33,10 @@ _NUMBERS = {
     "dynamics": ("damping", "friction"),
     "mimic": ("multiplier", "offset"),
 }
-_KNOWN, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
+_TAGS, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
 _LIMITS = ("effort", "velocity")
-_NOT_NEGATIVE = {
-    ("mass", "value"),
-    ("dynamics", "damping"),
-    ("dynamics", "friction"),
-    *(("limit", key) for key in _LIMITS),
-}
+_NOT_NEGATIVE = ("value", "damping", "friction", *_LIMITS)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 _LARGEST = sys.float_info.max
@@ -140,7 +135,7 @@ def link_at(joint: ElementTree.Element, end: str) -> str | None:
 
 
 def distance(part: ElementTree.Element) -> float:
-    """Distance in [m] of the copy of a joint or <inertial> from the frame that it is given in."""
+    """Distance in [m] of the copy of a joint or <inertial> from the frame of its <origin>."""
     origin = part.find("origin")
     return 0.0 if origin is None else math.hypot(*floats(origin.get("xyz", "0 0 0")))
 
@@ -151,8 +146,8 @@ def _note(notes: Notes, remark: str, place: str) -> None:
 
 def _note_unknown(element: ElementTree.Element, owner: str, notes: Notes) -> None:
     """Note children whose names are nearly those of the format; others are of its extensions."""
-    for tag in sorted({str(child.tag) for child in element} - _KNOWN):
-        if near := get_close_matches(tag, _KNOWN, 1, _ALIKE):
+    for tag in sorted({str(child.tag) for child in element} - _TAGS):
+        if near := get_close_matches(tag, _TAGS, 1, _ALIKE):
             _note(notes, f"<{tag}> has no effect; did you mean <{near[0]}>?", owner)
 
 
@@ -163,20 +158,20 @@ def _parts(
     parts = []
     _note_unknown(element, owner, notes)
     for tag in tags:
-        found = element.findall(tag)
-        if len(found) > 1:
+        children = element.findall(tag)
+        if len(children) > 1:
             _note(notes, f"more than one <{tag}>: only the first counts", owner)
-        for part in found[:1]:
-            if "quat_xyzw" in part.keys():
+        for child in children[:1]:
+            if "quat_xyzw" in child.keys():
                 raise ModelError(f"{owner}: <{tag} quat_xyzw=…> is not supported; allowed: rpy")
-            given = [key for key in _NUMBERS.get(tag, ()) if key in part.keys()]
-            numbers = {key: _plain(part, key, owner, notes) for key in given}
-            names = {key: value for key, value in part.items() if key == _NAMES.get(tag)}
+            keys = [key for key in _NUMBERS.get(tag, ()) if key in child.keys()]
+            numbers = {key: _number_text(child, key, owner, notes) for key in keys}
+            names = {key: value for key, value in child.items() if key == _NAMES.get(tag)}
             parts.append(ElementTree.Element(tag, {**names, **numbers}))
     return parts
 
 
-def _plain(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str:
+def _number_text(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str:
     """An attribute's numbers, each written such that reading it gives the same number."""
     text, tag = part.get(key, ""), part.tag
     count, open_ended = 3 if key in ("xyz", "rpy") else 1, tag == "limit"
@@ -197,7 +192,7 @@ def _plain(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str
     if open_ended and key in _LIMITS and values == [-1.0]:
         _note(notes, f"<limit {key}> is -1: there is none", owner)
         values = [0.0]
-    if (tag, key) in _NOT_NEGATIVE and values[0] < 0:
+    if key in _NOT_NEGATIVE and values[0] < 0:
         none = " (-1 and 0 mean no limit)" if open_ended else ""
         raise ModelError(f"{owner}: <{tag} {key}={text!r}>: must not be negative{none}")
     if key == "rpy" and any(map(degrees_meant, values)):
@@ -208,12 +203,12 @@ def _plain(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str
 def _check_axis(
     copy: ElementTree.Element, joint: ElementTree.Element, owner: str, notes: Notes
 ) -> None:
-    lacking = "<axis> without xyz"
+    fault = "<axis> without xyz"
     if (axis := copy.find("axis")) is None:
-        axis, lacking = ElementTree.SubElement(copy, "axis"), "no <axis>"
+        axis, fault = ElementTree.SubElement(copy, "axis"), "no <axis>"
     if "xyz" not in axis.keys():
         axis.set("xyz", "1.0 0.0 0.0")
-        _note(notes, f"{lacking}: taken as the default, 1 0 0", owner)
+        _note(notes, f"{fault}: taken as the default, 1 0 0", owner)
     direction = floats(axis.get("xyz", ""))
     length = math.hypot(*direction)
     if length > 1e100:  # Pinocchio squares it
@@ -221,5 +216,5 @@ def _check_axis(
     if abs(length - 1.0) > _ROUNDED:
         _note(notes, "<axis> is not of length 1: only its direction counts", owner)
     if length < 1e-9:
-        given = [part.get("xyz") for part in joint.findall("axis")]
-        raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
+        text = joint.findall("axis")[0].get("xyz")
+        raise ModelError(f"{owner}: axis {text!r} has no direction")

@@ -61,7 +61,7 @@ def note_units(links: Parts, joints: Parts, size: float, notes: Notes) -> None:
         for name, (m, six) in bodies.items()
         if (r := gyration(m, six)) > wide(size) and m * r * r > _MATTERS * mass * size * size
     }
-    for places, what, meant in (
+    for places, remark, hint in (
         (far, "<origin> {:g} m away", f"far for an arm of {mass:.3g} kg; lengths are in m"),
         (
             bulky, "radius of gyration of {:.3g} m",
@@ -69,7 +69,7 @@ def note_units(links: Parts, joints: Parts, size: float, notes: Notes) -> None:
         ),
     ):  # fmt: skip
         for first in [*places.values()][:1]:
-            notes[f"{what.format(first)}, {meant}"] = list(places)
+            notes[f"{remark.format(first)}, {hint}"] = list(places)
 
 
 def _lever(link: ElementTree.Element) -> float:

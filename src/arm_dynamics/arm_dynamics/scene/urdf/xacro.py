@@ -21,37 +21,37 @@ _ARGUMENT = re.compile(r"""<[\w.-]+:arg\s[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> str:
-    """The URDF text of a xacro file; arguments that are not given have their defaults."""
-    given = [f"{name}:={value}" for name, value in arguments.items()]
-    text = _output(path, *given)
-    if not given:
+    """The URDF text of a xacro file; arguments that are left out have their defaults."""
+    assignments = [f"{name}:={value}" for name, value in arguments.items()]
+    text = _output(path, *assignments)
+    if not assignments:
         return text
-    files = [path, *map(Path, _output(path, "--deps", *given).split())]
-    if not all(map(os.path.isfile, files)):  # a name with a space, which is not told from two
+    files = [path, *map(Path, _output(path, "--deps", *assignments).split())]
+    if not all(map(os.path.isfile, files)):  # a name with a space looks like two
         return text
     pairs = (pair for file in files for pair in _ARGUMENT.findall(file_text(file)))
-    known = dict.fromkeys(name for pair in pairs for name in pair if name)
+    declared = dict.fromkeys(name for pair in pairs for name in pair if name)
     for name in arguments:
-        if name not in known:  # xacro ignores it
+        if name not in declared:  # xacro ignores it
             raise SceneError(
                 f"scene: 'robot.arguments.{name}': '{path}' has no such argument; allowed: "
-                f"{choices(name, known)}"
+                f"{choices(name, declared)}"
             )
     return text
 
 
 def _output(path: Path, *arguments: str) -> str:
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [*_command(path, *arguments), str(path), *arguments],
             capture_output=True, text=True, timeout=_LONGEST, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise SceneError(f"scene: xacro did not expand '{path}' in {_LONGEST:g} s") from None
-    if done.returncode:
-        said = done.stderr.strip() or f"exit status {done.returncode}"
-        raise SceneError(f"scene: xacro cannot expand '{path}': {plain(said)}")
-    return done.stdout
+    if process.returncode:
+        reason = process.stderr.strip() or f"exit status {process.returncode}"
+        raise SceneError(f"scene: xacro cannot expand '{path}': {plain(reason)}")
+    return process.stdout
 
 
 def _command(path: Path, *arguments: str) -> list[str]:

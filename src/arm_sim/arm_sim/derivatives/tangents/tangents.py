@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.addresses import address, pointer, strides
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.addresses import address, pointer, strides
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widths

@@ -13,10 +13,15 @@ LONGEST = 1.0  # [s] of a stop by the servos; after it brakes hold all joints
 
 
 class Servos:
-    """The servos of an arm, built when first needed, by ``background`` while the loop goes on."""
+    """The servos of an arm, built when first needed, by ``background`` while the loop goes on.
+
+    Attributes:
+        in_background: Whether there is one; else the loop waits while they are built.
+    """
 
     def __init__(self, arm: SimulatedArm, background: Background | None) -> None:
         self._arm, self._background = arm, background
+        self.in_background = background is not None
 
     @property
     def ready(self) -> bool:
@@ -49,10 +54,11 @@ class Stopping:
     Attributes:
         acts: Whether the arm is being stopped or held.
         locked: Whether brakes have closed.
+        servos: What stops the arm, and holds it with the policy ``servo``.
     """
 
     def __init__(self, arm: SimulatedArm, servos: Servos) -> None:
-        self._arm, self._servos = arm, servos
+        self._arm, self.servos = arm, servos
         self._still = JointCommand(velocity=[0.0] * arm.n)
         self._hold_command: JointCommand | None = None
         self._begun: int | None = None
@@ -76,10 +82,10 @@ class Stopping:
             self._begun = arm.step_count if self._begun is None else self._begun
             duration = (arm.step_count - self._begun) * arm.dt
             speed = abs(arm.x[arm.n : 2 * arm.n]).max()
-            if speed > SLOW and duration < LONGEST and self._servos.ready:
+            if speed > SLOW and duration < LONGEST and self.servos.ready:
                 return self._still
             self.hold()
-        if policy == BRAKE or not self._servos.ready:
+        if policy == BRAKE or not self.servos.ready:
             return None
         if self._hold_command is None:
             self._hold_command = JointCommand(position=self._arm.x[: self._arm.n])

@@ -21,7 +21,7 @@ from struct import Struct
 
 import numpy as np
 
-from arm_dynamics.ros.joint_state import address
+from arm_dynamics.codegen.addresses import address
 from arm_sim.recording.files import McapWriter
 from arm_sim.ros.node_library import RECORD, library
 

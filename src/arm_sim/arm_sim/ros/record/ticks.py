@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from arm_dynamics.ros.joint_state import address
+from arm_dynamics.codegen.addresses import address
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
 from arm_sim.recording.files.ticks import UNCHANGED, log_message

@@ -148,23 +148,25 @@ class SimNode(Node):
         )  # fmt: skip
 
     def _start(self) -> None:
-        self.get_logger().info(greeting(self.simulator, self.params))
+        params = self.params
+        self.get_logger().info(greeting(self.simulator, params))
         if self.recorder is not None:
             self.get_logger().info(f"recording to {self.recorder.path}")
-        if unused := self.params.unused:
+        if unused := params.unused:
             self.get_logger().warning(
                 f"parameters without effect, since time steps are triggered by "
-                f"{self.params.tick_source}: {', '.join(unused)}"
+                f"{params.tick_source}: {', '.join(unused)}"
             )
         self._outputs.publish()
         self._outputs.stamps.release()  # building took time
         if self.lockstep is not None:
             self._claim_privileges()
             self.lockstep.wait()
-        elif self.params.realtime:
+        elif params.realtime:
             middleware = MiddlewareThreads()
             self.engine.arriving = lambda: middleware.busy
             self.engine.queue.served = True
+            self._outputs.energy.watch(params.energy_period / (params.realtime_factor or 1.0))
             self.loop.start()
 
     def _apply(self, params: SimParams) -> None:
