@@ -39,13 +39,6 @@ static inline int all_moves(const scene_t* scene, const double* modes) {
   return moves;
 }
 
-/* Whether a contact is closed. */
-static inline int any_closed(const scene_t* scene, const modes_t* p) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= p->contact[k].closed != 0.0;
-  return any;
-}
-
 /* Declare modes that begin as others. */
 #define LOCAL_MODES(name, like) \
   LOCAL(modes_t, name, modes_of, P_LENGTH); \
