@@ -33,18 +33,16 @@ class TrackingTopic:
     """Publishes the tracking state every few ticks while it has subscribers.
 
     Python and C do that by the same function, each for the states that it answers.
+
+    Attributes:
+        place: Address of ``report_t``.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         """Advertise the topic of a controller of the joints ``names``."""
         self._publisher, self._names = advertise(node, CONTROLLER_STATE), list(names)
         self._shared = HEADER.structure("report_t")(publisher=self._publisher.handle.pointer)
-        self._raw, self._outcome = bytearray(), ""
-
-    @property
-    def place(self) -> int:
-        """Address of ``report_t``."""
-        return addressof(self._shared)
+        self.place, self._raw, self._outcome = addressof(self._shared), bytearray(), ""
 
     def restart(self) -> None:
         """Publish at the next state."""
