@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.common.convert import to_array
 
 
 def motion(joint_names: Sequence[str], **vectors: ArrayLike | None) -> dict[str, Any]:
@@ -22,13 +23,7 @@ def motion(joint_names: Sequence[str], **vectors: ArrayLike | None) -> dict[str,
 
 def flat(name: str, value: ArrayLike) -> array[float]:
     """Real numbers as a flat field; ``InvalidInput`` if they are anything else."""
-    try:
-        numbers = np.asarray(value)
-    except ValueError:
-        numbers = np.asarray(None)
-    if numbers.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} = {value!r}; expected real numbers of one shape")
-    return array("d", np.ascontiguousarray(numbers, float).tobytes())
+    return to_array(real_array(name, value))
 
 
 def whole(name: str, value: int, most: int) -> int:

@@ -15,7 +15,7 @@ from arm_dynamics.cdr import CdrReader
 from arm_dynamics.codegen.addresses import address
 from arm_dynamics.control.controller import Moving
 from arm_dynamics.ros.common.convert import as_bytes, to_array
-from arm_dynamics.ros.common.topics import advertise
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.tolerances import joined

@@ -25,7 +25,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
