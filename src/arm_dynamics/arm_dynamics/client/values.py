@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.ros.common.convert import to_array
 
 
 def motion(joint_names: Sequence[str], **vectors: ArrayLike | None) -> dict[str, Any]:
@@ -23,7 +22,7 @@ def motion(joint_names: Sequence[str], **vectors: ArrayLike | None) -> dict[str,
 
 def flat(name: str, value: ArrayLike) -> array[float]:
     """Real numbers as a flat field; ``InvalidInput`` if they are anything else."""
-    return to_array(real_array(name, value))
+    return array("d", real_array(name, value).tobytes())
 
 
 def whole(name: str, value: int, most: int) -> int:
