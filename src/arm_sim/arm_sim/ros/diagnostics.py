@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.display import Display

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
+from arm_dynamics.ros.common.endpoints import advertise, subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
-from arm_dynamics.ros.common.topics import advertise, subscribe
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
