@@ -71,7 +71,7 @@ class Sim:
         self.node.inputs._warn = self.told.append
         self.lateness = Histogram()
         self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
-        newest: Any = self.node.inputs._newest
+        newest: Any = self.node.inputs.polled._subscription
         self._to = newest.pointer
 
     def hears(self, messages: list[bytes]) -> None:

@@ -159,7 +159,7 @@ def test_stamps_of_simulated_time_tell_no_sims_apart(
     made, rival = sim(ros, lockstep=True), driver(NAMES)
     rival.speaks.set()
     ros.spin_until(lambda: made.rivals.alarm.message)
-    assert made.inputs.round_trip.awaits(0)
+    assert made.engine.round_trip.awaits(0)
     assert made.inputs.on_joint_commands(command(name=NAMES, effort=TAU)) is None
     assert made.inputs.refused == 1
 

@@ -76,7 +76,7 @@ class SimDiagnostics:
     def _check_commands(self) -> Finding:
         engine, finding = self.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = self.inputs, self.inputs.round_trip.histogram.percentiles()
+        inputs, trip = self.inputs, self.engine.round_trip.histogram.percentiles()
         topic = self.node.resolve_topic_name(JOINT_COMMANDS.name)
         publishers = self.node.count_publishers(topic)
         finding.values = {

@@ -23,6 +23,7 @@ from arm_sim.ros.energy_account import EnergyAccount
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
+from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
@@ -54,6 +55,7 @@ class TickEngine:
         arbiter: Decides which source may command.
         queue: Actions of other threads, run between ticks.
         energy: The energy account.
+        round_trip: Time from a state to its command.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
@@ -101,7 +103,9 @@ class TickEngine:
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
         self.on_seldom = Listeners()
         self.ticks = ticks = Ticks()
-        self.energy = EnergyAccount(self._arm, ticks)
+        self.energy, self.round_trip = EnergyAccount(self._arm, ticks), RoundTrip()
+        for listeners in (self.on_jump, self.on_pause, self.on_staleness):
+            listeners.append(self.round_trip.forget)
         self._share(ticks)
         ticks.paused, ticks.waits = paused, wait_for_command
         self.configure(0.0, ZERO)
@@ -109,7 +113,7 @@ class TickEngine:
     def _share(self, ticks: Ticks) -> None:
         """Let C know the parts of the engine, and who answers its questions."""
         arm = self._arm
-        ticks.bell = addressof(self.queue.bell)
+        ticks.bell, ticks.trip = addressof(self.queue.bell), addressof(self.round_trip)
         ticks.arbiter, ticks.slot = addressof(self.arbiter), addressof(self.commands)
         ticks.x, ticks.effort, ticks.dt = arm.x.ctypes.data, arm.acted.ctypes.data, arm.dt
         arm.share(ticks)

@@ -83,7 +83,7 @@ class SimNode(Node):
         self._outputs = outputs = Outputs(
             self, engine, params, account_read=lambda: self.diagnosis.has_subscribers
         )
-        self.rivals = inputs.rivals = Rivals(self, outputs, inputs.round_trip, self._note_rivals)
+        self.rivals = inputs.rivals = Rivals(self, outputs, engine.round_trip, self._note_rivals)
         if params.tick_source != HAND:
             self.rivals.give_way()
         self.display = Display(self, engine, params, outputs.reported, outputs.stamp)
@@ -93,7 +93,7 @@ class SimNode(Node):
             Lockstep(self, params, engine, inputs, outputs) if params.lockstep else None
         )
         if self.lockstep is None:
-            inputs.open(self)
+            inputs.polled.open(self)
         self.recorder = self._recorder_of(params)
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
@@ -140,7 +140,7 @@ class SimNode(Node):
         return recorder_of(self, params.record, self.engine, self.inputs, self._outputs)
 
     def _diagnostics_of(self, params: SimParams) -> SimDiagnostics:
-        period, trip = params.publish_every * self.simulator.dt, self.inputs.round_trip
+        period, trip = params.publish_every * self.simulator.dt, self.engine.round_trip
         return SimDiagnostics(
             self, params, self.engine, self.loop, self.inputs, self._outputs, self.display,
             self.lockstep, self.recorder, self.rivals,
@@ -185,7 +185,8 @@ class SimNode(Node):
         self.loop.reset()
         commands = self.engine.commands
         commands.stale_count = commands.extended = self.engine.arbiter.refused = 0
-        self.inputs.reset_counters()
+        self.engine.round_trip.reset()
+        self.inputs.refused = self.inputs.refused_wrenches = 0
         if self.lockstep is not None:
             self.lockstep.reset_counters()
 
@@ -223,7 +224,7 @@ class SimNode(Node):
         self.loop.stop()
         self.engine.queue.served = False
         self._outputs.energy.close()
-        self.inputs.close()
+        self.inputs.polled.close()
         self.rivals.close()
         self.standard.close()
         if self._background is not None:
@@ -235,7 +236,7 @@ class SimNode(Node):
                 f"{self.recorder.thread.written} bytes, to {self.recorder.path}"
             )
         if self.params.tick_source == CLOCK:
-            loop, round_trip = self.loop.report(), self.inputs.round_trip.histogram.percentiles()
+            loop, round_trip = self.loop.report(), self.engine.round_trip.histogram.percentiles()
             trips = f", round trip {round_trip}" if round_trip.count else ""
             self.get_logger().info(
                 f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "
