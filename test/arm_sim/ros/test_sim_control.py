@@ -53,7 +53,7 @@ def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0)
     publisher = ros.publisher(WrenchStamped, "/sim/wrench")
     publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
-    ros.spin_until(lambda: node.engine.pushed_frames)
+    ros.spin_until(lambda: node.engine.wrenches.active)
     ticks(node, 10)
     assert np.any(node.simulator.state.q != models.simulator("two_link").state.q)
     node.requests.answer(RESET)
@@ -79,7 +79,7 @@ def test_bad_wrenches_are_passed_over(
     node = by_hand(ros)
     node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
-    assert node.engine.pushed_frames == ()
+    assert node.engine.wrenches.active == ()
     assert "1 wrench message ignored" in finding(node, "commands").message
 
 

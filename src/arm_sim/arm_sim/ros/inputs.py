@@ -15,13 +15,12 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader, Numbers
+from arm_dynamics.ros.joint_state import Numbers
 from arm_sim.ros.command_reader import CommandReader
 from arm_sim.ros.commands.joint_commands import JointCommands
-from arm_sim.ros.effort_limits import EffortLimits
+from arm_sim.ros.competing_publishers import CompetingPublishers
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.polled_commands import PolledCommands
-from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.tick_engine import TickEngine
 
 _UNNAMED = "~/commands"  # the source of commands without a header
@@ -36,29 +35,22 @@ class Inputs:
         polled: Commands by joint name that are read before each tick.
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
-        rivals: Know of other sims, for which a command may be; None if there cannot be any.
+        competitors: Know whether commands may be for another sim; None if there cannot be any.
         tap: Called with topic and message of every input that is read here.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
         self._log, self._engine = Throttled(node.get_logger()), engine
         self._model = engine.simulator.model
-        self._limits = EffortLimits(self._model, self._log.warning)
         self._joints = JointCommands(self._model, engine.arbiter.admit)
-        names, clip = self._model.joint_names, Clip(self._limits.values, self._limits.clip)
-        efforts = Expected(names, ("effort",), partial=True)
-        every = Expected(names, ("effort", "position", "velocity"), partial=True, gaps=True)
-        self.reader = CommandReader(
-            JointStateReader(efforts, self._joints.admit, clip),
-            JointStateReader(every, self._joints.note, clip),
-        )
+        self.reader = CommandReader(self._model, self._joints, self._log.warning)
         self.refused = self.refused_wrenches = 0
-        self.rivals: Rivals | None = None
+        self.competitors: CompetingPublishers | None = None
         self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
         self._explained = False
         self.polled = PolledCommands(
             engine, self.reader.efforts, self.on_joint_commands,
-            lambda: self.rivals is not None and bool(self.rivals.alarm.message),
+            lambda: self.competitors is not None and bool(self.competitors.alarm.message),
         )  # fmt: skip
 
     def on_joint_commands(self, raw: bytes | None, arrival: int = 0) -> int | None:
@@ -77,9 +69,9 @@ class Inputs:
         try:
             self._catch_up()
             stamp, numbers = self.reader.read(raw)
-            if self.rivals is not None:
-                self.rivals.check(stamp)
-            if slot.empty:
+            if self.competitors is not None:
+                self.competitors.check(stamp)
+            if not slot.any:
                 self._joints.forget()
             command = self._joints.command(stamp, numbers)
         except InvalidInput as error:
@@ -113,12 +105,12 @@ class Inputs:
                 raise InvalidInput(f"data_offset is {message.layout.data_offset}; allowed: 0")
             if tau.shape != (n,) or not np.isfinite(tau).all():
                 raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
-            if self.rivals is not None:
-                self.rivals.check(_NO_STAMP)
+            if self.competitors is not None:
+                self.competitors.check(_NO_STAMP)
         except InvalidInput as error:
             self._refuse(error)
             return
-        numbers = self._limits.clip(tuple(tau.tolist()))
+        numbers = self.reader.clip(tuple(tau.tolist()))
         self._engine.queue.post(lambda: self._put_efforts(numbers))
 
     def _put_efforts(self, numbers: Numbers) -> None:

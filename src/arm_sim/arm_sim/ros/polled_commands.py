@@ -65,14 +65,13 @@ class PolledCommands:
 
     def _refresh(self) -> None:
         """Let C know whose messages it may accept."""
-        engine, leader = self._engine, self._engine.arbiter.leader
+        engine, kinds = self._engine, list[bool]()
         delayed = engine.commands.line is not None
-        if leader is None or delayed or self._is_guarded():
-            engine.ticks.accept([])
-        else:
+        if (leader := engine.arbiter.leader) and not (delayed or self._is_guarded()):
             source, joints = leader
-            all_lead = len(joints) == engine.simulator.n
-            engine.ticks.accept(self._reader.whole_from(source) if all_lead else [])
+            if len(joints) == engine.simulator.n:
+                kinds = self._reader.whole_from(source)
+        engine.ticks.accept(kinds)
 
     def _read(self) -> bool:
         """Process the message that C has taken and leaves to Python.

@@ -56,6 +56,7 @@ class TickEngine:
         queue: Actions of other threads, run between ticks.
         energy: The energy account.
         round_trip: Time from a state to its command.
+        wrenches: What acts on the frames.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
@@ -94,7 +95,7 @@ class TickEngine:
         self.failure = ""
         self._self_running = self_running
         self.stopping = Stopping(self._arm, Servos(self._arm, background))
-        self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
+        self.wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
         self._wrench_ticks = self.duration(wrench_timeout)
         self._pushable = self._pushing = False
         self.guard: AbstractContextManager[Any] = nullcontext()
@@ -227,15 +228,15 @@ class TickEngine:
         step = self._arm.step_count
         self.commands.arrive(step)
         if self._pushed:
-            tau = self._wrenches.torque(self._q, step)
+            tau = self.wrenches.torque(self._q, step)
             self.energy.note()  # with the quantities that acted
             self.simulator.set_parameter(EXTERNAL, tau)
-            self._pushing = bool(self._wrenches.active)
+            self._pushing = bool(self.wrenches.active)
 
     @property
     def _pushed(self) -> bool:
         """Whether wrenches act, or did so in the last tick."""
-        return self._pushable and (self._pushing or bool(self._wrenches.active))
+        return self._pushable and (self._pushing or bool(self.wrenches.active))
 
     def _may_come(self) -> bool:
         """Whether a command that expires may have a successor that has arrived already.
@@ -300,7 +301,7 @@ class TickEngine:
         """Reset to time zero and a state, see ``Simulator.reset``, without commands."""
         self.commands.clear()
         self.arbiter.forget()
-        self._wrenches.clear()
+        self.wrenches.clear()
         self.failure, self.ticks.was_stale = "", False
         self.energy.keep(False)
         self.stopping.hold()
@@ -319,11 +320,6 @@ class TickEngine:
 
     # --- wrenches ------------------------------------------------------------------------------
 
-    @property
-    def pushed_frames(self) -> tuple[str, ...]:
-        """Frames on which a wrench acts."""
-        return self._wrenches.active
-
     def push(self, frame: str, wrench: ArrayLike) -> None:
         """Apply a wrench to a frame from the next tick on, replacing the previous one.
 
@@ -340,4 +336,4 @@ class TickEngine:
             self.queue.run(lambda: self._accounted(pushable))
             self._pushable = True
         last = self._wrench_ticks - 1
-        self.queue.run(lambda: self._wrenches.push(frame, wrench, self._arm.step_count + last))
+        self.queue.run(lambda: self.wrenches.push(frame, wrench, self._arm.step_count + last))

@@ -31,7 +31,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # of all files: the same scene gives the same byt
 _PLATFORM = {"2": "linux64", "3": f"{os.uname().machine}-linux"}
 
 
-def units(
+def build_fmus(
     name: str, tick: Tick, sources: Mapping[str, str], frames: Sequence[str]
 ) -> dict[str, bytes]:
     """The files ``N.fmu`` by FMI 3.0 and ``N_fmi2.fmu`` by FMI 2.0, for this kind of machine.

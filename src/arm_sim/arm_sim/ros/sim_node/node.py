@@ -18,6 +18,7 @@ from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
 from arm_dynamics.ros.common.topics import advertise, subscribe
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.competing_publishers import CompetingPublishers
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.display import Display
 from arm_sim.ros.inputs import Inputs
@@ -25,7 +26,6 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.node_library import library
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting
 from arm_sim.ros.standard.services import StandardServices
@@ -49,7 +49,7 @@ class SimNode(Node):
         engine: Advances the simulation; independent of ROS.
         inputs: Incoming commands and wrenches.
         lockstep: Waits for answers, or None.
-        rivals: Others who publish joint states of this arm.
+        competitors: Others who publish joint states of this arm.
         display: Publishes all joints and frames for visualization.
         loop: Ticks in real time, and measures its timing.
         requests: The services.
@@ -83,9 +83,11 @@ class SimNode(Node):
         self._outputs = outputs = Outputs(
             self, engine, params, account_read=lambda: self.diagnosis.has_subscribers
         )
-        self.rivals = inputs.rivals = Rivals(self, outputs, engine.round_trip, self._note_rivals)
+        self.competitors = inputs.competitors = CompetingPublishers(
+            self, outputs, engine.round_trip, self._note_competitors
+        )
         if params.tick_source != HAND:
-            self.rivals.give_way()
+            self.competitors.refuse_if_any()
         self.display = Display(self, engine, params, outputs.reported, outputs.stamp)
         self.loop = self._loop_of(params)
         outputs.stamps.follow(self.loop.current)
@@ -135,15 +137,15 @@ class SimNode(Node):
     def _recorder_of(self, params: SimParams) -> TickRecorder | None:
         if not params.record:
             return None
-        from arm_sim.ros.record.node_recorder import recorder_of  # not imported otherwise
+        from arm_sim.ros.record.node_recorder import attach_recorder  # not imported otherwise
 
-        return recorder_of(self, params.record, self.engine, self.inputs, self._outputs)
+        return attach_recorder(self, params.record, self.engine, self.inputs, self._outputs)
 
     def _diagnostics_of(self, params: SimParams) -> SimDiagnostics:
         period, trip = params.publish_every * self.simulator.dt, self.engine.round_trip
         return SimDiagnostics(
             self, params, self.engine, self.loop, self.inputs, self._outputs, self.display,
-            self.lockstep, self.recorder, self.rivals,
+            self.lockstep, self.recorder, self.competitors,
             Lateness(self, trip.take_oldest, period, "commands were up to {:.2g} s old"),
         )  # fmt: skip
 
@@ -209,10 +211,12 @@ class SimNode(Node):
         else:
             self.get_logger().info("commands have resumed")
 
-    def _note_rivals(self) -> None:
+    def _note_competitors(self) -> None:
         self.engine.queue.ring()  # C does not check whose states commands answer
         if self.recorder is not None:
-            self.recorder.note(self.rivals.alarm.message or "no other publisher of joint states")
+            self.recorder.note(
+                self.competitors.alarm.message or "no other publisher of joint states"
+            )
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""
@@ -225,7 +229,7 @@ class SimNode(Node):
         self.engine.queue.served = False
         self._outputs.energy.close()
         self.inputs.polled.close()
-        self.rivals.close()
+        self.competitors.close()
         self.standard.close()
         if self._background is not None:
             self._background.close()
