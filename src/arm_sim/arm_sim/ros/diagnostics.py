@@ -13,11 +13,11 @@ from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.competing_publishers import CompetingPublishers
 from arm_sim.ros.display import Display
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
@@ -42,7 +42,7 @@ class SimDiagnostics:
     display: Display
     lockstep: Lockstep | None
     recorder: TickRecorder | None
-    rivals: Rivals
+    competitors: CompetingPublishers
     lateness: Lateness
     refused_privileges: Sequence[str] = ()  # since the ticking thread has begun
     growth: Growth = field(default_factory=Growth)
@@ -75,7 +75,7 @@ class SimDiagnostics:
     def _check_commands(self) -> Finding:
         engine, finding = self.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = self.inputs, self.inputs.round_trip.histogram.percentiles()
+        inputs, trip = self.inputs, self.engine.round_trip.histogram.percentiles()
         topic = self.node.resolve_topic_name(JOINT_COMMANDS.name)
         publishers = self.node.count_publishers(topic)
         finding.values = {
@@ -86,7 +86,7 @@ class SimDiagnostics:
             "sources": known_names(arbiter.sources), "publishers": publishers,
             "oldest [s]": self.lateness.longest,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
-            "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
+            "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.wrenches.active),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
         stopped = self.growth.of("stale", slot.stale_count)
@@ -126,7 +126,7 @@ class SimDiagnostics:
         self.growth.warn(finding, state.time_stepped, "time step", piled_up)
         if self.outputs.clock is not None:
             finding.add(ERROR, self.outputs.clock.alarm.message)
-        finding.add(ERROR, self.rivals.alarm.message)
+        finding.add(ERROR, self.competitors.alarm.message)
         finding.add(ERROR, engine.failure)
         if (error := engine.energy.error) > UNBALANCED:
             finding.add(
