@@ -186,11 +186,6 @@ class TickEngine:
             self._diverged()
         return result
 
-    @property
-    def may_step(self) -> bool:
-        """Whether ``step`` is allowed: nothing else executes ticks."""
-        return self.paused or not self._self_running
-
     def step(self, steps: int) -> None:
         """Execute some ticks with the newest command, which does not age.
 
@@ -200,7 +195,7 @@ class TickEngine:
         """
         if not 1 <= steps <= MAX_STEPS:
             raise InvalidInput(f"steps = {steps}; allowed: 1 to {MAX_STEPS}")
-        if not self.may_step:
+        if self._self_running and not self.paused:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self._run(library().read_commands)
         completed = self._run(library().advance, steps)
