@@ -75,20 +75,10 @@ UNKNOWN = "an event is grazed, or joints and contacts that held together let go"
 OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
 
-class Helpers(ctypes.Structure):
-    """Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``."""
-
-    _fields_ = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").fields(
-        "helpers_t"
-    )
-
-
-class TickTrace(ctypes.Structure):
-    """A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
-
-    _fields_ = Header(NATIVE / "modes/tick_record.h", only="trace_t").fields("trace_t")
-
-
+Helpers = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").structure("helpers_t")
+"""Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``."""
+TickTrace = Header(NATIVE / "modes/tick_record.h", only="trace_t").structure("trace_t")
+"""A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)
 CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
 
@@ -195,7 +185,7 @@ class EventfulTicks:
         message = UNKNOWN if reason == "GRAZES" and not guards else MESSAGES[reason].format(guards)
         raise NotDifferentiable(f"linearize: {message}; side=1 or side=-1 takes one side of it")
 
-    def _callbacks(self, engine: Compiled) -> Helpers:
+    def _callbacks(self, engine: Compiled) -> ctypes.Structure:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
         self._kept = (  # must live as long as their addresses
             STEP(self._raising_later(self._step)), CLOSE(self._raising_later(self._close))

@@ -10,12 +10,4 @@ from arm_sim.integrators.selection import Choice, choose
 from arm_sim.integrators.steps import build_step, build_tick
 from arm_sim.integrators.tableaux import Tableau
 
-__all__ = [
-    "METHODS",
-    "Choice",
-    "Method",
-    "Tableau",
-    "build_step",
-    "build_tick",
-    "choose",
-]
+__all__ = ["METHODS", "Choice", "Method", "Tableau", "build_step", "build_tick", "choose"]
