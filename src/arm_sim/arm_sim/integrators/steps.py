@@ -68,7 +68,8 @@ def build_step(
     if scale is not None:
         errors = _norms(scale, len(step.estimates), n).call([step.x, after, *step.estimates])
     if project is not None:
-        after, gap, gap_v = _projected(project, n, step.x, after, slope.p)
+        projected, gap, gap_v = project(step.x[: 2 * n], after[: 2 * n], slope.p)
+        after = ca.vertcat(projected, after[2 * n :])
         gaps = ca.fmax(gap, gap_v), gap
         errors = [ca.fmax(error, left) for error, left in zip(errors, gaps, strict=False)]
     results = [after, *errors, *(_continuous_output(step, slope) if dense else ())]
@@ -123,7 +124,8 @@ def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope
         after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
         return Step(x, h, after, [estimate], middle=middle)
     if (tableau := method.tableau) is None:
-        return Step(x, h, _semi_implicit(slope(0, x), x, h, n), [])
+        after = x + h * slope(0, x)  # v first, then q with the new v
+        return Step(x, h, ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:]), [])
     if tableau.positions:
         slopes = nystrom.slopes(tableau, rhs, slope, n, x, u, p, h)
         return Step(
@@ -193,20 +195,6 @@ class Step:
         last = 2.0 * (self.after - self.x) / self.h - first if end is None else stages[end]
         weights = middle_weights(self.tableau)
         return [first, last, self.x + self.h * weighed_sum(weights, stages, self.x)]
-
-
-def _projected(
-    project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX
-) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """The projected state, and the residuals of positions and velocities before."""
-    projected, gap, gap_v = project(x[: 2 * n], after[: 2 * n], p)
-    return ca.vertcat(projected, after[2 * n :]), gap, gap_v
-
-
-def _semi_implicit(slope: ca.MX, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
-    """Step v first, then q with the new v."""
-    after = x + h * slope
-    return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
 
 
 def _norms(scale: Array, estimates: int, n: int) -> ca.Function:

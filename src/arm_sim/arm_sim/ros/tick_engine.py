@@ -183,7 +183,10 @@ class TickEngine:
             error, ticks.error, ticks.broken = ticks.error, None, 0
             if error is not None:
                 raise error
-            self._diverged()
+            reason = self._arm.diverged()
+            self._fail(
+                f"paused, the last good state is kept; reset or set the joint state: {reason}"
+            )
         return result
 
     def step(self, steps: int) -> None:
@@ -201,11 +204,6 @@ class TickEngine:
         completed = self._run(library().advance, steps)
         if completed < steps:
             raise SimulationDiverged(f"after {completed} of {steps} steps; that state is kept")
-
-    def _diverged(self) -> None:
-        """Pause at the last good state."""
-        error = self._arm.diverged()
-        self._fail(f"paused, the last good state is kept; reset or set the joint state: {error}")
 
     def _fail(self, reason: str) -> None:
         self.ticks.paused, self.failure = True, reason
