@@ -22,6 +22,7 @@ SAYS = {
         "autodiff": "for JAX and PyTorch",
         "identification": "scenes from motions",
         "optimization": "iLQR",
+        "renaming": "former names",
         "sweeps": "many closed loops, one table",
     },
     "arm_sim": {
@@ -138,9 +139,8 @@ def drawing() -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" '
         'font-family="DejaVu Sans, sans-serif" text-anchor="middle">'
     )
-    ground_colour = f'<rect width="{WIDTH}" height="{height:g}" fill="white"/>'
-    parts.append(text(WIDTH / 2, height - 8, legend, 11))
-    return "\n".join([head, ground_colour, *parts, "</svg>", ""])
+    white = f'<rect width="{WIDTH}" height="{height:g}" fill="white"/>'
+    return "\n".join([head, white, *parts, text(WIDTH / 2, height - 8, legend, 11), "</svg>", ""])
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ assert "centre_of_mass" in Path("out/test_two.c").read_text()
 numbers = Numbers(dyn.model, dyn.steady_friction)
 wrong = lambda given: [numbers.rigid.centre_of_mass(x) + 1e-6 for x in given["q"]]
 try:
-    compiled.verify(numbers, (entry, ()), lambda given: np.array(wrong(given)), ["q"])
+    compiled.verify(numbers, entry, (), lambda given: np.array(wrong(given)), ["q"])
 except Exception as error:
     assert "generated centre of mass differs from Pinocchio" in str(error)
 else:

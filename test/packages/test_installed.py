@@ -71,8 +71,8 @@ def test_the_gallery_runs_where_pip_installs_the_suite(
 def test_command_line_works_without_ros(user: Run) -> None:
     assert "continuous" in user("arm", "describe", "pendulum")
     said = user("arm", "controller", "pendulum", code=1)
-    assert said.startswith("error: Python cannot find the module '")
-    assert "needs ROS 2 Jazzy" in said and said.count("\n") == 1
+    assert said.startswith("starting the controller …\nerror: Python cannot find the module '")
+    assert "needs ROS 2 Jazzy" in said and said.count("\n") == 2
 
 
 def test_help_hints_and_usage_are_those_of_the_command_that_pip_installs(user: Run) -> None:

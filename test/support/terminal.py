@@ -45,7 +45,7 @@ esac
 _NODE = re.compile(
     r"(?:\./arm|ros2 run \w+) (?=sim\b|controller\b|dynamics\b)(\w+)|\./arm python (\w+_node)\.py"
 )
-_SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo (?!.*--once)|pub (?!--once|-1))")
+_SHOWN = re.compile(r"^(?!.*--once).*(?:arm (?:watch|view)\b|ros2 topic (?:echo|pub (?!-1)))")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
 

@@ -75,7 +75,7 @@ except KeyboardInterrupt:
         (("-c", "from arm_sim.ros.sim_node import main; main()"), "rclpy", 0, ""),
         (("-c", "from arm_dynamics.ros.controller_node import main; main()"), "rclpy", 0, ""),
         (("-m", "arm_sim.cli", "sim", "panda"), "click", 0, ""),
-        (("-m", "arm_sim.cli", "sim", "panda"), "rclpy", 0, ""),
+        (("-m", "arm_sim.cli", "sim", "panda"), "rclpy", 0, "starting the simulator …\n"),
         (("-m", "arm_studies.cli", "describe", "panda"), "click", 1, "\nAborted!\n"),
         (("-m", "arm_sim.cli", "watch"), "rclpy", 1, "Aborted!\n"),
     ],

@@ -234,12 +234,6 @@ def test_an_archive_that_does_not_fit_together_is_refused(
         Recording.load(path)
 
 
-def test_what_does_not_exist_is_an_error_of_ours(tmp_path: Path) -> None:
-    for kind in (ArmError, FileNotFoundError):
-        with pytest.raises(kind, match="no recording '.*none.mcap'"):
-            Recording.load(tmp_path / "none.mcap")
-
-
 def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()

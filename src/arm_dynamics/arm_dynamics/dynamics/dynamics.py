@@ -123,7 +123,7 @@ class Dynamics:
         "joints: {'*': {friction: {viscous: …}}}",
         "mass masses inertia payload payloads": "build another Dynamics, of a scene with "
         "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …}}",
-        "gravity": "build another Dynamics, of a scene with gravity: [x, y, z]",
+        "gravity": "build another Dynamics(scene), of a scene with gravity: [x, y, z]",
         "latex symbolic sympy": f"{ARM} export SCENE writes its equations, as C",
         "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "
         "under(external)",
