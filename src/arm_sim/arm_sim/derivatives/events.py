@@ -47,7 +47,9 @@ REFUSALS = {value: name for name, value in Header(
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
-    "BEGINS_ON_BOUNDARY": "{} is on the boundary of two modes, as of sticking and sliding",
+    "BEGINS_ON_BOUNDARY": (
+        "{} is on the boundary between two modes at its beginning, as of sticking and sliding"
+    ),
     "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
     "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
     "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
