@@ -63,11 +63,11 @@ def test_the_energy_account_has_code_of_its_own(unwritten: pytest.MonkeyPatch) -
     sim = Simulator(scene)
     first = sim.run(0.02, [3.0, 1.0])
     assert abs(first.balance).max() < 1e-6 < first.lost[-1]
-    codes = [stepper.kernel._key for stepper in steppers(sim, first)]
+    codes = [stepper.kernel._code.key for stepper in steppers(sim, first)]
     assert len(set(codes)) == 3
     unwritten.setattr(plant, "Mechanics", refuse)
     sim = Simulator(scene)
     again = sim.run(0.02, [3.0, 1.0])
-    assert [stepper.kernel._key for stepper in steppers(sim, again)] == codes
+    assert [stepper.kernel._code.key for stepper in steppers(sim, again)] == codes
     np.testing.assert_array_equal(again.v, first.v)
     np.testing.assert_array_equal(again.balance, first.balance)

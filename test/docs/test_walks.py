@@ -83,7 +83,7 @@ import numpy as np, pinocchio as pin
 from pathlib import Path
 from arm_dynamics import Dynamics
 from arm_dynamics.terms import TERMS, compiled
-from arm_dynamics.terms.arm import Numbers
+from arm_dynamics.terms.arm import NumericArm
 from arm_sim.export import export
 
 dyn = Dynamics("arm_sim/arm_sim/scenes/two_link.urdf")
@@ -96,7 +96,7 @@ export("arm_sim/arm_sim/scenes/two_link.urdf", "out", name="two", tick=False)
 assert "void two_centre_of_mass(const double* q, double* c);" in Path("out/two.h").read_text()
 assert "centre_of_mass" in Path("out/test_two.c").read_text()
 (entry,) = (entry for entry in TERMS if entry.name == "centre_of_mass")
-numbers = Numbers(dyn.model, dyn.steady_friction)
+numbers = NumericArm(dyn.model, dyn.steady_friction)
 wrong = lambda given: [numbers.rigid.centre_of_mass(x) + 1e-6 for x in given["q"]]
 try:
     compiled.verify(numbers, entry, (), lambda given: np.array(wrong(given)), ["q"])

@@ -8,7 +8,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, Term
-from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.control.friction_compensation import friction_feed_forward
 from arm_dynamics.equations import transmission
 from arm_sim import Simulator
 from models.driven import wheel
@@ -144,8 +144,9 @@ def test_feed_forward_of_friction_overcomes_the_gear(rng: np.random.Generator) -
     q, v, a = models.random_state(rng, 2)
     v += 0.5 * np.sign(v)  # where the smoothed sign of the feed-forward is one
     rigid = dyn.inverse(q, v, a, terms=Term.ALL & ~Term.FRICTION)
-    assert_close(rigid + ahead(dyn.steady_friction, v, q, rigid), dyn.inverse(q, v, a), 1e-9)
-    assert_close(ahead(dyn.steady_friction, 0.0 * v, q, rigid), np.zeros(2), PINOCCHIO)
+    added, still = (friction_feed_forward(dyn.steady_friction, x, q, rigid) for x in (v, 0.0 * v))
+    assert_close(rigid + added, dyn.inverse(q, v, a), 1e-9)
+    assert_close(still, np.zeros(2), PINOCCHIO)
 
 
 def test_voltage_driven_with_a_lossy_gear() -> None:

@@ -16,7 +16,7 @@ from arm_dynamics import ArmModel, KernelError, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model import RigidTerms
-from arm_dynamics.terms.arm import Expressions, Numbers
+from arm_dynamics.terms.arm import NumericArm, SymbolicArm
 from arm_dynamics.terms.compiled import Request, function, rows, verify
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, TERMS, Entry
 from tolerances import ALGEBRA
@@ -38,14 +38,14 @@ def arm(entry: Entry, stiffness: float = 1.0, mass: float = 0.0) -> ArmModel:
     return ArmModel(load_scene(scene))
 
 
-def numbers(model: ArmModel) -> Numbers:
-    return Numbers(model, SteadyFriction.of(model))
+def numbers(model: ArmModel) -> NumericArm:
+    return NumericArm(model, SteadyFriction.of(model))
 
 
 @one_at_a_time
 def evaluated(model: ArmModel, query: Request) -> tuple[Values, list[str]]:
     """Results of the expression, and its arguments."""
-    point = function(Expressions(model, SteadyFriction.of(model)), model.n, "f", [query], ())
+    point = function(SymbolicArm(model, SteadyFriction.of(model)), model.n, "f", [query], ())
 
     def values(arguments: Mapping[str, np.ndarray]) -> np.ndarray:
         states = zip(*(arguments[x] for x in point.name_in()), strict=True)

@@ -77,38 +77,48 @@ def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
 
 def _electric(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     """The motor: torque of current and cogging on the rotor, reflected to the joint."""
-    m, by_torque = drive.motor, drive.motor.command == "torque"
-    if by_torque and m.torque_constant is None:
+    m = drive.motor
+    if m.command == "torque" and m.torque_constant is None:
         flow = Flow(u, _NO_STATE, supplied=u * velocity)
     else:
-        emf, R = motor.back_emf(velocity, drive.back_emf_constant), m.resistance or 0.0
-        slope, stored = _NO_STATE, ca.SX(0.0)
-        if drive.has_current:
-            i, voltage, L = z[0], u, m.inductance or 0.0
-            if m.current_limit:
-                voltage = motor.limited_voltage(voltage, i, emf, m.current_limit, R)
-            slope, stored = motor.current_slope(voltage, i, emf, L, R), 0.5 * L * i**2
-        else:  # or an ideal current controller, whose command may be a torque
-            by_voltage = m.command == "voltage"
-            i = motor.settled_current(u, emf, R) if by_voltage else u
-            i = u / drive.torque_constant if by_torque else i
-            if m.current_limit:
-                i = within(i, -m.current_limit, m.current_limit)
-            if m.voltage_limit and not by_voltage:
-                i = motor.current_under(m.voltage_limit, i, emf, R, m.current_limit)
-            voltage = R * i + emf
-        unlimited = by_torque and not (m.current_limit or m.voltage_limit)
-        torque = u if unlimited else motor.torque(i, drive.torque_constant)
-        lost = R * i**2
-        if drive.back_emf_constant != drive.torque_constant:
-            lost = lost + (drive.back_emf_constant - drive.torque_constant) * velocity * i
-        flow = Flow(torque, slope, stored, voltage * i, lost)
+        flow = _winding(drive, velocity, z, u)
     if m.cogging is None:
         return flow
     rotor = m.gear_ratio * position
     poles = m.gear_ratio * motor.cogging_torque(rotor, m.cogging)
     energy = motor.cogging_energy(rotor, m.cogging)
     return replace(flow, torque=flow.torque + poles, stored=flow.stored + energy)
+
+
+def _winding(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+    """The torque of the current, which is a state if a voltage acts through an inductance."""
+    m, constant = drive.motor, drive.torque_constant
+    emf, R = motor.back_emf(velocity, drive.back_emf_constant), m.resistance or 0.0
+    if drive.has_current:
+        current, limit, L = z[0], m.current_limit, m.inductance or 0.0
+        voltage = motor.limited_voltage(u, current, emf, limit, R) if limit else u
+        slope, stored = motor.current_slope(voltage, current, emf, L, R), 0.5 * L * current**2
+    else:
+        current, slope, stored = _current(drive, u, emf, R), _NO_STATE, ca.SX(0.0)
+        voltage = R * current + emf
+    unlimited = m.command == "torque" and not (m.current_limit or m.voltage_limit)
+    torque, lost = u if unlimited else motor.torque(current, constant), R * current**2
+    if drive.back_emf_constant != constant:
+        lost = lost + (drive.back_emf_constant - constant) * velocity * current
+    return Flow(torque, slope, stored, voltage * current, lost)
+
+
+def _current(drive: JointDrive, u: ca.SX, emf: ca.SX, R: float) -> ca.SX:
+    """The limited current without inductance, or of an ideal controller, also of the torque."""
+    m = drive.motor
+    if m.command == "voltage":
+        desired = motor.settled_current(u, emf, R)
+    else:
+        desired = u / drive.torque_constant if m.command == "torque" else u
+    current = within(desired, -m.current_limit, m.current_limit) if m.current_limit else desired
+    if not m.voltage_limit or m.command == "voltage":
+        return current
+    return motor.current_under(m.voltage_limit, current, emf, R, m.current_limit)
 
 
 def _coupling(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Flow:

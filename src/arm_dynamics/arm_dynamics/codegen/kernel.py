@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Self
 
 import casadi as ca
@@ -90,19 +90,27 @@ class Kernel:
     ) -> None:
         if backend not in BACKENDS:
             raise InvalidInput(f"backend = {backend!r}; allowed: {choices(backend, BACKENDS)}")
-        self._functions = {function.name(): function for function in functions}
-        self._signatures = {name: _signature(f) for name, f in self._functions.items()}
-        self._operations = dict[str, int]()
-        self.library: ctypes.CDLL | None = None
-        self.backend = "virtual machine of CasADi"
+        code = None
         if backend != "vm":
             needs = needs_native or ("backend = 'native'" if backend == "native" else "")
-            self._compile(generate(functions) + driver, local, needs)
+            code = _compiled(generate(functions) + driver, local, needs)
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
                 "machine runs smooth scenes only; allowed here: auto, native"
             )
+        self._set(functions, code, map(_signature, functions), {})
+
+    def _set(
+        self, functions: Sequence[ca.Function], code: Code | None,
+        signatures: Iterable[Signature], operations: dict[str, int],
+    ) -> None:  # fmt: skip
+        """Set all attributes; there is no code on the virtual machine."""
+        self._functions = {function.name(): function for function in functions}
+        self._code, self._operations = code, operations
+        self._signatures = {signature.name: signature for signature in signatures}
+        self.library = code.library if code else None
+        self.backend = code.origin if code else "virtual machine of CasADi"
 
     @classmethod
     def recalled(cls, recipe: str) -> Self | None:
@@ -113,18 +121,16 @@ class Kernel:
         """
         if (entry := known_kernels.recall(recipe)) is None:
             return None
-        kernel, (code, note) = cls([], "vm"), entry
-        kernel._load(code)
-        kernel._signatures = {each.name: each for each in note.functions}
-        kernel._operations = note.operations
+        kernel, (code, note) = cls.__new__(cls), entry
+        kernel._set([], code, note.functions, note.operations)
         return kernel
 
     def keep(self, recipe: str) -> None:
         """Keep native code under a recipe, see ``recalled``."""
-        if self.library is not None:
+        if (code := self._code) is not None:
             counts = {name: self.operations(name) for name in self._signatures}
             functions = tuple(self._signatures.values())
-            known_kernels.keep(recipe, Note(key=self._key, functions=functions, operations=counts))
+            known_kernels.keep(recipe, Note(key=code.key, functions=functions, operations=counts))
 
     @property
     def native(self) -> bool:
@@ -146,43 +152,35 @@ class Kernel:
             return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
         return Call(inputs, outputs, *self._bind(signature, inputs, outputs))
 
-    def _compile(self, source: str, local: tuple[str, ...], needs: str) -> None:
-        try:
-            code = compiler.build(f'#include "scalar.h"\n{source}', local=local)
-        except CompilerMissing as error:
-            if needs:
-                why = f"{needs} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"
-                raise CompilerMissing(why) from None
-            _log.warning("%s: running on CasADi's virtual machine, slower", error)
-            return
-        self._load(code)
-
-    def _load(self, code: Code) -> None:
-        self.library, self.backend, self._key = code.library, code.origin, code.key
-
     def _bind(
         self, signature: Signature, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
     ) -> tuple[Callable[[], object], Entry]:
         function = getattr(self.library, signature.name)
         function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
         of_arguments, of_results, of_integers, of_reals = signature.sizes
-        arguments = pointers(inputs, of_arguments)
-        results = pointers(outputs, of_results)
+        arguments, results = pointers(inputs, of_arguments), pointers(outputs, of_results)
         integers = np.zeros(max(1, of_integers), dtype=np.int64)
         reals = np.zeros(max(1, of_reals))
-        addresses = (
-            ctypes.addressof(arguments),
-            ctypes.addressof(results),
-            integers.ctypes.data,
-            reals.ctypes.data,
-            0,
-        )
+        tables = (ctypes.addressof(table) for table in (arguments, results))
+        addresses = (*tables, integers.ctypes.data, reals.ctypes.data, 0)
         kept = (inputs, outputs, arguments, results, integers, reals)
 
         def run(_kept: object = kept) -> None:
             function(*addresses)
 
         return run, Entry(ctypes.cast(function, ctypes.c_void_p), *addresses[:4])
+
+
+def _compiled(source: str, local: tuple[str, ...], needs: str) -> Code | None:
+    """Native code; None if there is no compiler, unless something needs it."""
+    try:
+        return compiler.build(f'#include "scalar.h"\n{source}', local=local)
+    except CompilerMissing as error:
+        if needs:
+            why = f"{needs} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"
+            raise CompilerMissing(why) from None
+        _log.warning("%s: running on CasADi's virtual machine, slower", error)
+        return None
 
 
 def _signature(function: ca.Function) -> Signature:

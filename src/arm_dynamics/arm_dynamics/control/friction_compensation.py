@@ -18,8 +18,8 @@ BAND = 0.01
 """Speed in [rad/s] or [m/s] over which the feed-forward of dry friction changes sign."""
 
 
-def ahead(
-    friction: SteadyFriction, v: Quantity, q: Quantity, load: Quantity, viscous: bool = True
+def friction_feed_forward(
+    friction: SteadyFriction, v: Quantity, q: Quantity, load: Quantity, viscous: Quantity = None
 ) -> Quantity:
     """Friction torques of the model at a desired velocity, shape (n,).
 
@@ -31,10 +31,10 @@ def ahead(
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
         q: Joint positions in [rad] or [m], for friction that depends on them, shape (n,).
         load: Torques of the drives in [N m] or [N], likewise.
-        viscous: Whether viscous friction, the mean of both directions, is part of it.
+        viscous: Coefficient in place of the model's mean of both directions; 0 leaves it out.
     """
     joints = friction.joints
-    tau = joints.smooth(v, q) if viscous else joints.smooth(v, q, 0.0)
+    tau = joints.smooth(v, q, viscous)
     if friction.has_dry:
         way = hyperbolic_tangent(v / BAND)
         tau = tau + friction.gearless.dry(v, way, q, load)
@@ -63,7 +63,8 @@ class FrictionFeedForward(Wrapper):
         if terms not in ("all", "dry"):
             raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
         super().__init__(control, model.n)
-        self._viscous, self._friction = terms == "all", SteadyFriction.of(model)
+        self._viscous = None if terms == "all" else 0.0
+        self._friction = SteadyFriction.of(model)
 
     @property
     def key(self) -> tuple[Any, ...] | None:
@@ -73,4 +74,4 @@ class FrictionFeedForward(Wrapper):
     def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and friction."""
         v, q = now.desired.v, now.desired.q
-        return tau + ahead(self._friction, v, q, tau, self._viscous), memory
+        return tau + friction_feed_forward(self._friction, v, q, tau, self._viscous), memory

@@ -16,7 +16,7 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.controller import Controller, Moving, checked
-from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.control.friction_compensation import friction_feed_forward
 from arm_dynamics.control.law import Parts
 from arm_dynamics.control.pole_placement import gain, gains
 from arm_dynamics.equations.elementary import root
@@ -298,5 +298,5 @@ class _Arm:
         tau = arm.M @ a + arm.bias + arm.J.T @ force
         if self._friction is not None:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
-            tau = tau + ahead(self._friction, way, now.q, tau)
+            tau = tau + friction_feed_forward(self._friction, way, now.q, tau)
         return tau

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numerical inverse and forward dynamics of an arm, with or without constraints.
 
-Pinocchio computes single points; large batches run as generated code that is verified against it.
+Pinocchio computes single points; batches of ``MANY`` run as generated code that is verified
+against it. Depends on the model, its drives and friction, and the terms; on no controller, and not
+on ROS.
 """
 
 from arm_dynamics.dynamics.checks import check_constrained, check_forward

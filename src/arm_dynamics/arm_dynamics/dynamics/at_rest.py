@@ -29,7 +29,7 @@ SLACK = 1e-9
 # Acceleration of a constraint that is rounding, relative to the square of the speed.
 CARRYING = 1e-10
 # Number of joints up to which all sets of modes may be tried.
-MANY = 12
+ENUMERATED = 12
 
 type Flags = NDArray[np.bool_]
 
@@ -102,7 +102,7 @@ class AtRest:
         a, multipliers = np.empty((k, n)), np.empty((k, m))
         direction, turned = self._guess(points), np.zeros((k, n), dtype=bool)
         left = np.arange(k)  # points at which a joint may still violate the laws
-        for turn in range(3 * n + 2 ** min(n, MANY)):
+        for turn in range(3 * n + 2 ** min(n, ENUMERATED)):
             some, way = points.at(left), direction[left]
             resting = self.resting(some.v)
             motion = self._moved(some, way, resting & (way == 0.0))

@@ -11,7 +11,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
-from arm_dynamics.terms.arm import Numbers
+from arm_dynamics.terms.arm import NumericArm
 from arm_dynamics.terms.table import FORWARD, torque_size
 from arm_dynamics.terms.verify import CHECK_STATES, CHECK_TOLERANCE, compare, random_states, verify
 
@@ -47,7 +47,7 @@ def check_forward(dynamics: Dynamics, acceleration: Acceleration) -> float:
         return _accelerations(acceleration, *(arguments[name] for name in names))
 
     _mass_matrices(dynamics, random_states(dynamics.n)[0])
-    numbers = Numbers(dynamics.model, dynamics.steady_friction)
+    numbers = NumericArm(dynamics.model, dynamics.steady_friction)
     return verify(numbers, FORWARD, (), values, names)
 
 

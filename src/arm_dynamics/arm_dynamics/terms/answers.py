@@ -11,7 +11,7 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each
 from arm_dynamics.codegen.rows import Rows
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.terms.arm import Numbers
+from arm_dynamics.terms.arm import NumericArm
 from arm_dynamics.terms.compiled import Request, rows
 from arm_dynamics.terms.table import FIXED, SIZES, Entry
 
@@ -28,7 +28,7 @@ class Answers:
 
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
         self._model, self._friction = model, friction
-        self.numbers = Numbers(model, friction)
+        self.numbers = NumericArm(model, friction)
         self._built: dict[Request, Rows | None] = {}
 
     def __call__(self, entry: Entry, *arguments: Array, selection: tuple[Any, ...] = ()) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm as formulas see it: with numbers, or with expressions."""
+"""An arm as formulas see it: with numbers, or with expressions; ``table.Arm`` is either."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.rigid_expressions import RigidExpressions
 
 
-class Expressions:
-    """Expressions of shape (n,).
+class SymbolicArm:
+    """Its quantities are expressions of shape (n,).
 
     Attributes:
         rigid: Its rigid bodies and springs.
@@ -40,8 +40,8 @@ class Expressions:
         return self._friction.demanded(tau, v, ca.sign(v), q)
 
 
-class Numbers:
-    """Numbers of single states of shape (n,); for one thread at a time.
+class NumericArm:
+    """Its quantities are numbers of single states, of shape (n,); for one thread at a time.
 
     Pinocchio computes all but friction, which is that of the expressions, on CasADi's virtual
     machine: for a single state NumPy takes ten times as long.
@@ -53,17 +53,17 @@ class Numbers:
 
     @built_once
     def friction(self) -> Callable[[Array, Array, Array], Array]:
-        """See ``Expressions``."""
-        return self._evaluated(Expressions.friction)
+        """See ``SymbolicArm``."""
+        return self._evaluated(SymbolicArm.friction)
 
     @built_once
     def with_friction(self) -> Callable[[Array, Array, Array], Array]:
-        """See ``Expressions``."""
-        return self._evaluated(Expressions.with_friction)
+        """See ``SymbolicArm``."""
+        return self._evaluated(SymbolicArm.with_friction)
 
     def _evaluated(self, law: Callable[..., ca.SX]) -> Callable[[Array, Array, Array], Array]:
         symbols = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
-        torque = ca.densify(law(Expressions(self._model, self._friction), *symbols))
+        torque = ca.densify(law(SymbolicArm(self._model, self._friction), *symbols))
         function = ca.Function("torque", symbols, [torque], {"cse": True})
         call = Kernel([function], "vm").call("torque")
         (v_in, q_in, tau_in), (result,), run = call.inputs, call.outputs, call.run

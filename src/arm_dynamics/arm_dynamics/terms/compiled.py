@@ -24,7 +24,7 @@ from arm_dynamics.codegen.python_call import PythonCall, python_call
 from arm_dynamics.codegen.rows import Rows
 from arm_dynamics.exceptions import ArmError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.terms.arm import Expressions, Numbers
+from arm_dynamics.terms.arm import NumericArm, SymbolicArm
 from arm_dynamics.terms.table import FIXED, FORWARD, SIZES, Entry
 from arm_dynamics.terms.verify import verify
 
@@ -35,7 +35,7 @@ type Request = tuple[Entry, tuple[Any, ...]]
 
 
 def function(
-    arm: Expressions, n: int, name: str, requests: Sequence[Request], fixed: Iterable[str] = FIXED
+    arm: SymbolicArm, n: int, name: str, requests: Sequence[Request], fixed: Iterable[str] = FIXED
 ) -> ca.Function:
     """Entries as one function with dense results, their parts apart.
 
@@ -75,7 +75,7 @@ def rows(
         return None
     title = ", ".join(entry.title(*selection) for entry, selection in requests)
     _log.info("building code for batches: %s of %d joints", title, model.n)
-    expressions, numbers = Expressions(model, friction), Numbers(model, friction)
+    expressions, numbers = SymbolicArm(model, friction), NumericArm(model, friction)
     first = 0
     try:
         point = function(expressions, model.n, "point", requests, fixed)
@@ -102,7 +102,7 @@ def calls(
 
     The acceleration of a joint with dry friction at rest, which may stick, is no number.
     """
-    expressions, numbers = Expressions(model, friction), Numbers(model, friction)
+    expressions, numbers = SymbolicArm(model, friction), NumericArm(model, friction)
     sticks = friction.joints.level > 0.0
     functions = list[ca.Function]()
     for i, request in enumerate(requests):

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from arm_dynamics.terms.arm import Expressions, Numbers
+    from arm_dynamics.terms.arm import NumericArm, SymbolicArm
 
-    type Arm = Numbers | Expressions
+    type Arm = NumericArm | SymbolicArm
 
 CHOICES = 5
 SIZES = {"q": 0, "v": 0, "a": 0, "tau": 0, "chosen": CHOICES, "external": 0}
@@ -51,9 +51,9 @@ class Entry:
         symbol: Of its result.
         unit: Of its result, for revolute joints and for prismatic ones.
         about: One sentence that describes it.
-        formula: Maps ``Numbers`` or ``Expressions``, and the arguments, to the result.
+        formula: Maps ``NumericArm`` or ``SymbolicArm``, and the arguments, to the result.
         selectors: Names of further arguments that are not numbers, such as a frame.
-        compared: Maps ``Numbers``, a result of code, the formula and its arguments to the error
+        compared: Maps ``NumericArm``, a result of code, the formula and its arguments to the error
             and the size of the summands, which does not vanish where the sum happens to.
         fields: Names of the parts of the result, where services name each.
         method: Its name in ``Dynamics``, if it is another one.

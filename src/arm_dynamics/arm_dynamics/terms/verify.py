@@ -12,7 +12,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.equations.spring import tension
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.terms.arm import Numbers
+from arm_dynamics.terms.arm import NumericArm
 from arm_dynamics.terms.table import FIXED, SIZES, Entry
 
 CHECK_TOLERANCE = 1e-10
@@ -74,7 +74,7 @@ def _spring_torque(rigid: RigidTerms, q: Array, v: Array) -> tuple[Array, Array]
 
 
 def verify(
-    numbers: Numbers,
+    numbers: NumericArm,
     entry: Entry,
     selection: tuple[Any, ...],
     values: Callable[[Mapping[str, Array]], Array],
@@ -125,7 +125,7 @@ def _random_arguments(n: int, names: Sequence[str]) -> dict[str, Array]:
     return arguments
 
 
-def _check_springs(numbers: Numbers, q: Array, v: Array) -> None:
+def _check_springs(numbers: NumericArm, q: Array, v: Array) -> None:
     torques = np.array([numbers.rigid.spring(*state) for state in zip(q, v, strict=True)])
     by_pinocchio = [_spring_torque(numbers.rigid, *state) for state in zip(q, v, strict=True)]
     expected, sizes = (np.array(part) for part in zip(*by_pinocchio, strict=True))

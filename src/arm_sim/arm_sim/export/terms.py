@@ -20,7 +20,7 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import choices
 from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.terms import table
-from arm_dynamics.terms.arm import Expressions
+from arm_dynamics.terms.arm import SymbolicArm
 from arm_dynamics.terms.compiled import function as terms_function
 from arm_dynamics.terms.table import Entry
 from arm_sim.export.names import of_frames
@@ -125,7 +125,7 @@ def _function(model: ArmModel, entry: Entry, name: str, *which: str) -> ca.Funct
     """An entry as a function of one result."""
     if entry is table.FORWARD and model.scene.bilateral:
         return _constrained(model)
-    arm = Expressions(model, SteadyFriction.of(model))
+    arm = SymbolicArm(model, SteadyFriction.of(model))
     parts = terms_function(arm, model.n, f"parts_{name}", [(entry, which)])
     arguments = parts.sx_in()
     result = ca.vertcat(*parts.call(arguments, True, False))
@@ -142,7 +142,7 @@ def _derivatives(function: ca.Function) -> ca.Function:
 
 def _constrained(model: ArmModel) -> ca.Function:
     """Accelerations of an arm with loops; joints with dry friction slide in their directions."""
-    arm, parameters = Expressions(model, SteadyFriction.of(model)), Parameters(model)
+    arm, parameters = SymbolicArm(model, SteadyFriction.of(model)), Parameters(model)
     s = Symbols(model, parameters)
     joints = Joints(model, s, Options(stops=False))
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)

@@ -114,20 +114,15 @@ def draw_friction(identification: Identification, path: Path) -> None:
             at.plot(*measured, ".", color="0.7", ms=2, label="measured")
             law = identification.joints[j].friction
             if law is not None and law.kinds:
-                v = _velocities(shown.v[:, j])
+                largest = float(np.nanmax(abs(shown.v[:, j])))
+                half = np.geomspace(1e-4 * largest, largest, 200)
+                v = np.concatenate([-half[::-1], [np.nan], half])  # with a gap at rest
                 load = np.full_like(v, float(np.sqrt(np.nanmean(shown.measured[:, j] ** 2))))
                 at.plot(v, law.torque(v, load), color=COLORS[1], label="identified law")
             at.set_title(name)
         whole = axes[0, 0].figure
         whole.supylabel(f"friction [{units(types, 'N m', 'N')}]", fontsize=9.0)
         whole.supxlabel(f"velocity [{units(types, 'rad/s', 'm/s')}]", fontsize=9.0)
-
-
-def _velocities(measured: Array) -> Array:
-    """Velocities of both signs up to the largest measured one, with a gap at rest."""
-    largest = float(np.nanmax(abs(measured)))
-    half = np.geomspace(1e-4 * largest, largest, 200)
-    return np.concatenate([-half[::-1], [np.nan], half])
 
 
 def draw_excitation(motion: Trajectory, room: Room, path: Path) -> None:

@@ -21,7 +21,7 @@ from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import set_inertial, xml_root
 from arm_studies.identification.regression import friction as terms
-from arm_studies.identification.regression.regressor import EACH, TINY
+from arm_studies.identification.regression.regressor import MASSLESS_BELOW, PER_BODY
 
 # Keys of a joint's friction whose values are identified; the others stay as they are.
 REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
@@ -50,8 +50,8 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
         assert parent is not None and child is not None  # as checked when the scene was loaded
         ends[joint.get("name")] = parent.get("link"), child.get("link")
     moving = list(model.pin.names)[1:]
-    for name, numbers in zip(moving, theta.reshape(-1, EACH), strict=True):
-        if numbers[0] <= TINY:
+    for name, numbers in zip(moving, theta.reshape(-1, PER_BODY), strict=True):
+        if numbers[0] <= MASSLESS_BELOW:
             continue
         body = [ends[name][1]]  # and what moves rigidly with it
         for link in body:

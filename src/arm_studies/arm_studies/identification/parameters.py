@@ -44,17 +44,16 @@ def details_of(
         details[name] = IdentifiedParameter(determined, value, nominal, reason)
 
     samples, linear = fit.rows.samples, iter(estimates.linear)
-    regressor, names = samples.regressor, samples.names
-    base = regressor.base
+    regressor, base = samples.regressor, samples.regressor.base
     values = base.of(np.concatenate([written.armature, written.theta])).tolist()
     nominal = base.of(np.concatenate([regressor.model.armature, regressor.nominal])).tolist()
     for name, value, before in zip(base.names, values, nominal, strict=True):
         add(name, next(linear), value, before)
-    for name, own, law in zip(names, fit.friction, written.friction, strict=True):
+    for name, own, law in zip(samples.names, fit.friction, written.friction, strict=True):
         for kind in own.coefficients:
             add(f"{name}.{kind}", next(linear), law.coefficients.get(kind, 0.0))
     for (j, key), estimate in estimates.shapes.items():
-        add(f"{names[j]}.{key}", estimate, getattr(written.friction[j].shape, key) or 0.0)
+        add(f"{samples.names[j]}.{key}", estimate, getattr(written.friction[j].shape, key) or 0.0)
     return details
 
 

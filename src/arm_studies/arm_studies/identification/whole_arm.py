@@ -28,7 +28,7 @@ from arm_studies.identification.regression.estimation import NOISELESS, Prior, P
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
 from arm_studies.identification.regression.matching import SIMPLE
-from arm_studies.identification.regression.regressor import EACH, RigidRegressor
+from arm_studies.identification.regression.regressor import PER_BODY, RigidRegressor
 from arm_studies.identification.regression.rows import Rows, Sampled
 from arm_studies.identification.regression.samples import HELD_OUT
 from arm_studies.identification.regression.selection import selected
@@ -124,7 +124,7 @@ def identify(
     notes += irregularities.all_of(trial, final)
     if effort != "scale" and not known_masses:  # else the unit of efforts is not the cause
         checks.check_masses(
-            final.theta[::EACH], nominal[::EACH], model.joint_names, validation.ratios
+            final.theta[::PER_BODY], nominal[::PER_BODY], model.joint_names, validation.ratios
         )
     missing = {name for name, parameter in details.items() if parameter.missing}
     identified, laws = _scene(final, ranges, missing, notes)
@@ -133,7 +133,7 @@ def identify(
     columns = laws, scales.tolist(), validation.joints, validation.residuals
     joints = tuple(map(IdentifiedJoint, model.joint_names, *columns))
     return Identification(
-        scene=identified, joints=joints, details=details, bodies=final.theta.reshape(-1, EACH),
+        scene=identified, joints=joints, details=details, bodies=final.theta.reshape(-1, PER_BODY),
         body_names=data.regressor.bodies, error=validation.error, band=final.rows.samples.band,
         effort_band=final.rows.effort_band, condition=estimates.condition, notes=tuple(notes),
         torques=_torques(trial, final, validation.nominal),
@@ -162,11 +162,11 @@ def _known_masses(
     """Places of masses, and their sums in [kg]."""
     bodies, sums = regressor.bodies, []
     if total is not None:
-        sums.append(([EACH * i for i in range(len(bodies))], float(total)))
+        sums.append(([PER_BODY * i for i in range(len(bodies))], float(total)))
     for name, mass in masses.items():
         if name not in bodies:
             raise InvalidInput(f"masses: unknown '{name}'; allowed: {known_names(bodies)}")
-        sums.append(([EACH * bodies.index(name)], float(mass)))
+        sums.append(([PER_BODY * bodies.index(name)], float(mass)))
     return sums
 
 
@@ -235,8 +235,8 @@ def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
         misfit = np.sum((R @ x - z) ** 2)
         misfit += np.sum((belief.rows @ (x[:numbers] - belief.x0)) ** 2)
         bodies = sum(
-            2.0 * float(np.linalg.slogdet(belief.rows[i : i + EACH, i : i + EACH])[1])
-            for i in range(0, numbers, EACH)
+            2.0 * float(np.linalg.slogdet(belief.rows[i : i + PER_BODY, i : i + PER_BODY])[1])
+            for i in range(0, numbers, PER_BODY)
         )
         evidence = float(misfit + 2.0 * np.log(scale).sum() - bodies)
         if evidence < least:

@@ -117,7 +117,16 @@ class ILQR:
     ) -> None:
         self._phases, self.cost = tuple(phases), cost
         self._tolerance, self._threads = tolerance, threads
-        _check(self._phases)
+        if not self._phases:
+            raise InvalidInput("there is no phase; at least one is expected")
+        for phase in self._phases:
+            whole("nodes", phase.nodes, 1)
+        arms = [(p.simulator.joint_names, p.simulator.arm.plant.nx) for p in self._phases]
+        if len(set(arms)) > 1:
+            raise InvalidInput(
+                f"phases have states of {[nx for _, nx in arms]} numbers; arms of the same joints "
+                "and states are expected"
+            )
         self._smoothing = None if smoothing is None else positive("smoothing", smoothing)
         if smoothing is not None and any(p.simulator.arm.plant.points for p in self._phases):
             raise InvalidInput(
@@ -299,16 +308,3 @@ def prepare(simulator: Simulator) -> None:
     Forward(simulator).prepare()
     library_of.cache_clear()  # what this process has loaded may not be in the folder to build into
     library_of(simulator.arm.plant.nx, simulator.n)
-
-
-def _check(phases: tuple[Phase, ...]) -> None:
-    if not phases:
-        raise InvalidInput("there is no phase; at least one is expected")
-    for phase in phases:
-        whole("nodes", phase.nodes, 1)
-    sizes = [phase.simulator.arm.plant.nx for phase in phases]
-    if len({*zip(sizes, (phase.simulator.joint_names for phase in phases), strict=True)}) > 1:
-        raise InvalidInput(
-            f"phases have states of {sizes} numbers; arms of the same joints and states are "
-            "expected"
-        )

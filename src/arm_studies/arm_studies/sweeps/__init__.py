@@ -7,9 +7,8 @@ required. Public are ``sweep``, its arguments and its results.
 
 import arm_dynamics.scene  # noqa: F401 - refuses an old pydantic before it is used
 from arm_studies.sweeps.metrics import METRICS
-from arm_studies.sweeps.progress import Progress
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, Study, Varied, load_study
-from arm_studies.sweeps.sweep import Plan, Sweep, sweep
+from arm_studies.sweeps.sweep import Plan, Progress, Sweep, sweep
 
 __all__ = [
     "METRICS", "ControllerChoice", "MotionChoice", "Plan", "Progress", "Study", "Sweep",

@@ -96,15 +96,12 @@ def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
 
 
 def _some(table: Table) -> dict[str, NDArray[np.bool_]]:
-    """The first groups, as many as a figure has colours for, by their labels."""
-    first = list(groups(table).items())[:_MOST]
-    return {_words(label): runs for label, runs in first}
-
-
-def _words(label: str) -> str:
-    """Names of scenes and controllers, as "PD + gravity" for "pd_gravity"."""
-    label = label.replace("pd_gravity", "pd + gravity").replace("_", " ")
-    return re.sub(r"\bpi?d\b", lambda match: match[0].upper(), label)
+    """The first groups, as many as a figure has colours for, by labels as "PD + gravity"."""
+    labels = {}
+    for name, runs in list(groups(table).items())[:_MOST]:
+        label = name.replace("pd_gravity", "pd + gravity").replace("_", " ")
+        labels[re.sub(r"\bpi?d\b", lambda match: match[0].upper(), label)] = runs
+    return labels
 
 
 def _headings(study: Study, metrics: list[str]) -> list[str]:

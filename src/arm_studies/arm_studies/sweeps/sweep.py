@@ -18,7 +18,6 @@ from arm_studies.renaming import renamed_argument, renamed_attribute
 from arm_studies.sweeps.design import points
 from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints
-from arm_studies.sweeps.progress import Progress
 from arm_studies.sweeps.recipes import Group, Planner
 from arm_studies.sweeps.runs import Row
 from arm_studies.sweeps.sharing import Task, Workers, check_libraries, started
@@ -83,6 +82,24 @@ class Sweep:
             least, median, most = np.percentile(table[name][table.done], (0, 50, 100))
             lines.append(f"{name}: median {median:.4g}, from {least:.4g} to {most:.4g}")
         return "\n  ".join(lines) + ">"
+
+
+@frozen
+class Progress:
+    """Progress of a sweep.
+
+    Attributes:
+        done: Number of finished runs, earlier ones included.
+        total: Number of all runs.
+        remaining: Remaining time in [s]; None while too little is known.
+        activity: What is being done.
+    """
+
+    done: int
+    total: int
+    remaining: float | None
+    activity: str
+    what = renamed_attribute("what", "activity")
 
 
 @renamed_argument("told", "on_progress")

@@ -13,7 +13,7 @@ from arm_dynamics.trajectory import Trajectory
 from arm_studies.identification.excitation import Box, Room, excite
 from arm_studies.identification.excitation.columns import distinct, random_states, regressor
 from arm_studies.identification.excitation.fourier import basis
-from arm_studies.identification.regression.regressor import EACH, RigidRegressor
+from arm_studies.identification.regression.regressor import PER_BODY, RigidRegressor
 
 CONTACT = {
     "type": "contact", "name": "floor", "frame": "elbow", "point": [0.5, 0, 0],
@@ -124,8 +124,8 @@ def _least_squares(room: Room, found: Any) -> np.ndarray:
     model, states = room.model, [found.motion.sample(t) for t in np.arange(0.0, 4.0, 1e-3)]
     q, v, a = (np.array([getattr(state, part) for state in states]) for part in "qva")
     rigid = RigidRegressor(model)
-    shapes = np.kron(np.eye(model.n), np.ones((EACH, 1))) * rigid.nominal[:, None]
-    masses = rigid.nominal[::EACH] / rigid.nominal[::EACH].sum()
+    shapes = np.kron(np.eye(model.n), np.ones((PER_BODY, 1))) * rigid.nominal[:, None]
+    masses = rigid.nominal[::PER_BODY] / rigid.nominal[::PER_BODY].sum()
     rows = [np.concatenate([masses, np.zeros(3 * model.n)])[None] / 1e-4,
             np.eye(4 * model.n)[: model.n] / 0.1]  # fmt: skip
     bodies = rigid(q, v, a) @ shapes

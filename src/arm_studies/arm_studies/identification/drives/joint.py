@@ -26,6 +26,10 @@ UNITS = {
     "stiffness": "N m/rad", "damping": "N m s/rad", "motor_inertia": "kg m²",
     "motor_damping": "N m s/rad", "link_inertia": "kg m²", "link_damping": "N m s/rad",
 }  # fmt: skip
+# First guesses where least squares give none above zero: an inertia in [kg m²]; the time constant
+# of the swing in samples, which have to resolve it; and the smallest damping relative to that of
+# √(stiffness · inertia), since a parameter at zero could not be searched by its logarithm.
+_INERTIA, _SWING, _DAMPING = 0.1, 20.0, 0.01
 
 
 @frozen
@@ -102,27 +106,26 @@ def identify_joint(record: JointTest) -> Match:
 
 def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
     """Least squares on the equations of motion with differences for velocities."""
-    th, q, tau = record.motor, np.nan_to_num(record.link), record.torque
-    inner = slice(1, -1)
-    om, v = ((x[2:] - x[:-2]) / (2 * dt) for x in (th, q))
-    acc, acl = (np.diff(x, 2) / dt**2 for x in (th, q))
-    push = (tau[:-2] + tau[1:-1]) / 2.0  # held: the mean over both neighbours' steps
+    angles = np.column_stack([record.motor, np.nan_to_num(record.link)])
+    speed, link_speed = ((angles[2:] - angles[:-2]) / (2 * dt)).T
+    acceleration, link_acceleration = (np.diff(angles, 2, axis=0) / dt**2).T
+    # Constant from sample to sample: at a sample, the mean of the steps before and after it.
+    torque, zero = (record.torque[:-2] + record.torque[1:-1]) / 2.0, 0.0 * speed
     if held:
-        table = np.column_stack([th[inner], om, acc, np.ones_like(om)])
-        stiff, damp, motor, _ = np.linalg.lstsq(table, push, rcond=1e-12)[0]
-        link = 1.0
+        columns = [record.motor[1:-1], speed, acceleration, zero + 1.0]
+        solution = np.linalg.lstsq(np.column_stack(columns), torque, rcond=1e-12)[0]
+        (stiffness, damping, inertia, _), link_inertia = solution, 1.0
     else:
-        both = np.zeros((2 * len(om), 6))
-        delta, rate = (th - q)[inner], om - v
-        both[: len(om)] = np.column_stack([delta, rate, acc, om, 0 * om, 0 * om])
-        both[len(om) :] = np.column_stack([-delta, -rate, 0 * om, 0 * om, acl, v])
-        push = np.concatenate([push, 0 * push])
-        stiff, damp, motor, _, link, _ = np.linalg.lstsq(both, push, rcond=1e-12)[0]
-    motor, link = (x if x > 0.0 else 0.1 for x in (motor, link))
-    stiff = stiff if stiff > 0.0 else motor / (20.0 * dt) ** 2
-    small = 0.01 * np.sqrt(stiff * motor)
+        twist, rate = angles[1:-1, 0] - angles[1:-1, 1], speed - link_speed
+        motor = np.column_stack([twist, rate, acceleration, speed, zero, zero])
+        link = np.column_stack([-twist, -rate, zero, zero, link_acceleration, link_speed])
+        table, y = np.vstack([motor, link]), np.concatenate([torque, zero])
+        stiffness, damping, inertia, _, link_inertia, _ = np.linalg.lstsq(table, y, rcond=1e-12)[0]
+    inertia, link_inertia = (x if x > 0.0 else _INERTIA for x in (inertia, link_inertia))
+    stiffness = stiffness if stiffness > 0.0 else inertia / (_SWING * dt) ** 2
+    small = _DAMPING * np.sqrt(stiffness * inertia)
     return {
-        "stiffness": float(stiff), "damping": float(max(damp, small)),
-        "motor_inertia": float(motor), "motor_damping": float(small),
-        "link_inertia": float(link), "link_damping": float(small),
+        "stiffness": float(stiffness), "damping": float(max(damping, small)),
+        "motor_inertia": float(inertia), "motor_damping": float(small),
+        "link_inertia": float(link_inertia), "link_damping": float(small),
     }  # fmt: skip

@@ -40,7 +40,7 @@ def with_bandwidth(fit: Fit) -> Fit:
     for _ in range(ROUNDS):
         # The bandwidth at which predictions are best, without another fit.
         predicted, bands = fit.predicted(plain), _grid(plain.samples)
-        narrowed = (plain.samples.narrowed(predicted, band) for band in bands)
+        narrowed = (plain.samples.smoothed(predicted, band) for band in bands)
         errors = [mean_residual(plain.effort - efforts, use) for efforts in narrowed]
         best = int(np.argmin(errors))
         better = errors[best] < mean_residual(plain.effort - predicted, use)
@@ -73,7 +73,7 @@ def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
 
     def above(values: Array, band: float) -> float:
         """Power above a frequency, relative to the residual's."""
-        return float(np.mean((_size(values - samples.narrowed(values, band), use) / whole) ** 2))
+        return float(np.mean((_size(values - samples.smoothed(values, band), use) / whole) ** 2))
 
     grid = _grid(samples)
     parts = rows.effort - residual, residual
@@ -83,7 +83,7 @@ def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
     if not three.size:
         return None
     limit = float(PASSBAND_RATIO * grid[three[-1] + 3])
-    kept = float(np.mean((_size(samples.narrowed(residual, limit), use) / whole) ** 2))
+    kept = float(np.mean((_size(samples.smoothed(residual, limit), use) / whole) ** 2))
     return limit if limit < samples.band and 1.0 - kept > NOISE_FRACTION else None
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression import bodies
-from arm_studies.identification.regression.regressor import EACH, TINY
+from arm_studies.identification.regression.regressor import MASSLESS_BELOW, PER_BODY
 from arm_studies.identification.regression.rows import Rows
 
 Mask = NDArray[np.bool_]
@@ -172,20 +172,20 @@ class Prior:
             known_masses: Places of masses in x, and their sum in [kg], which is exact.
         """
         x0, rows = nominal.copy(), np.zeros((len(nominal), len(nominal)))
-        for i in range(0, len(nominal), EACH):
-            body = slice(i, i + EACH)
-            if nominal[i] > TINY:
+        for i in range(0, len(nominal), PER_BODY):
+            body = slice(i, i + PER_BODY)
+            if nominal[i] > MASSLESS_BELOW:
                 x0[body] = bodies.nearest(nominal[body])
                 rows[body, body] = bodies.prior(x0[body], mass, shape)
             else:
-                rows[body, body] = 1e9 * np.eye(EACH)
+                rows[body, body] = 1e9 * np.eye(PER_BODY)
         for places, total in known_masses:
             row = np.zeros((1, len(x0)))
             row[0, list(places)] = 1e5 / total
             rows = np.vstack([rows, row])
             factor = total / x0[list(places)].sum()
             for place in places:  # the nominal bodies, of another density
-                x0[place : place + EACH] *= factor
+                x0[place : place + PER_BODY] *= factor
         return cls(x0, rows)
 
     def combined(self, R: Array, z: Array) -> tuple[Array, Array]:
@@ -234,7 +234,8 @@ class Problem:
 
 def with_mass(nominal: Array) -> list[slice]:
     """Places of the bodies that have a mass."""
-    return [slice(i, i + EACH) for i in range(0, len(nominal), EACH) if nominal[i] > TINY]
+    bodies = np.flatnonzero(nominal[::PER_BODY] > MASSLESS_BELOW).tolist()
+    return [slice(PER_BODY * body, PER_BODY * (body + 1)) for body in bodies]
 
 
 def solved(R: Array, z: Array, rcond: float = 1e-14) -> Array:

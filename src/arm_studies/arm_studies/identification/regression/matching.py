@@ -146,14 +146,12 @@ def delayed(problem: Problem) -> list[Delay]:
 
 
 def _later(rows: Rows, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
-    """A joint's efforts some rows later, in the same stretch, and which are valid, (k,)."""
-    effort, valid = np.zeros(len(rows.effort)), np.zeros(len(rows.samples.valid), bool)
-    for _, s in rows.samples.stretches:
-        to = slice(max(s.start, s.start - by), min(s.stop, s.stop - by))
-        if to.stop > to.start:
-            of = slice(to.start + by, to.stop + by)
-            effort[to], valid[to] = rows.effort[of, joint], rows.samples.valid[of, joint]
-    return effort, valid
+    """A joint's efforts some rows later, and which are valid and of the same stretch, (k,)."""
+    lengths = [s.stop - s.start for _, s in rows.samples.stretches]
+    stretch, row = np.repeat(range(len(lengths)), lengths), np.arange(sum(lengths))
+    later = np.clip(row + by, 0, len(row) - 1)
+    same = (later == row + by) & (stretch[later] == stretch)
+    return rows.effort[later, joint], rows.samples.valid[later, joint] & same
 
 
 def _unexplained(columns: Array, y: Array) -> Array:

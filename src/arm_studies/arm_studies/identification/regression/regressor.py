@@ -15,9 +15,9 @@ from arm_studies.identification.regression.base_parameters import BaseParameters
 
 # Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
 # joint's frame; in Pinocchio's order ``NAMES``.
-EACH = 10
+PER_BODY = 10
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-TINY = 1e-9  # Mass in [kg] below which a body is treated as massless, and not identified.
+MASSLESS_BELOW = 1e-9  # Mass in [kg] below which a body is massless, and not identified.
 
 
 class RigidRegressor:
@@ -44,7 +44,7 @@ class RigidRegressor:
         """Y for rows of states of shape (k, n): shape (k, n, 10 bodies)."""
         model = self.model
         Q, V, A = model.configuration(q), model.spread(v), model.spread(a)
-        full = np.empty((len(q), model.pin.nv, EACH * len(self.bodies)))
+        full = np.empty((len(q), model.pin.nv, PER_BODY * len(self.bodies)))
         for row, *state in zip(full, Q, V, A, strict=True):
             row[:] = pin.computeJointTorqueRegressor(model.pin, self._data, *state)
         if model.has_followers:
@@ -72,7 +72,7 @@ class RigidRegressor:
 
     def places(self, body: int) -> slice:
         """Indices of the parameters of a body in θ."""
-        return slice(EACH * body, EACH * (body + 1))
+        return slice(PER_BODY * body, PER_BODY * (body + 1))
 
 
 def parameters_of(model: pin.Model) -> Array:

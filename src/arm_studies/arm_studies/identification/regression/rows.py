@@ -61,8 +61,7 @@ class Sampled:
     def rows(self, effort_band: float | None = None) -> Rows:
         """Filter them, at two bands if efforts are known to be filtered before."""
         motions = [each.filtered(self.band, self.age) for each in self.recordings]
-        samples = Samples(self.regressor, motions, self.held_out)
-        return Rows(samples, effort_band, self.scales)
+        return Rows(Samples(self.regressor, motions, self.held_out), effort_band, self.scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +118,7 @@ class Rows:
         """Filter columns as the efforts, shape (k, …), and clear them as those of a joint."""
         smooth = self.samples.smoothed(columns)
         if self.effort_band is not None and self.effort_band < self.samples.band:
-            smooth = self.samples.narrowed(smooth, self.effort_band)
+            smooth = self.samples.smoothed(smooth, self.effort_band)
         return smooth if joint is None else self._cleared(smooth, joint)
 
     def of_joints(self, columns: Array) -> Array:

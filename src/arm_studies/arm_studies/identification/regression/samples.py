@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification import filtering
@@ -60,8 +59,11 @@ class Samples:
         self.n, self.whole = len(self.names), tuple(whole)
         pairs = [thinned(motion) for motion in whole]
         self.motions, self.strides = [m for m, _ in pairs], [stride for _, stride in pairs]
-        self.stretches, start = list[tuple[MeasuredMotion, slice]](), 0
+        self.stretches, folds, start = list[tuple[MeasuredMotion, slice]](), [], 0
         for motion in self.motions:
+            row, count = np.arange(len(motion.time)), round(len(motion.time) * (1.0 - held_out))
+            fold = np.minimum(row * FOLDS // max(count, 1), FOLDS - 1)
+            folds.append(np.where(row < count, fold, -1))
             for s in motion.stretches:
                 self.stretches.append((motion, slice(start + s.start, start + s.stop)))
             start += len(motion.time)
@@ -77,25 +79,14 @@ class Samples:
         self.use = self.valid & ~self.still
         few = self.independent * self.use.sum(axis=0) < LEAST_VALUES
         self.use[:, few & ~few.all()] = False
-        self.fold = np.concatenate([_folds(motion, held_out) for motion in self.motions])
-        self.train, self.band = self.fold >= 0, self.motions[0].band
+        self.fold, self.band = np.concatenate(folds), self.motions[0].band
+        self.train = self.fold >= 0
         self.lag = int(4.0 / (self.band * self.motions[0].dt)) if np.isfinite(self.band) else 1
 
-    def smoothed(self, columns: Array) -> Array:
-        """Low-pass filter columns as each motion is, shape (k, …)."""
-        ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
-        parts = zip(np.split(columns, ends), self.motions, strict=True)
-        return np.concatenate([motion.filtered(part) for part, motion in parts])
-
-    def narrowed(self, columns: Array, band: float) -> Array:
-        """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
-        smooth = np.empty_like(columns)
+    def smoothed(self, columns: Array, band: float | None = None) -> Array:
+        """Low-pass filter columns as each motion is, or at a band of its own, shape (k, …)."""
+        smooth = np.empty_like(columns, dtype=float)
         for motion, rows in self.stretches:
-            smooth[rows] = filtering.ZeroPhase(band, motion.dt)(columns[rows])
+            low_pass = motion.low_pass if band is None else filtering.ZeroPhase(band, motion.dt)
+            smooth[rows] = low_pass(columns[rows])
         return smooth
-
-
-def _folds(motion: MeasuredMotion, held_out: float) -> NDArray[np.int_]:
-    """Fold of each row, shape (k,); -1 if it is held out."""
-    row, count = np.arange(len(motion.time)), round(len(motion.time) * (1.0 - held_out))
-    return np.where(row < count, np.minimum(row * FOLDS // max(count, 1), FOLDS - 1), -1)
