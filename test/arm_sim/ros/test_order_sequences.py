@@ -71,7 +71,7 @@ class Sim:
         self.node.inputs._warn = self.told.append
         self.lateness = Histogram()
         self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
-        newest: Any = self.node.inputs._newest
+        newest: Any = self.node.inputs.polled._subscription
         self._to = newest.pointer
 
     def hears(self, messages: list[bytes]) -> None:
@@ -81,7 +81,7 @@ class Sim:
         raw, place = np.frombuffer(self._raw or b"\0", np.uint8), addressof(self._due)
         wire = Wire(
             self._to, raw.ctypes.data, self._ends.ctypes.data, len(messages), 0,
-            place + Due.ended.offset, address(self.node._outputs.states.raw),
+            place + Due.ended.offset, address(self.node.outputs.states.raw),
         )  # fmt: skip
         self._library.put_on_wire(byref(wire))
 
@@ -110,12 +110,12 @@ class Sim:
             "time": simulator.arm.step_count, "state": simulator.arm.x.tobytes(),
             "acted": simulator.arm.acted.tobytes(),
             "parameters": simulator.arm.parameters.tobytes(),
-            "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
+            "commands": (slot.any, slot.age, slot.stale, slot.stale_count),
             "next": str(next_command(slot, simulator.arm.x[:2])),
             "sources": [(k, s.joints, s.last_time, s.count) for k, s in arbiter._streams.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),
-            "engine": (engine.paused, engine.failure, engine.held, engine.pushed_frames),
+            "engine": (engine.paused, engine.failure, engine.held, engine.wrenches.active),
             "told": self.told,
         }  # fmt: skip
 
@@ -197,7 +197,7 @@ def test_orders_and_commands_in_any_sequence(
     fast, slow = (Sim(ros, library, scene, tmp_path / f"{k}.mcap") for k in range(2))
     if heard:
         ros.listen(Energy, "sim/energy")
-        outputs = [sim.node._outputs for sim in (fast, slow)]
+        outputs = [sim.node.outputs for sim in (fast, slow)]
         ros.spin_until(lambda: all(each.energy.has_subscribers for each in outputs))
     for _ in range(200 * fuzz):
         stamp = fast.node.engine.stamp

@@ -79,7 +79,8 @@ class Outputs:
         """Joint states, of all joints if that is set, and the exact ones if there are sensors."""
         simulator, arm = self._simulator, self._simulator.arm
         n, x, names = simulator.n, arm.x, simulator.joint_names
-        self._drives = None if arm.plant.torques is None else DriveTorques(arm)
+        torques = arm.plant.torques
+        self._drives = None if torques is None else DriveTorques(arm, torques)
         effort = arm.acted if self._drives is None else self._drives.values
         truth = x[:n], x[n : 2 * n], effort
 

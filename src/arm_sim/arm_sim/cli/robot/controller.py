@@ -17,11 +17,10 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
     Topic,
 )
-from arm_dynamics.trajectory import files
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.robot.listener import Listener, full, trajectory_message
 from arm_sim.cli.robot.node_parameters import Parameters
-from arm_sim.cli.robot.reports import Reports
+from arm_sim.cli.robot.reports import ERROR, Reports
 
 _JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
 _PLANNING = 30.0  # [s] timeout of planning
@@ -74,7 +73,7 @@ class Controller(Listener):
     @property
     def errors(self) -> list[str]:
         """What the nodes of this namespace report as errors."""
-        return self._of_namespace(self._reports.errors)
+        return self._of_namespace(self._reports.complaints(ERROR))
 
     def _of_namespace(self, reports: list[str]) -> list[str]:
         prefix = self._space.lstrip("/")
@@ -112,15 +111,8 @@ class Controller(Listener):
             raise click.ClickException("the controller has no task_frame; set one with --frame")
         return task_frame
 
-    def send_joints(self, positions: Mapping[str, float], duration: float) -> None:
-        """Send joints to positions in [rad] or [m] within a duration in [s]."""
-        self._send_trajectory(positions, [Waypoint(duration, list(positions.values()))])
-
-    def send_points(self, trajectory: files.JointTrajectory) -> None:
-        """Send joints along a trajectory from its first point."""
-        self._send_trajectory(trajectory.joint_names, trajectory.points[1:])
-
-    def _send_trajectory(self, names: Iterable[str], waypoints: Sequence[Waypoint]) -> None:
+    def send_trajectory(self, names: Iterable[str], waypoints: Sequence[Waypoint]) -> None:
+        """Send joints from where they are through waypoints."""
         message = trajectory_message(names, waypoints)
         self._target = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
         self._send(JOINT_TRAJECTORY, message)
@@ -205,5 +197,5 @@ class Controller(Listener):
             return "the controller has ended; start it again: ./arm controller SCENE"
         if not self.publishers(topic):
             return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
-        complaints = self._of_namespace(self._reports.complaints)
+        complaints = self._of_namespace(self._reports.complaints())
         return "\n  ".join(complaints) or f"{topic} has a publisher, but no state comes"

@@ -37,8 +37,6 @@ class SimulateSteps:
                 raise Refusal(
                     INCORRECT_STATE, "another goal is under way; cancel it, or wait for it"
                 )
-            if not self._engine.may_step:
-                raise Refusal(FAILED, "the simulation is running; allowed only while it is paused")
             if not total:
                 raise Refusal(FAILED, "steps = 0; allowed: 1 or more")
             part, self._busy = max(1, min(total // _PARTS, _LARGEST)), True
