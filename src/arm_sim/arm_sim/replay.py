@@ -14,7 +14,7 @@ from arm_sim.exceptions import SimulationDiverged
 from arm_sim.plant.parameters import EXTERNAL, Parameters
 from arm_sim.recording.contents import BRAKES, FREE
 from arm_sim.recording.origin import versions
-from arm_sim.recording.physics import Physics
+from arm_sim.recording.physics import physics_of
 from arm_sim.recording.recording import Recording
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
@@ -251,6 +251,6 @@ class _Rerun:
         return replace(
             recording, **arrays, q=q, v=v, z=z, p=read_only(p), jumps=jumps,
             hold=None if recording.hold is None else recording.hold[:rows], origin=origin,
-            gaps=tuple(row for row in recording.gaps if row < rows), physics=Physics(origin),
+            gaps=tuple(row for row in recording.gaps if row < rows), physics=physics_of(origin),
             measured=None,
         )  # fmt: skip

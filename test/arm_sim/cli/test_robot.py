@@ -251,7 +251,7 @@ def test_states_are_shown_as_a_table_a_line_or_json(monkeypatch: pytest.MonkeyPa
 class Interrupted:
     """A controller whose motion ends elsewhere, for ``go``."""
 
-    reference, remaining, replaced, send_joints = {"elbow": 0.0}, 0.0, True, print
+    reference, remaining, replaced, send_trajectory = {"elbow": 0.0}, 0.0, True, print
     errors = ["controller: controller: two nodes publish /joint_states"]
 
     def __init__(self, node: str, timeout: float) -> None:
@@ -378,7 +378,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def test_goals_are_sent_by_name_with_their_times(sent: list[Any]) -> None:
     controller = Told(told())
-    controller.send_joints({"elbow": 0.5, "shoulder": -1.0}, 2.000000001)
+    controller.send_trajectory(("elbow", "shoulder"), [Waypoint(2.000000001, [0.5, -1.0])])
     (message,) = sent
     (point,) = message.points
     assert (message.joint_names, list(point.positions)) == (["elbow", "shoulder"], [0.5, -1.0])
@@ -393,7 +393,7 @@ def test_points_after_the_first_are_sent_with_all_that_they_have(sent: list[Any]
         Waypoint(2.0, [1.0, 2.0]),
     )
     controller = Told(told())
-    controller.send_points(JointTrajectory(("elbow", "shoulder"), points))
+    controller.send_trajectory(("elbow", "shoulder"), points[1:])
     (message,) = sent
     whole, bare = message.points
     assert message.joint_names == ["elbow", "shoulder"]

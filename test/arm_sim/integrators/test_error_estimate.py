@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from arm_sim.integrators import METHODS, build_attempt
+from arm_sim.integrators import METHODS, build_step
 from tolerances import assert_close
 
 A = np.array([[0.0, 1.0, 0.0], [-30.0, -2.0, 5.0], [1.0, -40.0, -60.0]])
@@ -39,7 +39,7 @@ def test_relative_to_the_larger_end_and_what_matters(
     name: str, size: float, h: float, rng: np.random.Generator
 ) -> None:
     """max |e| / (scale + max(|x|, |y|)); DOP853 mixes two, as Hairer does in his DOP853."""
-    attempt = build_attempt(METHODS[name], rhs(), 1, SCALE)
+    attempt = build_step(METHODS[name], rhs(), 1, scale=SCALE)
     for _ in range(10):
         x, u = size * rng.normal(size=3), float(rng.normal())
         after, error, error_q = (np.array(value).ravel() for value in attempt(x, u, [], h))
@@ -61,8 +61,8 @@ def test_what_a_projection_removes_is_error(gap: float, gap_v: float) -> None:
     project = ca.Function("project", [x, after, p], [0.5 * after, ca.SX(gap), ca.SX(gap_v)])
     start, h = np.array([1.0, -0.5, 2.0]), 1e-3
     plain, found = (
-        [np.array(value).ravel() for value in build_attempt(METHODS["dopri5"], rhs(), 1, SCALE,
-                                                            project=between)(start, 1.0, [], h)]
+        [np.array(value).ravel() for value in build_step(METHODS["dopri5"], rhs(), 1, between,
+                                                         scale=SCALE)(start, 1.0, [], h)]
         for between in (None, project)
     )  # fmt: skip
     assert_close(found[0], plain[0] * [0.5, 0.5, 1.0], 1e-12)
@@ -73,14 +73,14 @@ def test_the_estimate_shrinks_with_its_order() -> None:
     """Errors of order 5 for the pair of order 5; the mixed one of DOP853 of order 8."""
     x = np.array([1.0, -0.5, 2.0])
     for name, order in (("dopri5", 5), ("dop853", 8), ("implicit", 4)):
-        attempt = build_attempt(METHODS[name], rhs(), 1, SCALE)
+        attempt = build_step(METHODS[name], rhs(), 1, scale=SCALE)
         errors = [float(attempt(x, 1.0, [], h)[1]) for h in (2e-3, 1e-3)]
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.5
 
 
 def test_a_step_of_nan_is_not_accepted() -> None:
     """NaN anywhere must show, or a diverged step would look perfect."""
-    attempt = build_attempt(METHODS["dopri5"], rhs(), 1, SCALE)
+    attempt = build_step(METHODS["dopri5"], rhs(), 1, scale=SCALE)
     for i in range(3):
         x = np.ones(3)
         x[i] = np.nan

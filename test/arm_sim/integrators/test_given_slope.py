@@ -11,7 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, load_scene
-from arm_sim.integrators import METHODS, build_attempt, build_step
+from arm_sim.integrators import METHODS, build_step
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.events import Modes
 from tolerances import ALGEBRA, STAGE_AT_END, assert_close
@@ -35,9 +35,8 @@ def plant() -> Plant:
 
 def built(plant: Plant, name: str, loads: ca.Function | None) -> ca.Function:
     method, n = METHODS[name], plant.model.n
-    if method.adaptive:
-        return build_attempt(method, plant.rhs, n, plant.laws.scale, dense=True, loads=loads)
-    return build_step(method, plant.rhs, n, dense=True, loads=loads)
+    scale = plant.laws.scale if method.adaptive else None
+    return build_step(method, plant.rhs, n, dense=True, loads=loads, scale=scale)
 
 
 @pytest.mark.parametrize("name", METHODS)

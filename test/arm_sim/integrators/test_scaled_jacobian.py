@@ -11,7 +11,7 @@ import pytest
 from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
-from arm_sim.integrators import METHODS, build_attempt, build_step
+from arm_sim.integrators import METHODS, build_step
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from models.large import mobile, snake
@@ -70,9 +70,9 @@ def test_is_the_jacobian_times_a_matrix(plant: Plant, rng: np.random.Generator) 
 def test_gives_the_same_step(plant: Plant, rng: np.random.Generator) -> None:
     given, method, n = arguments(plant, rng), METHODS["implicit"], plant.model.n
     steps = [
-        build_attempt(method, plant.rhs, n, plant.laws.scale, None, scaled)
-        if plant.nz
-        else build_step(method, plant.rhs, n, None, scaled)
+        build_step(
+            method, plant.rhs, n, None, scaled, scale=plant.laws.scale if plant.nz else None
+        )
         for scaled in (None, lambda: scaled_jacobian(plant))
     ]
     plain, sparse = (

@@ -81,7 +81,7 @@ class Sim:
         raw, place = np.frombuffer(self._raw or b"\0", np.uint8), addressof(self._due)
         wire = Wire(
             self._to, raw.ctypes.data, self._ends.ctypes.data, len(messages), 0,
-            place + Due.ended.offset, address(self.node._outputs.states.raw),
+            place + Due.ended.offset, address(self.node.outputs.states.raw),
         )  # fmt: skip
         self._library.put_on_wire(byref(wire))
 
@@ -197,7 +197,7 @@ def test_orders_and_commands_in_any_sequence(
     fast, slow = (Sim(ros, library, scene, tmp_path / f"{k}.mcap") for k in range(2))
     if heard:
         ros.listen(Energy, "sim/energy")
-        outputs = [sim.node._outputs for sim in (fast, slow)]
+        outputs = [sim.node.outputs for sim in (fast, slow)]
         ros.spin_until(lambda: all(each.energy.has_subscribers for each in outputs))
     for _ in range(200 * fuzz):
         stamp = fast.node.engine.stamp

@@ -54,7 +54,7 @@ class Live:
     def __init__(self, ros: Ros, given: dict[str, Any], path: Path) -> None:
         self.node = by_hand(ros, given, record=str(path), command_timeout=0.01)
         self._commands, self.made = Waiting(self.node), 0
-        self.node._outputs.energy._also_read = lambda: True
+        self.node.outputs.energy._also_read = lambda: True
         self.node.engine.on_tick.append(self._count)
         self.spans = list[tuple[int, int, Account]]()
         self.pushed = "forearm" if "forearm" in self.node.simulator.model.pin.names else "link3"

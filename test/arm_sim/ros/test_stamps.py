@@ -295,16 +295,16 @@ def test_the_clock_is_on_request_where_use_sim_time_listens(ros: Ros) -> None:
 @pytest.mark.ros
 def test_two_clocks_are_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
     node = clock_owner(ros, "left")
-    node._outputs.clock.check_conflict()
-    assert not node._outputs.clock.alarm.message
+    node.outputs.clock.check_conflict()
+    assert not node.outputs.clock.alarm.message
     clock_owner(ros, "right")
 
     def seen() -> bool:
-        node._outputs.clock.check_conflict()
-        return bool(node._outputs.clock.alarm.message)
+        node.outputs.clock.check_conflict()
+        return bool(node.outputs.clock.alarm.message)
 
     ros.spin_until(seen)
-    node._outputs.clock.check_conflict()
+    node.outputs.clock.check_conflict()
     found = next(f for f in node.diagnostics() if f.part == "simulation").message(node)
     assert found.level == b"\x02"
     assert "2 publishers on /clock" in found.message

@@ -47,7 +47,9 @@ REFUSALS = {value: name for name, value in Header(
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
-    "BEGINS_ON_BOUNDARY": "{} is on the boundary of two modes, as of sticking and sliding",
+    "BEGINS_ON_BOUNDARY": (
+        "{} is on the boundary between two modes at its beginning, as of sticking and sliding"
+    ),
     "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
     "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
     "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
@@ -75,20 +77,10 @@ UNKNOWN = "an event is grazed, or joints and contacts that held together let go"
 OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
 
-class Helpers(ctypes.Structure):
-    """Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``."""
-
-    _fields_ = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").fields(
-        "helpers_t"
-    )
-
-
-class TickTrace(ctypes.Structure):
-    """A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
-
-    _fields_ = Header(NATIVE / "modes/tick_record.h", only="trace_t").fields("trace_t")
-
-
+Helpers = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").structure("helpers_t")
+"""Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``."""
+TickTrace = Header(NATIVE / "modes/tick_record.h", only="trace_t").structure("trace_t")
+"""A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)
 CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
 
@@ -195,7 +187,7 @@ class EventfulTicks:
         message = UNKNOWN if reason == "GRAZES" and not guards else MESSAGES[reason].format(guards)
         raise NotDifferentiable(f"linearize: {message}; side=1 or side=-1 takes one side of it")
 
-    def _callbacks(self, engine: Compiled) -> Helpers:
+    def _callbacks(self, engine: Compiled) -> ctypes.Structure:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
         self._kept = (  # must live as long as their addresses
             STEP(self._raising_later(self._step)), CLOSE(self._raising_later(self._close))

@@ -37,7 +37,7 @@ from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Marks
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widths
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widest
 from arm_sim.stepping.rollout import Batch
 from arm_sim.stepping.threads import share
 
@@ -118,7 +118,7 @@ class Gradients:
     def __init__(self, plant: Plant, choice: Choice, linearizer: Linearizer, backend: str) -> None:
         self._plant, self._choice, self._linearizer = plant, choice, linearizer
         self._without_stops, self._backend = plant.free or plant, backend
-        self._built_once = cache(self._built)
+        self._code_of = cache(self._built)
 
     def run(
         self,
@@ -144,7 +144,7 @@ class Gradients:
         arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
         shapes = batch.x0.shape, (arms, ticks, n), batch.p.shape
         gradients = ArgumentGradients(*map(np.zeros, shapes))
-        width, code = self._library(lanes)
+        code, width = widest(lanes, self._code_of)
         eventful = list(range(arms))
         if code is not None:
             eventful = self._side_by_side(code, width, batch, g, gradients, threads)
@@ -156,7 +156,7 @@ class Gradients:
 
     def prepare(self) -> None:
         """Compile what motions need, unless that is done."""
-        if self._library(lanes=None)[1] is None:
+        if widest(None, self._code_of)[0] is None:
             _ = self._event_free
         self._linearizer.prepare_events()
 
@@ -228,15 +228,9 @@ class Gradients:
         gradients = EventFreeGradients(nonsmooth, engine, self._plant, self._choice)
         return gradients if gradients.code else None
 
-    def _library(self, lanes: int | None) -> tuple[int, Compiled | None]:
-        same = alike(self._plant, self._choice)
-        for width in widths(lanes):
-            if same and (code := self._built_once(width)):
-                return width, code
-        return 1, None
-
     def _built(self, width: int) -> Compiled | None:
-        if self._backend == "vm" or operations(self._functions[1]) > LONGEST:
+        same = self._backend != "vm" and alike(self._plant, self._choice)
+        if not same or operations(self._functions[1]) > LONGEST:
             return None
         types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
         write = partial(lanes_source, self._without_stops, self._choice, self._functions)

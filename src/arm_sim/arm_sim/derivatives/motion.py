@@ -21,7 +21,7 @@ from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
-from arm_sim.integrators.steps import build_attempt
+from arm_sim.integrators.steps import build_step
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
@@ -222,7 +222,9 @@ class TickDerivatives:
     def _attempt(self) -> Kernel:
         plant, method, n = self._plant, self._choice.method, self._plant.model.n
         project, scaled = plant.mechanics.project, partial(scaled_jacobian, plant)
-        function = build_attempt(method, plant.rhs, n, plant.laws.scale, project, scaled)
+        function = build_step(
+            method, plant.rhs, n, project, scaled, "attempt", scale=plant.laws.scale
+        )
         return Kernel([function], "vm")
 
 

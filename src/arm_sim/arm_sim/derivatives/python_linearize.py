@@ -19,12 +19,7 @@ Linearize = Callable[[object, object], Array | None]
 to Python, and where the command is not an array or a list of n finite floats."""
 
 _FOLDER = NATIVE / "derivatives"
-
-
-class _Arguments(ctypes.Structure):
-    """``linearize_t`` of linearize.h."""
-
-    _fields_ = Header(_FOLDER / "linearize.h").fields("linearize_t")
+_Arguments = Header(_FOLDER / "linearize.h").structure("linearize_t")
 
 
 def python_linearize(tangents: Tangents, plant: Plant, p: Array, dt: float) -> Linearize:

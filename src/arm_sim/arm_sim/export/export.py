@@ -23,7 +23,7 @@ from arm_sim.export.fmu import build_fmus
 from arm_sim.export.folder import check_folder, write_folder
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import DERIVATIVES, TERMS, checked_names, terms_of
-from arm_sim.export.tick import Tick, tick_of
+from arm_sim.export.tick import tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
 _log = logging.getLogger(__name__)
@@ -94,7 +94,9 @@ def export(
     with naming(scene):
         slopes = any(term in DERIVATIVES for term in term_names)
         exported = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
-        files = _files(model, name, term_names, exported, fmu, frames)
+        terms_in_c = terms_of(model, term_names, frames)
+        lib = library.Library(name, about(name, model), model, terms_in_c, exported)
+        files = _files(lib, fmu, frames)
     if exported and slopes and not exported.differentiable:
         _log.warning("the tick has no derivatives: its error is controlled, with tolerance = "
                      "%g; a scene with a method of fixed steps has them",
@@ -112,19 +114,11 @@ def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
     return str(model.pin.name)
 
 
-def _files(
-    model: ArmModel,
-    name: str,
-    term_names: Collection[str],
-    tick: Tick | None,
-    fmu: bool,
-    frames: Sequence[str],
-) -> dict[str, str | bytes]:
+def _files(lib: library.Library, fmu: bool, frames: Sequence[str]) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
+    name, model, tick = lib.name, lib.model, lib.tick
     expected, points = Expected(model), test_points(model)
-    terms = terms_of(model, term_names, frames)
-    expected.verify(terms, points)
-    lib = library.Library(name, about(name, model), model, terms, tick)
+    expected.verify(lib.terms, points)
     code = {f"{name}.h": library.header(lib), f"{name}.c": library.source(lib)}
     build_file = (OWN / "CMakeLists.txt").read_text(encoding="utf-8")
     return {

@@ -7,16 +7,7 @@ and not on events or on how steps are run.
 
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.integrators.selection import Choice, choose
-from arm_sim.integrators.steps import build_attempt, build_step, build_tick
+from arm_sim.integrators.steps import build_step, build_tick
 from arm_sim.integrators.tableaux import Tableau
 
-__all__ = [
-    "METHODS",
-    "Choice",
-    "Method",
-    "Tableau",
-    "build_attempt",
-    "build_step",
-    "build_tick",
-    "choose",
-]
+__all__ = ["METHODS", "Choice", "Method", "Tableau", "build_step", "build_tick", "choose"]

@@ -98,7 +98,9 @@ def responses(plant: Plant) -> list[Response]:
     if not parts:
         return []
     results = list[Response]()
-    for place, q in enumerate(_postures(plant.model)):
+    model = plant.model
+    count = 0 if model.scene.bilateral else min(POSTURES, MOST_WORK // model.n**3)
+    for place, q in enumerate([model.q0, *postures(model, count)]):
         try:
             results += parts.at(q, begins=place == 0)
         except np.linalg.LinAlgError:
@@ -110,12 +112,6 @@ def rate_by_state(plant: Plant) -> Callable[[Array], float]:
     """The fastest rate of a scene in [1/s] as function of the state, where springs may stiffen."""
     parts, n = _Parts(plant), plant.model.n
     return lambda x: max(r.fastest for r in parts.at(x[:n], False, x[2 * n :]))
-
-
-def _postures(model: ArmModel) -> Array:
-    """Sampled positions, the initial ones first, shape (k, n)."""
-    count = 0 if model.scene.bilateral else min(POSTURES, MOST_WORK // model.n**3)
-    return np.vstack([model.q0, postures(model, count)])
 
 
 class _Parts:

@@ -33,80 +33,46 @@ def build_step(
     name: str = "step",
     dense: bool = False,
     loads: ca.Function | None = None,
+    scale: Array | None = None,
 ) -> ca.Function:
-    """Build one step of fixed length.
+    """Build one step, of fixed length or, with ``scale``, one that estimates its error.
+
+    That error is the largest over x of |error| / (scale + |x|); DOP853 mixes its estimates of
+    order 5 and 3 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993,
+    section II.10).
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
+        project: Projection of (q, v) onto the constraints, see ``Mechanics.project``; the residual
+            before it is included in the error.
         scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
         dense: Whether to return the continuous output as well, see ``Step.inside``.
         loads: Function (x, u, p) -> loads of joints, forces, …, x', see ``Plant.events``: the rhs
             of an explicit method. With it x' at the beginning is given, as it is known where
             modes were chosen.
+        scale: Scale of each entry of x for error control, shape (nx,), 1 for q and v; for a method
+            with an error estimate.
 
     Returns:
-        Function (x, u, p, h) -> x at the end of the step, and with ``dense`` x' at its beginning
-        and at its end, and x in its middle. With ``loads`` (x, u, p, h, x') -> the same without
+        Function (x, u, p, h) -> x at the end of the step, with ``scale`` the scaled error and the
+        largest error of q, and with ``dense`` x' at its beginning and at its end, and x in its
+        middle. With ``loads`` (x, u, p, h, x') -> the same without
         x' at its beginning, and loads and forces at the method's stage at its end, if any.
     """
     slope = _Slopes(rhs, loads)
     step = _step(method, rhs, n, scaled, slope)
-    after = step.after
+    after, errors = step.after, list[ca.MX]()
+    if scale is not None:
+        errors = _norms(scale, len(step.estimates), n).call([step.x, after, *step.estimates])
     if project is not None:
-        after, *_ = _projected(project, n, step.x, after, slope.p)
-    results = [after, *(_continuous_output(step, slope) if dense else ())]
-    return ca.Function(name, slope.arguments, results, {"cse": True})
-
-
-@one_at_a_time
-def build_attempt(
-    method: Method,
-    rhs: ca.Function,
-    n: int,
-    scale: Array,
-    project: ca.Function | None = None,
-    scaled: Scaled | None = None,
-    name: str = "attempt",
-    dense: bool = False,
-    loads: ca.Function | None = None,
-) -> ca.Function:
-    """Build one step of a method that estimates its error.
-
-    The error of a step is the largest over x of |error| / (scale + |x|); DOP853 mixes its
-    estimates of order 5 and 3 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
-    1993, section II.10).
-
-    Args:
-        method: The method; it must have an error estimate.
-        rhs: Function (x, u, p) -> x'.
-        n: Degrees of freedom.
-        scale: Scale of each entry of x for error control, shape (nx,); 1 for q and v.
-        project: Projection of (q, v) onto the constraints; the residual before it is included in
-            the error.
-        scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
-        name: Name of the function, if the default is taken in the same kernel.
-        dense: As of ``build_step``.
-        loads: Likewise.
-
-    Returns:
-        Function (x, u, p, h) -> (x at the end, scaled error, largest error of q), and with
-        ``dense`` and ``loads`` what ``build_step`` takes and returns then.
-    """
-    if not method.adaptive:
-        raise ValueError(f"{method.name} has no error estimate")
-    slope = _Slopes(rhs, loads)
-    step = _step(method, rhs, n, scaled, slope)
-    after = step.after
-    measure = _norms(scale, len(step.estimates), n)
-    error, error_q = measure(step.x, after, *step.estimates)
-    if project is not None:
-        after, gap, gap_v = _projected(project, n, step.x, after, slope.p)
-        error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
-    results = [after, error, error_q, *(_continuous_output(step, slope) if dense else ())]
+        projected, gap, gap_v = project(step.x[: 2 * n], after[: 2 * n], slope.p)
+        after = ca.vertcat(projected, after[2 * n :])
+        gaps = ca.fmax(gap, gap_v), gap
+        errors = [ca.fmax(error, left) for error, left in zip(errors, gaps, strict=False)]
+    results = [after, *errors, *(_continuous_output(step, slope) if dense else ())]
     return ca.Function(name, slope.arguments, results, {"cse": True})
 
 
@@ -158,7 +124,8 @@ def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope
         after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
         return Step(x, h, after, [estimate], middle=middle)
     if (tableau := method.tableau) is None:
-        return Step(x, h, _semi_implicit(slope(0, x), x, h, n), [])
+        after = x + h * slope(0, x)  # v first, then q with the new v
+        return Step(x, h, ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:]), [])
     if tableau.positions:
         slopes = nystrom.slopes(tableau, rhs, slope, n, x, u, p, h)
         return Step(
@@ -228,20 +195,6 @@ class Step:
         last = 2.0 * (self.after - self.x) / self.h - first if end is None else stages[end]
         weights = middle_weights(self.tableau)
         return [first, last, self.x + self.h * weighed_sum(weights, stages, self.x)]
-
-
-def _projected(
-    project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX
-) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """The projected state, and the residuals of positions and velocities before."""
-    projected, gap, gap_v = project(x[: 2 * n], after[: 2 * n], p)
-    return ca.vertcat(projected, after[2 * n :]), gap, gap_v
-
-
-def _semi_implicit(slope: ca.MX, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
-    """Step v first, then q with the new v."""
-    after = x + h * slope
-    return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
 
 
 def _norms(scale: Array, estimates: int, n: int) -> ca.Function:

@@ -40,7 +40,7 @@ class RecordedMotion(Contents):
         control: The controller, if it can be evaluated again.
     """
 
-    physics: Any = None
+    physics: Physics | None = None
     control: Control | None = None
 
     # --- origin --------------------------------------------------------------------------------
@@ -72,8 +72,7 @@ class RecordedMotion(Contents):
                 "the recording has no scene, which this needs; load it with one: "
                 "Recording.load(path, scene=…)"
             )
-        physics: Physics = self.physics
-        return physics
+        return self.physics
 
     # --- derived quantities --------------------------------------------------------------------
 

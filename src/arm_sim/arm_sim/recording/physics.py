@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of a recording's scene, from which quantities are derived."""
+"""The equations of a scene, from which quantities of its motions are derived."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 from arm_dynamics import ArmModel
@@ -16,39 +17,44 @@ from arm_sim.recording.witness import Witness
 
 
 class Physics:
-    """The equations of a recording's scene, built on first use; of a run its ``CompiledScene``.
+    """The equations of a scene, built on first use.
 
     Args:
-        origin: Scene and method.
+        build: Returns the equation of motion.
+        choice: Method, tick and tolerance.
+        backend: As for ``Kernel``.
 
     Attributes:
-        origin: Likewise.
+        choice: As given.
+        backend: Likewise.
     """
 
-    def __init__(self, origin: Origin) -> None:
-        self.origin = origin
+    def __init__(self, build: Callable[[], Plant], choice: Choice, backend: str) -> None:
+        self._build, self.choice, self.backend = build, choice, backend
 
     @cached_property
     def plant(self) -> Plant:
         """The equation of motion."""
-        return Plant(ArmModel(self.origin.scene))
+        return self._build()
 
     @cached_property
     def present(self) -> PresentDynamics:
-        """Its dynamics under tunable quantities."""
+        """Numeric dynamics with the current tunable quantities, by Pinocchio."""
         return PresentDynamics(self.plant)
 
     @cached_property
     def energy_account(self) -> EnergyAccount:
-        """Computes the energy account."""
-        return EnergyAccount(self.plant, self.present, self._choice, "auto")
+        """Computes the energy account of motions, with dynamics of its own, in any thread."""
+        own = PresentDynamics(self.plant)
+        return EnergyAccount(self.plant, own, self.choice, self.backend)
 
     @cached_property
     def witness(self) -> Witness:
-        """Makes second runs."""
-        return Witness(self.plant, self._choice, "auto")
+        """Repeats motions by other means, to estimate their error."""
+        return Witness(self.plant, self.choice, self.backend)
 
-    @property
-    def _choice(self) -> Choice:
-        origin = self.origin
-        return Choice(METHODS[origin.integrator], origin.dt, origin.tolerance, "as recorded")
+
+def physics_of(origin: Origin) -> Physics:
+    """The equations of a recording's scene."""
+    choice = Choice(METHODS[origin.integrator], origin.dt, origin.tolerance, "as recorded")
+    return Physics(lambda: Plant(ArmModel(origin.scene)), choice, "auto")

@@ -18,7 +18,7 @@ from arm_dynamics.exceptions import ARM, SceneError, known_names, not_copied
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.origin import Origin
-from arm_sim.recording.physics import Physics
+from arm_sim.recording.physics import physics_of
 
 
 @sealed
@@ -72,7 +72,7 @@ class Recording(RecordedMotion):
         from arm_sim.recording import files
 
         contents = files.load(path, topic)
-        physics = None if contents.origin is None else Physics(contents.origin)
+        physics = None if contents.origin is None else physics_of(contents.origin)
         loaded = cls(**vars(contents), physics=physics)
         return loaded if scene is None else loaded.of(scene)
 
@@ -105,7 +105,7 @@ class Recording(RecordedMotion):
             z=read_only(np.reshape(z, (rows, plant.nz))), joint_names=model.joint_names,
             p=read_only(np.tile(plant.parameters.nominal, (rows, 1))), origin=origin,
             left=(*self.left, *(name for name in names if name not in model.joint_names)),
-            physics=Physics(origin),
+            physics=physics_of(origin),
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Array]:

@@ -3,62 +3,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
-
-from rclpy.node import Node
+from typing import Any
 
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
-from arm_sim.ros.competing_publishers import CompetingPublishers
-from arm_sim.ros.display import Display
-from arm_sim.ros.inputs import Inputs
-from arm_sim.ros.lockstep import Lockstep
-from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.sim_params import SimParams
-from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.ros.timing.realtime_loop import RealtimeLoop
-
-if TYPE_CHECKING:
-    from arm_sim.ros.record.ticks import TickRecorder
 
 UNBALANCED = 1e-3
 """Error of the energy balance, relative to the energy that moved, that is worth a warning."""
 
 
-@dataclass
 class SimDiagnostics:
-    """Inspects the parts of a sim node; reports counts that grew since the last inspection."""
+    """Inspects the parts of a sim node; reports counts that grew since the last inspection.
 
-    node: Node
-    params: SimParams
-    engine: TickEngine
-    loop: RealtimeLoop
-    inputs: Inputs
-    outputs: Outputs
-    display: Display
-    lockstep: Lockstep | None
-    recorder: TickRecorder | None
-    competitors: CompetingPublishers
-    lateness: Lateness
-    refused_privileges: Sequence[str] = ()  # since the ticking thread has begun
-    growth: Growth = field(default_factory=Growth)
+    Args:
+        node: The ``SimNode``, which has all of its parts.
+
+    Attributes:
+        refused_privileges: Those that its ticking thread was not granted.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self._node, self._growth, self.refused_privileges = node, Growth(), list[str]()
+        period, trip = node.params.publish_every * node.simulator.dt, node.engine.round_trip
+        late = "commands were up to {:.2g} s old"
+        self._lateness = Lateness(node, trip.take_oldest, period, late)
 
     def __call__(self) -> list[Finding]:
         """Inspect every part."""
         findings = [self._check_loop(), self._check_commands(), self._check_simulation()]
-        if self.recorder is not None:
-            findings.append(self._check_recorder(self.recorder))
-        if self.lockstep is not None:
-            findings.append(self._check_lockstep(self.lockstep))
+        if self._node.recorder is not None:
+            findings.append(self._check_recorder())
+        if self._node.lockstep is not None:
+            findings.append(self._check_lockstep())
         return findings
 
     def _check_loop(self) -> Finding:
-        report, params, finding = self.loop.report(), self.params, Finding("loop")
+        report, params, finding = self._node.loop.report(), self._node.params, Finding("loop")
         finding.values = {
             "rate [Hz]": report.rate, "ticks": report.ticks, "missed": report.missed,
             "dropped": report.dropped, "lateness p50 [s]": report.lateness.p50,
@@ -67,54 +49,54 @@ class SimDiagnostics:
             "driven by": params.tick_source,
             "messages": "in C", "ticks made": "in C",
         }  # fmt: skip
-        self.growth.warn(finding, report.missed, "time step", "began after the next one was due")
-        self.growth.warn(finding, report.dropped, "time step", "dropped")
+        self._growth.warn(finding, report.missed, "time step", "began after the next one was due")
+        self._growth.warn(finding, report.dropped, "time step", "dropped")
         for refusal in self.refused_privileges:
             finding.add(WARN, refusal)
         return finding
 
     def _check_commands(self) -> Finding:
-        engine, finding = self.engine, Finding("commands")
+        node, engine, finding = self._node, self._node.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = self.inputs, self.engine.round_trip.histogram.percentiles()
-        topic = self.node.resolve_topic_name(JOINT_COMMANDS.name)
-        publishers = self.node.count_publishers(topic)
+        inputs, trip = node.inputs, node.engine.round_trip.histogram.percentiles()
+        topic = node.resolve_topic_name(JOINT_COMMANDS.name)
+        publishers = node.count_publishers(topic)
         finding.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": bool(slot.stale),
             "stale count": slot.stale_count, "extended": slot.extended, "policy": policy,
             "held": engine.held,
             "passed over": inputs.refused,
             "sources": known_names(arbiter.sources), "publishers": publishers,
-            "oldest [s]": self.lateness.longest,
+            "oldest [s]": self._lateness.longest,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.wrenches.active),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self.growth.of("stale", slot.stale_count)
+        stopped = self._growth.of("stale", slot.stale_count)
         if slot.stale:
             finding.add(WARN, f"commands stopped: {in_force(policy)}")
         elif stopped:
             finding.add(WARN, "commands stopped, and have resumed")
         late = "with an old command: the middleware has to catch up"
-        self.growth.warn(finding, slot.extended, "time step", late)
-        finding.add(WARN, self.lateness.message)
-        self.growth.warn(finding, inputs.refused, "command", "ignored")
-        self.growth.warn(finding, inputs.refused_wrenches, "wrench message", "ignored")
-        if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
+        self._growth.warn(finding, slot.extended, "time step", late)
+        finding.add(WARN, self._lateness.message)
+        self._growth.warn(finding, inputs.refused, "command", "ignored")
+        self._growth.warn(finding, inputs.refused_wrenches, "wrench message", "ignored")
+        if self._growth.of("conflicts", arbiter.refused) or arbiter.conflict:
             finding.add(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
             finding.add(WARN, f"{publishers} publishers on {topic}")
         return finding
 
     def _check_simulation(self) -> Finding:
-        engine, finding = self.engine, Finding("simulation")
+        node, engine, finding = self._node, self._node.engine, Finding("simulation")
         state, stops = engine.queue.run(
             lambda: (engine.simulator.state, engine.simulator.stop_torque)
         )
-        names, account = engine.simulator.joint_names, self.outputs.energy.account()
+        names, account = engine.simulator.joint_names, node.outputs.energy.account()
         pushed = [f"{name} {x:.4g}" for name, x in zip(names, stops, strict=True) if x != 0.0]
         finding.values = {
-            "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
+            "time [s]": state.time, "stamps": node.outputs.stamps.name, "tf": node.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": ", ".join(pushed) or "none",
             "method": engine.simulator.choice.method.name,
@@ -124,10 +106,10 @@ class SimDiagnostics:
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
         piled_up = "of first order: too many events"
-        self.growth.warn(finding, state.time_stepped, "time step", piled_up)
-        if self.outputs.clock is not None:
-            finding.add(ERROR, self.outputs.clock.alarm.message)
-        finding.add(ERROR, self.competitors.alarm.message)
+        self._growth.warn(finding, state.time_stepped, "time step", piled_up)
+        if node.outputs.clock is not None:
+            finding.add(ERROR, node.outputs.clock.alarm.message)
+        finding.add(ERROR, node.competitors.alarm.message)
         finding.add(ERROR, engine.failure)
         if (error := engine.energy.error) > UNBALANCED:
             finding.add(
@@ -138,24 +120,25 @@ class SimDiagnostics:
             )
         return finding
 
-    def _check_recorder(self, recorder: TickRecorder) -> Finding:
-        finding, thread = Finding("recording"), recorder.thread
+    def _check_recorder(self) -> Finding:
+        finding, recorder = Finding("recording"), self._node.recorder
+        thread = recorder.thread
         finding.values = {
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
             "messages lost": thread.lost, "written [B]": thread.written,
         }  # fmt: skip
         for count, item in ((recorder.lost, "time step"), (thread.lost, "message")):
-            self.growth.warn(finding, count, item, f"not in the recording: {thread.trouble}")
+            self._growth.warn(finding, count, item, f"not in the recording: {thread.trouble}")
         finding.add(ERROR, thread.failure)
         return finding
 
-    def _check_lockstep(self, lockstep: Lockstep) -> Finding:
-        finding = Finding("lockstep")
+    def _check_lockstep(self) -> Finding:
+        finding, lockstep = Finding("lockstep"), self._node.lockstep
         finding.values = {
             "asked again": lockstep.repeated, "ignored": lockstep.waiting.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        self.growth.warn(finding, lockstep.repeated, "state", "published again")
+        self._growth.warn(finding, lockstep.repeated, "state", "published again")
         if lockstep.gone:
             finding.add(ERROR, "the partner does not answer; time stands still")
         return finding

@@ -15,7 +15,7 @@ from arm_dynamics.model.description import AllJoints, Links
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.frames import Frames
-from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics
+from arm_sim.ros.interfaces import ALL_JOINT_STATES
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -73,11 +73,11 @@ class Display:
         writer = JointStateWriter(self._all.names, frame_id=params.frame_id)
         self._states = JointStateSink(node, ALL_JOINT_STATES, writer, self._all.arrays)
         if params.publish_tf:
-            self.frames = "not published: tf2_msgs is not installed"
-            if (topics := frames_topics()) is not None:
-                links, prefix = Links(model), params.frame_prefix
-                self._tf = Frames(node, links, self._all.names, prefix, *topics)
+            try:
+                self._tf = Frames(node, Links(model), self._all.names, params.frame_prefix)
                 self.frames = "published"
+            except ImportError:
+                self.frames = "not published: tf2_msgs is not installed"
         self._updates, self._sends_states, self._sends_frames = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
         self._timer.cancel()

@@ -8,13 +8,14 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import Links
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.common.topics import advertise
-from arm_dynamics.ros.interfaces import Topic
+from arm_dynamics.ros.common.endpoints import advertise
+from arm_dynamics.ros.interfaces import LATCHED, Topic
 
 _RSP = "robot_state_publisher"
 
@@ -22,11 +23,16 @@ _RSP = "robot_state_publisher"
 class Frames:
     """Publishes transforms: the fixed ones once (latched), the others on request."""
 
-    def __init__(
-        self, node: Node, links: Links, names: Sequence[str], prefix: str, moving: Topic,
-        still: Topic,
-    ) -> None:  # fmt: skip
-        """Advertise, and publish the fixed ones; ``names`` are the joints of later positions."""
+    def __init__(self, node: Node, links: Links, names: Sequence[str], prefix: str) -> None:
+        """Advertise, and publish the fixed ones; ``names`` are the joints of later positions.
+
+        Raises:
+            ImportError: Without tf2_msgs.
+        """
+        from tf2_msgs.msg import TFMessage
+
+        moving = Topic("/tf", TFMessage, publish=QoSProfile(depth=100))
+        still = Topic("/tf_static", TFMessage, publish=LATCHED)
         self._node, self._links, self._names = node, links, names
         self._publisher, static = advertise(node, moving), advertise(node, still)
         self._topic = node.resolve_topic_name(moving.name)

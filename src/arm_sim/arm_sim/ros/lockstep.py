@@ -8,8 +8,8 @@ from ctypes import byref
 
 from rclpy.node import Node
 
+from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.common.topics import subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.node_library import LOOP, library

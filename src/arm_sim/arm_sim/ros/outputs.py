@@ -13,8 +13,8 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.convert import as_bytes, to_time
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.display import AllJointStates

@@ -188,13 +188,11 @@ class TickEngine:
             error, ticks.error, ticks.broken = ticks.error, None, 0
             if error is not None:
                 raise error
-            self._diverged()
+            reason = self._arm.diverged()
+            self._fail(
+                f"paused, the last good state is kept; reset or set the joint state: {reason}"
+            )
         return result
-
-    @property
-    def may_step(self) -> bool:
-        """Whether ``step`` is allowed: nothing else executes ticks."""
-        return self.paused or not self._self_running
 
     def step(self, steps: int) -> None:
         """Execute some ticks with the newest command, which does not age.
@@ -205,17 +203,12 @@ class TickEngine:
         """
         if not 1 <= steps <= MAX_STEPS:
             raise InvalidInput(f"steps = {steps}; allowed: 1 to {MAX_STEPS}")
-        if not self.may_step:
+        if self._self_running and not self.paused:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self._run(library().read_commands)
         completed = self._run(library().advance, steps)
         if completed < steps:
             raise SimulationDiverged(f"after {completed} of {steps} steps; that state is kept")
-
-    def _diverged(self) -> None:
-        """Pause at the last good state."""
-        error = self._arm.diverged()
-        self._fail(f"paused, the last good state is kept; reset or set the joint state: {error}")
 
     def _fail(self, reason: str) -> None:
         self.ticks.paused, self.failure = True, reason

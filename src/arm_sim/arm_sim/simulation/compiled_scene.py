@@ -12,9 +12,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.present import PresentDynamics
-from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.recording.witness import Witness
+from arm_sim.recording.physics import Physics
 from arm_sim.simulation.plan import Plan
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
     from arm_sim.servo import Rest, Servo
 
 
-class CompiledScene:
+class CompiledScene(Physics):
     """What is built from a plant and a choice of method; replaced as a whole if one changes.
 
     Args:
@@ -36,7 +34,7 @@ class CompiledScene:
 
     @one_at_a_time
     def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
-        self.plant, self.choice, self.backend = plant, choice, backend
+        super().__init__(lambda: plant, choice, backend)
         self.stepper = Stepper(plant, choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
 
@@ -93,22 +91,6 @@ class CompiledScene:
         from arm_sim.servo import Rest
 
         return Rest(self.plant, self.choice.dt)
-
-    @cached_property
-    def present(self) -> PresentDynamics:
-        """Numeric dynamics with the current tunable quantities, by Pinocchio."""
-        return PresentDynamics(self.plant)
-
-    @cached_property
-    def energy_account(self) -> EnergyAccount:
-        """Computes the energy account of motions, with dynamics of its own, in any thread."""
-        own = PresentDynamics(self.plant)
-        return EnergyAccount(self.plant, own, self.choice, self.backend)
-
-    @cached_property
-    def witness(self) -> Witness:
-        """Repeats motions by other means, to estimate their error."""
-        return Witness(self.plant, self.choice, self.backend)
 
     @built_once
     def plan(self) -> Plan:

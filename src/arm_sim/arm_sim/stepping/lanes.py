@@ -118,6 +118,16 @@ def widths(lanes: int | None) -> tuple[int, ...]:
     return (lanes, 1) if lanes > 1 else (1,)
 
 
+def widest(
+    lanes: int | None, code_of: Callable[[int], Compiled | None]
+) -> tuple[Compiled | None, int]:
+    """Code for the first of the ``widths`` of which there is any, and that width."""
+    for width in widths(lanes):
+        if (code := code_of(width)) is not None:
+            return code, width
+    return None, 1
+
+
 def natural_width() -> int:
     """Doubles in a vector register of the processor that code is compiled for."""
     extensions = compiler.instructions()

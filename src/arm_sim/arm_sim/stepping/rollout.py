@@ -6,7 +6,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from arm_sim.stepping.lanes import (
     has_unmonitored_switches,
     natural_width,
     ticks_of_lanes,
+    widest,
     widths,
 )
 from arm_sim.stepping.stepper import Stepper
@@ -84,17 +85,18 @@ class Rollouts:
         together &= not has_unmonitored_switches(plant)
         self._in_registers = together and backend != "vm"
         self._controlled = choice.tolerance is not None and not self._smooth.eventful
-        self._libraries: dict[int, Compiled | None] = {}
+        self._code_of = cache(self._built)
         self._engine = Engine.of(stepper) if self._smooth.eventful else None
         self._resting: list[Stepper] = []
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
-        wide, together = widths(lanes), self._in_registers
+        widths(lanes)  # which checks them
+        together = self._in_registers
         short = self._choice.tolerance is None and not self._smooth.eventful
-        if lanes is None and not (short or self._libraries):
+        if lanes is None and not (short or self._code_of.cache_info().currsize):
             together &= len(batch.x0) * batch.steps >= MANY_TICKS
-        code, width = self._library(wide) if together else (None, 1)
+        code, width = widest(lanes, self._code_of) if together else (None, 1)
 
         marks = Marks(len(batch.x0))
 
@@ -129,7 +131,7 @@ class Rollouts:
         self._lanes_here()
 
     def _lanes_here(self) -> Compiled | None:
-        return self._library(widths(None))[0] if self._in_registers else None
+        return widest(None, self._code_of)[0] if self._in_registers else None
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
@@ -219,22 +221,12 @@ class Rollouts:
         except IndexError:
             return self._stepper.twin()
 
-    def _library(self, wide: tuple[int, ...]) -> tuple[Compiled | None, int]:
-        """Compiled code and the number of arms that it advances side by side."""
-        for width in wide:
-            if width not in self._libraries:
-                self._libraries[width] = self._built(width)
-            if (code := self._libraries[width]) is not None:
-                return code, width
-        return None, 1
-
     def _built(self, width: int) -> Compiled | None:
+        """Compiled code that advances so many arms side by side."""
         if width == 1 and (self._choice.tolerance is not None or self._smooth.eventful):
             return None
         name = "controlled_rollout" if self._controlled else "rollout"
         types = [ADDRESS, NUMBER, NUMBER, ADDRESS, ctypes.c_int, ADDRESS]
-        return built_of_lanes(self._written, width, name, types)
-
-    def _written(self, width: int) -> str:
         plant = self._plant if self._smooth.eventful else self._smooth
-        return ticks_of_lanes(plant, self._choice, width, self._control)
+        write = partial(ticks_of_lanes, plant, self._choice, control=self._control)
+        return built_of_lanes(write, width, name, types)

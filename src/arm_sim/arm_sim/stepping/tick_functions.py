@@ -8,7 +8,7 @@ from functools import partial
 import casadi as ca
 
 from arm_sim.integrators.selection import Choice
-from arm_sim.integrators.steps import build_attempt, build_step
+from arm_sim.integrators.steps import build_step
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.slopes import scaled_jacobian
 
@@ -41,8 +41,6 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     """
     n, method, project = plant.model.n, choice.method, plant.mechanics.project
     loads, scaled = plant.events.get("loads"), partial(scaled_jacobian, plant)
-    name = f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
-    options = project, scaled, name, plant.eventful, loads
-    if choice.tolerance is None:
-        return build_step(method, plant.rhs, n, *options)
-    return build_attempt(method, plant.rhs, n, plant.laws.scale, *options)
+    kind, scale = ("step", None) if choice.tolerance is None else ("attempt", plant.laws.scale)
+    options = project, scaled, f"{prefix}{kind}", plant.eventful, loads, scale
+    return build_step(method, plant.rhs, n, *options)

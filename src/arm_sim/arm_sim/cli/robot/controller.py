@@ -11,7 +11,6 @@ from geometry_msgs.msg import PoseStamped
 
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_dynamics.trajectory import files
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.robot.listener import Listener, full, trajectory_message
 from arm_sim.cli.robot.node_parameters import Parameters
@@ -107,15 +106,8 @@ class Controller(Listener):
             raise click.ClickException("the controller has no task_frame; set one with --frame")
         return task_frame
 
-    def send_joints(self, positions: Mapping[str, float], duration: float) -> None:
-        """Send joints to positions in [rad] or [m] within a duration in [s]."""
-        self._send_trajectory(positions, [Waypoint(duration, list(positions.values()))])
-
-    def send_points(self, trajectory: files.JointTrajectory) -> None:
-        """Send joints along a trajectory from its first point."""
-        self._send_trajectory(trajectory.joint_names, trajectory.points[1:])
-
-    def _send_trajectory(self, names: Iterable[str], waypoints: Sequence[Waypoint]) -> None:
+    def send_trajectory(self, names: Iterable[str], waypoints: Sequence[Waypoint]) -> None:
+        """Send joints from where they are through waypoints."""
         message = trajectory_message(names, waypoints)
         self._target = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
         self._send(interfaces.JOINT_TRAJECTORY, message)

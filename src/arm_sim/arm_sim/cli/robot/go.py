@@ -103,7 +103,7 @@ def go(
                 _follow(controller, *_joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
             description = f"{len(points.points)} points in {seconds} s"
-            send = partial(controller.send_points, points)
+            send = partial(controller.send_trajectory, points.joint_names, points.points[1:])
         _follow(controller, description, send, tolerance, no_wait)
 
 
@@ -111,12 +111,15 @@ def _joint_motion(
     controller: Controller, target: dict[str, float], duration: float | None
 ) -> tuple[str, Callable[[], None]]:
     """Description of a motion of joints, and the function that sends it."""
+    from arm_dynamics.trajectory.reference import Waypoint
+
     reference = controller.reference
     seconds = duration or unhurried(target, reference)
     start = {name: f"{number(x, 4)} " for name, x in reference.items()}  # not of mimic joints
     moves = [f"{name} {start.get(name, '')}→ {number(x, 4)}" for name, x in target.items()]
     description = f"{', '.join(moves)}, in {number(seconds, 3)} s"
-    return description, partial(controller.send_joints, target, seconds)
+    waypoints = [Waypoint(seconds, list(target.values()))]
+    return description, partial(controller.send_trajectory, target, waypoints)
 
 
 def _follow(

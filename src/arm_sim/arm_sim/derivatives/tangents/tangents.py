@@ -24,7 +24,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widths
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widest
 from arm_sim.stepping.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
@@ -245,9 +245,9 @@ class Tangents:
         """
         threads, lanes = cores
         # With events lanes save less time than their compilation takes.
-        candidates = (1,) if self._functions.event_free and lanes is None else widths(lanes)
-        libraries = ((self.library(width), width) for width in candidates)
-        code, width = next((code, width) for code, width in libraries if code is not None)
+        lanes = 1 if self._functions.event_free and lanes is None else lanes
+        code, width = widest(lanes, self.library)
+        assert code is not None  # see ``native``
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         ticks = np.zeros(0 if self.engine is None else len(after), np.int64)
         table.unfinished, columns.initial_state_varied = marks.place, begins

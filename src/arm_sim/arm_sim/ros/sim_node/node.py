@@ -10,12 +10,11 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.endpoints import advertise, subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
-from arm_dynamics.ros.common.topics import advertise, subscribe
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.competing_publishers import CompetingPublishers
@@ -48,6 +47,7 @@ class SimNode(Node):
         params: Current parameters.
         engine: Advances the simulation; independent of ROS.
         inputs: Incoming commands and wrenches.
+        outputs: Messages in the course of ticks.
         lockstep: Waits for answers, or None.
         competitors: Others who publish joint states of this arm.
         display: Publishes all joints and frames for visualization.
@@ -80,7 +80,7 @@ class SimNode(Node):
         self._background = Background("servos") if params.tick_source == CLOCK else None
         self.engine = engine = self._engine_of(params)
         self.inputs = inputs = Inputs(self, engine)
-        self._outputs = outputs = Outputs(
+        self.outputs = outputs = Outputs(
             self, engine, params, account_read=lambda: self.diagnosis.has_subscribers
         )
         self.competitors = inputs.competitors = CompetingPublishers(
@@ -101,7 +101,7 @@ class SimNode(Node):
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine, params, outputs.stamp)
-        self.diagnostics = self._diagnostics_of(params)
+        self.diagnostics = SimDiagnostics(self)
         self.diagnosis = Diagnosis(self, self.diagnostics)
         if params.publish_description and source != FROM_TOPIC:
             advertise(self, ROBOT_DESCRIPTION).publish(String(data=robot_scene.description))
@@ -139,15 +139,7 @@ class SimNode(Node):
             return None
         from arm_sim.ros.record.node_recorder import attach_recorder  # not imported otherwise
 
-        return attach_recorder(self, params.record, self.engine, self.inputs, self._outputs)
-
-    def _diagnostics_of(self, params: SimParams) -> SimDiagnostics:
-        period, trip = params.publish_every * self.simulator.dt, self.engine.round_trip
-        return SimDiagnostics(
-            self, params, self.engine, self.loop, self.inputs, self._outputs, self.display,
-            self.lockstep, self.recorder, self.competitors,
-            Lateness(self, trip.take_oldest, period, "commands were up to {:.2g} s old"),
-        )  # fmt: skip
+        return attach_recorder(self, params.record, self.engine, self.inputs, self.outputs)
 
     def _start(self) -> None:
         params = self.params
@@ -159,8 +151,8 @@ class SimNode(Node):
                 f"parameters without effect, since time steps are triggered by "
                 f"{params.tick_source}: {', '.join(unused)}"
             )
-        self._outputs.publish()
-        self._outputs.stamps.release()  # building took time
+        self.outputs.publish()
+        self.outputs.stamps.release()  # building took time
         if self.lockstep is not None:
             self._claim_privileges()
             self.lockstep.wait()
@@ -168,7 +160,7 @@ class SimNode(Node):
             middleware = MiddlewareThreads()
             self.engine.arriving = lambda: middleware.busy
             self.engine.queue.served = True
-            self._outputs.energy.watch(params.energy_period / (params.realtime_factor or 1.0))
+            self.outputs.energy.watch(params.energy_period / (params.realtime_factor or 1.0))
             self.loop.start()
 
     def _apply(self, params: SimParams) -> None:
@@ -227,7 +219,7 @@ class SimNode(Node):
     def _end(self) -> None:
         self.loop.stop()
         self.engine.queue.served = False
-        self._outputs.energy.close()
+        self.outputs.energy.close()
         self.inputs.polled.close()
         self.competitors.close()
         self.standard.close()
