@@ -22,10 +22,11 @@ from arm_dynamics.equations import contact
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.tree_builder import contact_points, tree_of
+from arm_sim.plant.energy_flows import EnergyFlows, dissipated_and_external_power
 from arm_sim.plant.mechanics import Mechanics
 from arm_sim.plant.options import SCENE, Options
 from arm_sim.plant.parameters import Parameters
-from arm_sim.plant.state_space import EnergyFlows, StateSpace, dissipated_and_external_power, split
+from arm_sim.plant.state_space import StateSpace, split
 from arm_sim.plant.switches import SwitchedDrives
 from arm_sim.plant.symbols import Layout, Symbols, dense_function, has_cords, mode_counts
 

@@ -20,11 +20,12 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.energy_flows import FLOWS
 from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
-from arm_sim.plant.state_space import FLOWS, split
+from arm_sim.plant.state_space import split
 from arm_sim.stepping.stepper import Stepper
 
 # Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.

@@ -52,7 +52,7 @@ class CompetingPublishers:
         self._node, self._outputs, self._trip = node, outputs, trip
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
         self._ignored = {outputs.states.sender}  # this sim, and publishers of other joints
-        self._competitor, self._last_time = b"", 0.0  # the last publisher of a state, and when
+        self._competitor, self._latest = b"", 0.0  # the last publisher of a state, and when
         self._reader = JointStateReader(Expected((), (), extra=True))
         self._newest: PolledSubscription | None = None
         self.alarm, self._on_change = Alarm(node), on_change
@@ -66,8 +66,8 @@ class CompetingPublishers:
         Raises:
             InvalidInput: If somebody does, and goes on for a while.
         """
-        begin = self._last_time = time.monotonic()
-        while self._find_competitors() and time.monotonic() - self._last_time < _SILENCE:
+        begin = time.monotonic()
+        while self._find_competitors() and time.monotonic() - max(begin, self._latest) < _SILENCE:
             if time.monotonic() - begin > _LEAVING:
                 raise InvalidInput(self._message())
             time.sleep(0.02)
@@ -76,7 +76,7 @@ class CompetingPublishers:
 
     def update(self) -> None:
         """Look whether others published within the last second."""
-        persists = self._find_competitors() and time.monotonic() - self._last_time < _SILENCE
+        persists = self._find_competitors() and time.monotonic() - self._latest < _SILENCE
         if persists != bool(self.alarm.message):
             self.alarm.set(self._message() if persists else "")
             self._on_change()
@@ -122,7 +122,7 @@ class CompetingPublishers:
         if sender != self._competitor and mine.isdisjoint(parsed(self._reader.raw).name):
             self._ignored.add(sender)
         else:
-            self._competitor, self._last_time = sender, time.monotonic()
+            self._competitor, self._latest = sender, time.monotonic()
 
     def _message(self) -> str:
         name = publishers(self._node, self._topic).get(self._competitor, "unknown")

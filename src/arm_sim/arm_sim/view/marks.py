@@ -16,14 +16,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.equations.constraint import across
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
-from arm_dynamics.scene.constraint import (
-    CouplingConstraint,
-    DistanceConstraint,
-    FrameBased,
-    LineConstraint,
-    PlaneConstraint,
-    RollingConstraint,
-)
+from arm_dynamics.scene import constraint as schema
 from arm_sim.stepping.contact_forces import ContactForce
 
 
@@ -135,7 +128,7 @@ class Marker:
         for constraint, count in zip(self._rows.constraints, self._rows.counts, strict=True):
             own = multipliers[first : first + count]
             first += count
-            if isinstance(constraint, CouplingConstraint):
+            if isinstance(constraint, schema.CouplingConstraint):
                 continue
             (a, b), (p, r) = constraint.frames, constraint.points
             point, other = self._point(a, p), self._point(b, r)
@@ -145,15 +138,15 @@ class Marker:
         return np.array(marks).reshape(-1, 2, 3)
 
 
-def _slope(constraint: FrameBased, u: Array) -> Array:
+def _slope(constraint: schema.FrameBased, u: Array) -> Array:
     """Derivative of the position rows of a constraint by u, shape (k, 3)."""
-    if isinstance(constraint, LineConstraint):
+    if isinstance(constraint, schema.LineConstraint):
         return np.asarray(across(constraint.direction))
-    if isinstance(constraint, PlaneConstraint):
+    if isinstance(constraint, schema.PlaneConstraint):
         return np.array([constraint.normal])
-    if isinstance(constraint, DistanceConstraint):
+    if isinstance(constraint, schema.DistanceConstraint):
         return u[None] / constraint.distance
-    if isinstance(constraint, RollingConstraint):
+    if isinstance(constraint, schema.RollingConstraint):
         return np.asarray(across(constraint.normal))
     return np.eye(3)  # a point, or the first rows of a weld
 

@@ -9,14 +9,8 @@ from typing import Any
 import click
 from geometry_msgs.msg import PoseStamped
 
+from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_dynamics.ros.interfaces import (
-    CARTESIAN_GOAL,
-    CONTROLLER_STATE,
-    JOINT_STATES,
-    JOINT_TRAJECTORY,
-    Topic,
-)
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.robot.listener import Listener, full, trajectory_message
 from arm_sim.cli.robot.node_parameters import Parameters
@@ -45,9 +39,10 @@ class Controller(Listener):
         self._target: Mapping[str, float] = {}
         self._reports = Reports()
         self._reports.join(self)
-        self.subscribe(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
+        topic = interfaces.CONTROLLER_STATE
+        self.subscribe(topic, self._topic(topic), self._on_state)
 
-    def _topic(self, topic: Topic) -> str:
+    def _topic(self, topic: interfaces.Topic) -> str:
         return topic.name.replace("~", self._name)
 
     def _on_state(self, state: Any) -> None:
@@ -89,7 +84,7 @@ class Controller(Listener):
         """Wait for the controller's state, or fail with what is missing."""
         if self.until(lambda: self._state is not None, self._timeout):
             return
-        if self._name in self.nodes() or self.publishers(self._topic(CONTROLLER_STATE)):
+        if self._name in self.nodes() or self.publishers(self._topic(interfaces.CONTROLLER_STATE)):
             raise click.ClickException(
                 f"the controller {self._name} is there, but moves nothing: it has answered no "
                 f"joint state for {self._timeout:g} s\n  {self._cause()}\n  {self.where()}"
@@ -115,16 +110,16 @@ class Controller(Listener):
         """Send joints from where they are through waypoints."""
         message = trajectory_message(names, waypoints)
         self._target = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
-        self._send(JOINT_TRAJECTORY, message)
+        self._send(interfaces.JOINT_TRAJECTORY, message)
 
     def send_pose(self, numbers: Sequence[float]) -> None:
         """Send the task frame to x y z in [m] and a quaternion x y z w, in the world."""
         message = PoseStamped()
         x, q = message.pose.position, message.pose.orientation
         x.x, x.y, x.z, q.x, q.y, q.z, q.w = map(float, numbers)
-        self._send(CARTESIAN_GOAL, message)
+        self._send(interfaces.CARTESIAN_GOAL, message)
 
-    def _send(self, topic: Topic, message: Any) -> None:
+    def _send(self, topic: interfaces.Topic, message: Any) -> None:
         name = self._topic(topic)
         publisher = self.publisher(topic, name)
         if not self.until(lambda: publisher.get_subscription_count() > 0, self._timeout):
@@ -189,7 +184,7 @@ class Controller(Listener):
 
     def _cause(self) -> str:
         """Why there are no states, as far as the nodes of this namespace report it."""
-        topic, prefix = f"{self._space}/{JOINT_STATES.name}", self._space.lstrip("/")
+        topic, prefix = f"{self._space}/{interfaces.JOINT_STATES.name}", self._space.lstrip("/")
         paused = self._reports.values("paused").items()
         if any(name.startswith(prefix) and x == "true" for name, x in paused):
             return "the simulation is paused; ./arm call resume ends that"
