@@ -44,7 +44,7 @@ SAYS = {
         "imperfections": "sensors, lines",
         "exceptions": "SimulationDiverged",
         "figures": "one style",
-        "long_runs": "Ctrl-C, memory",
+        "memory": "refuses what does not fit",
     },
     "arm_dynamics": {
         "terms": "the table of terms",

@@ -88,7 +88,7 @@ def across(
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher = node.create_publisher(JointTrajectory, "controller/joint_trajectory", 10)
-    answers = lambda: node.inputs.round_trip.histogram.percentiles().count  # noqa: E731
+    answers = lambda: node.engine.round_trip.histogram.percentiles().count  # noqa: E731
     _spin(executor, lambda: publisher.get_subscription_count() and answers(), 30.0)
     message = JointTrajectory(joint_names=list(node.simulator.joint_names))
     message.header.stamp.nanosec = START

@@ -19,15 +19,17 @@ from own_controllers import Springs
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.trajectory import Waypoint
-from arm_sim import ClosedLoop, Recording, Simulator, long_runs
+from arm_sim import ClosedLoop, Recording, Simulator, memory
+from arm_sim.simulation import progress
+from arm_sim.stepping import slices
 
 SOON = 15.0  # [s] of a busy machine; each of these would take minutes
 WORKS = """
 import sys
 import numpy as np
-from arm_sim import ClosedLoop, Simulator, long_runs
+from arm_sim import ClosedLoop, Simulator, memory
 
-long_runs.ALLOWED = 1e9
+memory.LARGEST_SHARE = 1e9
 sim = Simulator("two_link", tolerance=1e-10)
 smooth = Simulator("two_link", integrator="rk4", dt=1e-3)
 pair, folder = ClosedLoop("two_link"), sys.argv[1]
@@ -79,14 +81,15 @@ class Terminal(io.StringIO):
 def shown(monkeypatch: pytest.MonkeyPatch, step: float, ticks: int = 20) -> list[str]:
     """What a terminal shows of a run in which each look at the clock takes a time."""
     times = itertools.count(100.0, step)
-    monkeypatch.setattr(long_runs, "perf_counter", lambda: next(times))
+    for module in (progress, slices):
+        monkeypatch.setattr(module, "perf_counter", lambda: next(times))
     screen, sim = Terminal(), models.simulator("two_link", integrator="rk4", dt=0.1)
     with redirect_stderr(screen):
         sim.run(0.1 * ticks, lambda state: [0.0, 0.0])
     return screen.getvalue().split("\r")
 
 
-def test_progress_is_told_after_two_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_reported_after_two_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shown(monkeypatch, 0.02) == [""], "quick"
     before, *lines, erased, rest = shown(monkeypatch, 0.15)
     assert before == erased.strip() == rest == ""
@@ -97,7 +100,7 @@ def test_progress_is_told_after_two_seconds(monkeypatch: pytest.MonkeyPatch) -> 
 def test_where_messages_are_logged_progress_is_one_of_them(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.INFO, long_runs.__name__)
+    caplog.set_level(logging.INFO, progress.__name__)
     assert shown(monkeypatch, 0.5, 40) == [""]
     said = [record.getMessage() for record in caplog.records]
     assert len(said) == 4 and all("s simulated" in each for each in said), "after 2, 4, 8, 16 s"
@@ -105,12 +108,12 @@ def test_where_messages_are_logged_progress_is_one_of_them(
 
 def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     sim = models.simulator("two_link", integrator="rk4", dt=1e-3)
-    monkeypatch.setattr(long_runs, "_available", lambda: 5e8)
+    monkeypatch.setattr(memory, "_available", lambda: 5e8)
     with pytest.raises(InvalidInput, match=r"10000000 time steps takes \d\.\d+ GB .* the 0.5 GB"):
         sim.run(1e4)
     assert sim.state.time == 0.0
-    monkeypatch.setattr(long_runs, "_SMALL", 0)
-    monkeypatch.setattr(long_runs, "_available", lambda: 5e5)
+    monkeypatch.setattr(memory, "_UNCHECKED", 0)
+    monkeypatch.setattr(memory, "_available", lambda: 5e5)
     with pytest.raises(InvalidInput, match=r"record\(path, duration"):
         sim.run(5.0)
     assert len(sim.run(1.0)) == 1001
@@ -122,12 +125,12 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatc
 
 def test_the_memory_of_a_container_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     limit = tmp_path / "memory.max"
-    monkeypatch.setattr(long_runs, "_CONTAINER", (limit, tmp_path / "none"))
-    free = long_runs._available()
+    monkeypatch.setattr(memory, "_CONTAINER_LIMITS", (limit, tmp_path / "none"))
+    free = memory._available()
     limit.write_text("max\n")
-    assert 1e6 < long_runs._available() < 2.0 * free < float("inf")
+    assert 1e6 < memory._available() < 2.0 * free < float("inf")
     limit.write_text("1000000\n")
-    assert long_runs._available() == 1e6
+    assert memory._available() == 1e6
 
 
 def in_a_loop(folder: Path) -> tuple[Any, Any]:

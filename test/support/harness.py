@@ -15,8 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.ros.common.dead_segments import FOLDER, SEGMENTS
-from arm_dynamics.ros.common.transport import PROFILES, as_usual
+from arm_dynamics.ros.common.transport import FOLDER, PROFILES, SEGMENTS, as_usual
 
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
 RESERVATIONS = 22_119  # first of the ports that stand for domains in use

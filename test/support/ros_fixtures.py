@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from harness import Ros
 
-from arm_dynamics.ros.common.dead_segments import clear_dead
-from arm_dynamics.ros.common.transport import by_udp
+from arm_dynamics.ros.common.transport import by_udp, clear_dead
 
 
 @pytest.fixture(autouse=True)

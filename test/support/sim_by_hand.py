@@ -37,7 +37,7 @@ class Waiting:
     """Commands that have come since the last tick, in place of the middleware."""
 
     def __init__(self, node: SimNode) -> None:
-        node.inputs.close()
+        node.inputs.polled.close()
         self.messages = offered(node.inputs, node.engine)
 
 

@@ -164,18 +164,18 @@ def function_of_state(control: Callable[..., Any]) -> Callable[..., Any]:
     return control
 
 
-def clipped(model: ArmModel, joint: int, asked: float, whose: str = "command") -> str:
+def clipping_message(model: ArmModel, joint: int, command: float, whose: str = "command") -> str:
     """The warning that a command beyond its limit is clipped.
 
     Args:
         model: The arm.
         joint: Index of the joint.
-        asked: The command.
-        whose: Who asks.
+        command: The command.
+        whose: Whose it is.
     """
     unit, limit = model.command_unit[joint], model.command_limit[joint]
     return (
-        f"{whose} {asked:.6g} {unit} of joint '{model.joint_names[joint]}' exceeds its limit of "
+        f"{whose} {command:.6g} {unit} of joint '{model.joint_names[joint]}' exceeds its limit of "
         f"{limit:.6g} {unit} and is clipped to it"
     )
 
@@ -207,7 +207,7 @@ class SaturationNotice:
         joint = np.argmax(np.any(cut, axis=0))
         asked = np.atleast_2d(command)[:, joint]
         farthest, whose = asked[np.argmax(abs(asked))], "servo's command" if servo else "command"
-        text = clipped(self._model, int(joint), float(farthest), whose)
+        text = clipping_message(self._model, int(joint), float(farthest), whose)
         _log.warning("%s; reported once", text)
         if servo:
             self._logged_for_servo = True

@@ -109,7 +109,7 @@ def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient
         ([0.0], Refused, "1 numbers; allowed: a multiple of 2"),
         ([0.0, np.nan], Refused, "'elbow' at point 0 is nan"),
         ([[[0.0, 0.0]]], InvalidInput, r"shape \(1, 1, 2\)"),
-        ("here", InvalidInput, "numbers of one shape"),
+        ("here", InvalidInput, "real numbers are expected"),
     ],
 )
 def test_bad_input_gets_one_clear_error(

@@ -120,7 +120,7 @@ def test_without_constraints_the_tree_moves(domain: int) -> None:
     [
         ({"multipliers": [0.0, 0.0, np.inf]}, Refused, "not finite"),
         ({"q": np.zeros((MAX_TERMS_POINTS + 1, 3))}, Refused, f"up to {MAX_TERMS_POINTS}"),
-        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much'; expected real numbers"),
+        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much': real numbers are expected"),
     ],
 )
 def test_bad_questions_about_the_loop(
@@ -209,7 +209,7 @@ def test_what_is_not_reached_is_an_error_that_holds_the_nearest(panda: ArmClient
     [
         ({"frame": "paw"}, Refused, "frame 'paw' does not exist"),
         ({"pose": [0.0] * 6}, InvalidInput, r"pose has shape \(6,\); expected \(7,\) or \(k, 7\)"),
-        ({"pose": [[0.0], [0.0, 1.0]]}, InvalidInput, "numbers of one shape"),
+        ({"pose": [[0.0], [0.0, 1.0]]}, InvalidInput, "real numbers are expected"),
         ({"axes": 3}, InvalidInput, "axes = 3; expected names"),
     ],
 )

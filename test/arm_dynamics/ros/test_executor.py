@@ -15,9 +15,9 @@ from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import executor as module
+from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.executable import run
 from arm_dynamics.ros.common.executor import make_executor, spin
-from arm_dynamics.ros.common.topics import subscribe
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 pytestmark = pytest.mark.ros

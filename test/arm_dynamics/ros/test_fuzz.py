@@ -82,7 +82,7 @@ def test_requests_of_any_kind(
         ros.spin_until(client.service_is_ready)
     names = list(node.dynamics.joint_names)
     for service, client in clients.items():
-        while service not in node._compiled.compiled:
+        while service not in (compiled_services.COMPILED[k][0] for k in node._compiled._running):
             future = client.call_async(service.type.Request(position=[0.1] * len(names)))
             ros.spin_until(future.done)
     before = node._compiled.counts.answered

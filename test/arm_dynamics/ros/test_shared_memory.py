@@ -7,7 +7,7 @@ import sys
 
 from harness import Ros, segments, surroundings
 
-from arm_dynamics.ros.common.dead_segments import FOLDER, clear_dead
+from arm_dynamics.ros.common.transport import FOLDER, clear_dead
 
 NODE = """
 import rclpy

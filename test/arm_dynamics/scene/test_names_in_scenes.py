@@ -88,7 +88,8 @@ def test_frames_that_exist_or_are_the_world_may_be_tied(frames: tuple[str, str])
 def test_either_frame_of_a_constraint_must_exist(frames: tuple[str, str]) -> None:
     fine = {"type": "point", "frames": ["d", "world"]}
     assert refusal(scene(fine, {"type": "frame", "frames": list(frames)})) == (
-        f"scene: 'constraints.1.frames' names 'x', which does not exist; allowed: world, {FRAMES}"
+        f"scene: 'constraints.1.frames.{frames.index('x')}' = 'x' does not exist; "
+        f"allowed: world, {FRAMES}"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, InvalidInput, Unreachable
 from arm_dynamics.trajectory import time_scaling
-from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely, torque_limits
+from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
 from models.driven import wheel
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
@@ -96,12 +96,12 @@ def test_the_joint_that_cannot_bear_its_weight_is_named(joint: int, name: str) -
 
 def test_torque_limits_are_the_callers_or_the_models() -> None:
     dyn = models.dynamics("planar_3r")
-    assert torque_limits(dyn, None).tolist() == [80.0, 40.0, 20.0]
-    assert torque_limits(dyn, 5.0).tolist() == [5.0, 5.0, 5.0]
-    assert torque_limits(dyn, [1.0, np.inf, 3.0]).tolist() == [1.0, np.inf, 3.0]
+    expected = (None, [80.0, 40.0, 20.0]), (5.0, [5.0] * 3), ([1.0, np.inf, 3.0], [1.0, 3.0])
+    for limit, limits in expected:
+        assert Capacity.of(dyn, limit, np.inf).limits[-len(limits) :].tolist() == limits
     for bad in (0.0, -1.0, [1.0, 2.0], np.nan):
         with pytest.raises(InvalidInput, match="^limit is"):
-            torque_limits(dyn, bad)
+            Capacity.of(dyn, bad, np.inf)
 
 
 def test_a_gear_that_loses_much_at_speed_is_no_reason_to_refuse() -> None:

@@ -183,7 +183,7 @@ def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: Tic
 def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
     inputs: Inputs, engine: TickEngine, stamp: int, sent: int, alone: bool, acts: float
 ) -> None:
-    library().sent(byref(inputs.round_trip), sent)
+    library().sent(byref(engine.round_trip), sent)
     if not alone:
         engine.arbiter.admit("other", frozenset({6}))
     offered(inputs, engine, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
@@ -195,7 +195,7 @@ def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
 def test_answers_are_timed_from_state_to_arrival(
     inputs: Inputs, engine: TickEngine, waits: bool
 ) -> None:
-    trip = inputs.round_trip
+    trip = engine.round_trip
     for stamp in 5, 6, 7:
         library().sent(byref(trip), stamp)
     arrival, late = int(trip._times[0]), 10**6
@@ -211,8 +211,8 @@ def test_answers_are_timed_from_state_to_arrival(
 
 def test_after_it_is_closed_nothing_is_read(inputs: Inputs, engine: TickEngine) -> None:
     waiting = offered(inputs, engine, [command(joint1=1.0)])
-    inputs.close()
-    inputs.close()
+    inputs.polled.close()
+    inputs.polled.close()
     read(engine)
     assert waiting and acting(engine) == ZERO
 

@@ -56,7 +56,7 @@ def test_clear_forgets(commands: LatestCommand, taken: int) -> None:
     assert bool(commands.stale) == (taken == 4)
     commands.clear()
     for _ in range(2):
-        assert (commands.empty, commands.stale, commands.age) == (True, 0, 0)
+        assert (commands.any, commands.stale, commands.age) == (0, 0, 0)
         np.testing.assert_array_equal(take(commands, Q), [0.0, 0.0])
 
 

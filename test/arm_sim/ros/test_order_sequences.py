@@ -71,7 +71,7 @@ class Sim:
         self.node.inputs._warn = self.told.append
         self.lateness = Histogram()
         self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
-        newest: Any = self.node.inputs._newest
+        newest: Any = self.node.inputs.polled._subscription
         self._to = newest.pointer
 
     def hears(self, messages: list[bytes]) -> None:
@@ -110,12 +110,12 @@ class Sim:
             "time": simulator.arm.step_count, "state": simulator.arm.x.tobytes(),
             "acted": simulator.arm.acted.tobytes(),
             "parameters": simulator.arm.parameters.tobytes(),
-            "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
+            "commands": (slot.any, slot.age, slot.stale, slot.stale_count),
             "next": str(next_command(slot, simulator.arm.x[:2])),
             "sources": [(k, s.joints, s.last_time, s.count) for k, s in arbiter._streams.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),
-            "engine": (engine.paused, engine.failure, engine.held, engine.pushed_frames),
+            "engine": (engine.paused, engine.failure, engine.held, engine.wrenches.active),
             "told": self.told,
         }  # fmt: skip
 

@@ -53,7 +53,7 @@ def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0)
     publisher = ros.publisher(WrenchStamped, "/sim/wrench")
     publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
-    ros.spin_until(lambda: node.engine.pushed_frames)
+    ros.spin_until(lambda: node.engine.wrenches.active)
     ticks(node, 10)
     assert np.any(node.simulator.state.q != models.simulator("two_link").state.q)
     node.requests.answer(RESET)
@@ -79,7 +79,7 @@ def test_bad_wrenches_are_passed_over(
     node = by_hand(ros)
     node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
-    assert node.engine.pushed_frames == ()
+    assert node.engine.wrenches.active == ()
     assert "1 wrench message ignored" in finding(node, "commands").message
 
 
@@ -185,7 +185,7 @@ def energy(node: SimNode) -> tuple[float, float]:
 def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
     node = by_hand(ros, command_timeout=0.005, wrench_timeout=1.0)
     node.inputs.on_joint_commands(command("leader"))
-    trip = node.inputs.round_trip
+    trip = node.engine.round_trip
     trip.reset()
     for state, arrival in (7, 3_000_000), (8, 5_000_000):  # 3 and 5 ms after they were sent
         library().sent(byref(trip), state)
@@ -399,7 +399,7 @@ def test_counters_are_reset(ros: Ros) -> None:
     ticks(node, 5)
     counts = lambda: [  # noqa: E731
         node.inputs.refused, node.inputs.refused_wrenches, node.engine.arbiter.refused,
-        node.engine.commands.stale_count, node.inputs.round_trip.histogram.percentiles().count,
+        node.engine.commands.stale_count, node.engine.round_trip.histogram.percentiles().count,
     ]  # fmt: skip
     assert counts() == [3, 1, 3, 1, 1]
     assert "3 commands ignored" in finding(node, "commands").message

@@ -153,7 +153,7 @@ def test_reset_goes_back_and_forgets_commands_sources_and_wrenches() -> None:
     made.reset()
     assert made.arbiter.sources == ()
     made.arbiter.admit("two", BOTH)  # nothing is kept for the stream of before
-    assert made.pushed_frames == ()
+    assert made.wrenches.active == ()
     assert made.simulator.arm.step_count == 0
     ticks(made, 5)
     free = models.simulator("two_link")
@@ -271,7 +271,7 @@ def test_wrenches_of_different_frames_add_up_and_the_newest_on_a_frame_counts() 
     made.push("tip", ALONG)
     made.push("tip", UP)
     made.push("forearm", ALONG)
-    assert set(made.pushed_frames) == {"tip", "forearm"}
+    assert set(made.wrenches.active) == {"tip", "forearm"}
     ticks(made, 3)
     made.push("tip", ALONG)
     ticks(made, 7)
@@ -280,7 +280,7 @@ def test_wrenches_of_different_frames_add_up_and_the_newest_on_a_frame_counts() 
         tip = [("tip", UP if tick < 5 else ALONG)] if 2 <= tick < 10 else []
         return tip + ([("forearm", ALONG)] if 2 <= tick < 7 else [])
 
-    assert made.pushed_frames == ()
+    assert made.wrenches.active == ()
     np.testing.assert_allclose(made.simulator.state.q, pushed(pushes, 12), rtol=0.0, atol=1e-12)
     assert not made.simulator.effort.any()  # none of it is a motor's
 

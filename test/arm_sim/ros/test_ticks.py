@@ -187,7 +187,7 @@ def test_an_account_of_many_ticks_is_that_of_each(
 ) -> None:
     monkeypatch.setattr("arm_sim.ros.energy_account.ROWS", rows)
     clocked, each = Clocked(ros), by_hand(ros, command_timeout=5e-3)
-    each.inputs.close()
+    each.inputs.polled.close()
     for node in clocked.node, each:
         node.engine.energy.keep(True)
     for k in range(19):  # before it is closed, since nobody listens
@@ -218,7 +218,7 @@ def test_energies_are_published_beside_ticks_by_the_clock(ros: Ros) -> None:
     ros.peer.create_subscription(JointState, "joint_states", answer, 10)
     ros.spin_until(lambda: len(energies) >= 10)
     node.loop.stop()
-    assert node.inputs.round_trip.histogram.percentiles().count > 0
+    assert node.engine.round_trip.histogram.percentiles().count > 0
     stamps = np.array([s.header.stamp.sec * SECOND + s.header.stamp.nanosec for s in said])
     assert (np.diff(stamps) >= 0).all() and stamps[-1] <= time.time_ns()
     times = [to_nanoseconds(e.header.stamp) for e in energies]

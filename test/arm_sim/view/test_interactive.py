@@ -9,14 +9,14 @@ import pytest
 from arm_sim import Simulator
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.interactive import Interactive
-from arm_sim.view.interactive_arm import ENERGIES, NOTHING, SLIDERS, WEIGHT, InteractiveArm
+from arm_sim.view.interactive_arm import ENERGIES, InteractiveArm, Mode
 from arm_sim.view.marks import Marker
 
 
 def test_a_push_accelerates_as_its_torque_does() -> None:
     sim = Simulator("two_link")
     rig, before = InteractiveArm(sim), sim.state
-    rig.choose(NOTHING)
+    rig.choose(Mode.NOTHING)
     rig.push("forearm", np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), ticks=2)
     free = sim.dynamics.forward(before.q, before.v, np.zeros(2))
     torque = rig.wrenches.torque(before.q, 0)
@@ -33,11 +33,11 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
 def test_weight_is_carried_and_sliders_are_gone_to() -> None:
     sim = Simulator("panda")
     rig = InteractiveArm(sim)
-    rig.choose(WEIGHT)
+    rig.choose(Mode.GRAVITY)
     for _ in range(200):
         rig.tick()
     np.testing.assert_allclose(sim.state.q, sim.model.q0, atol=1e-9)
-    rig.choose(SLIDERS)
+    rig.choose(Mode.SLIDERS)
     rig.target[0] += 0.5
     fastest = 0.0
     for _ in range(4000):
@@ -45,7 +45,7 @@ def test_weight_is_carried_and_sliders_are_gone_to() -> None:
         fastest = max(fastest, float(abs(sim.state.v).max()))
     np.testing.assert_allclose(sim.state.q, rig.target, atol=2e-3)
     assert fastest < 1.5  # without a jump
-    rig.choose(NOTHING)
+    rig.choose(Mode.NOTHING)
     np.testing.assert_array_equal(rig.error, 0.0)
 
 
@@ -111,7 +111,7 @@ def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) ->
     _, error, torque = (curves[f"left: {kind}"].values for kind in kinds)
     np.testing.assert_allclose(torque[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)
     assert not error.any()  # nothing is to be followed
-    bench.choose(SLIDERS)
+    bench.choose(Mode.SLIDERS)
     for rig in bench.rigs:
         rig.target += 0.1
     bench.step(31)
@@ -142,7 +142,7 @@ def test_sliders_place_the_arm_while_it_is_paused(bench: Interactive) -> None:
     bench.running = True
     bench.slide(rig, 0, 0.2)
     np.testing.assert_array_equal(sim.state.q, [before[0], 0.3])  # it moves by itself
-    rig.choose(SLIDERS)
+    rig.choose(Mode.SLIDERS)
     bench.slide(rig, 0, 0.2)
     np.testing.assert_array_equal(rig.target, [0.2, 0.3])
 

@@ -14,7 +14,7 @@ from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.view import show
 from arm_sim.view.interactive import Interactive
-from arm_sim.view.interactive_arm import NOTHING
+from arm_sim.view.interactive_arm import Mode
 from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
@@ -46,7 +46,7 @@ def touched(panda: Simulator) -> Iterator[tuple[Interactive, Page]]:
 
 def let_fall(view: Interactive) -> None:
     """Choose no controller, as the menu of the page does."""
-    view._order(lambda: view.choose(NOTHING))
+    view._order(lambda: view.choose(Mode.NOTHING))
 
 
 def is_drawn(page: Page, simulator: Simulator, name: str, q: np.ndarray) -> bool:

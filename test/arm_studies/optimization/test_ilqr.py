@@ -239,7 +239,7 @@ def test_derivatives_along_a_motion_are_those_on_its_own_side() -> None:
     linearizer = sim.arm.compiled.derivatives.linearizer()
     with pytest.raises(NotDifferentiable, match="boundary between two modes at its beginning"):
         linearizer.many(x, u, 1, threads=1, lanes=1)
-    slope = linearizer.along(x, u, threads=1)[0]
+    slope = linearizer.jacobians_along(x, u, threads=1)[0]
     q, v, ends = x[:, :n], x[:, n:], []
     for push in (0.0, h):  # of the joint that breaks away, ahead
         ends.append(sim.rollout(q, v + [push, 0.0], u[0], 1, last_only=True)[0])

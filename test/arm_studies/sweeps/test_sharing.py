@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,7 +16,7 @@ import yaml
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.scene import load_scene
-from arm_studies.sweeps import sharing, sweep
+from arm_studies.sweeps import sweep
 from arm_studies.sweeps.table import Table
 
 with_group = pytest.mark.group("sweep")
@@ -74,31 +73,6 @@ def test_an_address_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) 
         sweep(STUDY, cluster="tcp://127.0.0.1:1")
     with pytest.raises(InvalidInput, match="cluster = 'nonsense://x'"):
         sweep(STUDY, cluster="nonsense://x")
-
-
-class World:
-    """Takes two seconds to build and three for its runs, by a clock of its own."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now = 100.0
-        monkeypatch.setattr(sharing, "time", SimpleNamespace(perf_counter=lambda: self.now))
-        monkeypatch.setattr(sharing, "world_of", self.built)
-
-    def built(self, recipe: Any) -> World:
-        self.now += 2.0
-        return self
-
-    def rows(self, jobs: Any) -> list[Any]:
-        self.now += 3.0
-        return []
-
-
-def test_runs_and_the_building_of_their_world_are_timed_apart(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    World(monkeypatch)
-    result = sharing.work(sharing.Task(recipe=None, jobs=(), compiled=False))  # type: ignore[arg-type]
-    assert (result.seconds, result.building) == (3.0, 2.0)
 
 
 def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables in files, and the remaining time."""
+"""Tables in files, and their figures."""
 
 import csv
 import sys
@@ -13,6 +13,7 @@ from pictures import written
 from arm_dynamics import InvalidInput
 from arm_studies.sweeps import Sweep, load_study, sweep
 from arm_studies.sweeps.figures import draw, groups
+from arm_studies.sweeps.quantities import unit
 from arm_studies.sweeps.table import Table
 
 STUDY: dict[str, Any] = {
@@ -69,6 +70,15 @@ def test_columns_are_selected_by_name(done: Sweep) -> None:
     allowed = "unknown column 'enrgy'; allowed: .*did you mean 'energy'"
     with pytest.raises(InvalidInput, match=allowed):
         done.table["enrgy"]
+
+
+def test_headings_have_the_units_of_their_quantities() -> None:
+    units = {
+        "joints.*.actuator.efficiency": "", "joints.*.friction.load.at.1": "N m",
+        "initial.position.elbow": "rad", "springs.0.stiffness": "N/m", "payloads.0.com.1": "m",
+        "joints.elbow.friction.viscous.positive": "N m s/rad", "motion.points.0.time": "",
+    }  # fmt: skip
+    assert {key: unit(key) for key in units} == units
 
 
 def drawn(columns: dict[str, Any], varied: dict[str, Any], tmp_path: Path) -> list[Any]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.exceptions import InvalidInput
 
 
@@ -22,13 +22,7 @@ def motion(joint_names: Sequence[str], **vectors: ArrayLike | None) -> dict[str,
 
 def flat(name: str, value: ArrayLike) -> array[float]:
     """Real numbers as a flat field; ``InvalidInput`` if they are anything else."""
-    try:
-        numbers = np.asarray(value)
-    except ValueError:
-        numbers = np.asarray(None)
-    if numbers.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} = {value!r}; expected real numbers of one shape")
-    return array("d", np.ascontiguousarray(numbers, float).tobytes())
+    return array("d", real_array(name, value).tobytes())
 
 
 def whole(name: str, value: int, most: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -47,9 +47,7 @@ class Header:
         >>> LOOP.bind(library)
     """
 
-    def __init__(
-        self, path: Path, *uses: Header, only: str = "", lengths: Mapping[str, int] | None = None
-    ) -> None:
+    def __init__(self, path: Path, *uses: Header, only: str = "") -> None:
         """Read a header.
 
         Args:
@@ -57,14 +55,13 @@ class Header:
             uses: Headers that it includes and whose types and constants it uses.
             only: The only structures and enumerations to read, in their order, for a file that
                 contains other code; empty: all.
-            lengths: Lengths of arrays that are defined elsewhere, by name.
 
         Raises:
             ValueError: If it contains a declaration of another kind, or not these.
         """
         self._path, self.folder = path, path.parent
         self._functions = dict[str, tuple[Any, list[Any], bool]]()
-        self.constants = dict(lengths or {})
+        self.constants = dict[str, int]()
         self._structures = dict[str, list[tuple[str, Any]]]()
         self._pointers = set[str]()
         for other in uses:

@@ -37,6 +37,7 @@ from arm_dynamics.trajectory.reference import Reference
 Job = Callable[[], object]
 _NAME = "control_law"
 _SLOWER = "%s; the controller continues without compiled code, which is slower"
+_built: WeakKeyDictionary[ArmModel, dict[tuple[Any, ...], Kernel | None]] = WeakKeyDictionary()
 _log = logging.getLogger(__name__)
 
 
@@ -176,17 +177,10 @@ def preparation(control: object) -> Job | None:
     Args:
         control: A controller of ``make_controller``.
     """
-    if not isinstance(control, Compiled) or is_built(control.law, control.model):
+    if not isinstance(control, Compiled):
         return None
-    return partial(build, control.law, control.model)
-
-
-_built: WeakKeyDictionary[ArmModel, dict[tuple[Any, ...], Kernel | None]] = WeakKeyDictionary()
-
-
-def is_built(law: Law, model: ArmModel) -> bool:
-    """Whether a controller is built already for a model."""
-    return law.key in _built.get(model, {})
+    law, model = control.law, control.model
+    return None if law.key in _built.get(model, {}) else partial(build, law, model)
 
 
 def build(law: Law, model: ArmModel) -> Kernel | None:

@@ -19,6 +19,7 @@ class DerivedVelocity:
 
     Attributes:
         last: The last velocities in [rad/s] or [m/s], shape (n,); zero at the start.
+        delay: Time in [s] by which slow changes of the velocity come late.
     """
 
     def __init__(self, n: int, dt: float, cutoff: float) -> None:
@@ -40,13 +41,8 @@ class DerivedVelocity:
             )
         self._filter = LowPass(1, [cutoff] * n, step) if cutoff else None
         lag = 0.5 * step / np.tan(np.pi * cutoff * step) if cutoff else 0.0
-        self.last, self._delay = np.zeros(n), 0.5 * step + lag
+        self.last, self.delay = np.zeros(n), float(0.5 * step + lag)
         self._before: tuple[int, Array] | None = None
-
-    @property
-    def delay(self) -> float:
-        """Time in [s] by which slow changes of the velocity come late."""
-        return float(self._delay)
 
     def restart(self) -> None:
         """Forget all positions: the next velocity is zero."""

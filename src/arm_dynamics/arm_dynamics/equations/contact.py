@@ -271,19 +271,18 @@ class Delassus:
         Returns:
             Forces in [N], shape (m,).
         """
-        required = -rows * free
-        if self._many:
-            return D @ self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
-        return D @ self._of_rows(required, D, rows)
+        return D @ self._unknown(-rows * free, D, rows)
 
     def unknowns(self, D: ca.SX, rows: ca.SX) -> ca.SX:
         """Unknown forces per acceleration of active rows in [kg], shape (m, m); see ``forces``."""
         required = ca.SX.sym("required", rows.shape[0])
+        return ca.jacobian(self._unknown(required, D, rows), required) @ ca.diag(rows)
+
+    def _unknown(self, required: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
+        """Unknown forces for required accelerations of active rows, by the smaller matrix."""
         if self._many:
-            forces = self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
-        else:
-            forces = self._of_rows(required, D, rows)
-        return ca.jacobian(forces, required) @ ca.diag(rows)
+            return self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
+        return self._of_rows(required, D, rows)
 
     def _of_rows(self, required: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
         """Solution y of R W D y = ``required`` by a matrix of the size of W."""

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
-    from arm_dynamics.ros.common.dead_segments import clear_dead
     from arm_dynamics.ros.common.executor import make_executor
-    from arm_dynamics.ros.common.transport import LARGE_BATCHES
+    from arm_dynamics.ros.common.transport import LARGE_BATCHES, clear_dead
     from arm_dynamics.ros.controller_node.node import ControllerNode
     from arm_dynamics.ros.dynamics_node.node import DynamicsNode
 

@@ -311,12 +311,8 @@ def check_frame(key: str, frame: str, urdf: Urdf, *further: str) -> None:
 
 def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
     """Refuse frames that are neither the robot's nor the world; ``key`` names them."""
-    for frame in frames:
-        if frame != WORLD and not urdf.has_frame(frame):
-            raise SceneError(
-                f"scene: '{key}' names '{frame}', which does not exist; "
-                f"allowed: {choices(frame, [WORLD, *urdf.frames])}"
-            )
+    for i, frame in enumerate(frames):
+        check_frame(f"{key}.{i}", frame, urdf, WORLD)
 
 
 def check_joints(

@@ -57,9 +57,7 @@ class Table(Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> Table:
-        if len(self.at) != len(self.factor):
-            raise ValueError(f"{len(self.at)} points 'at', but {len(self.factor)} of 'factor'")
-        check_curve("at", self.at, self.factor)
+        check_curve("at", self.at, factor=self.factor)
         if self.period is not None and self.period <= self.at[-1] - self.at[0]:
             raise ValueError(f"period = {self.period}: longer than the table is expected")
         return self
@@ -121,10 +119,7 @@ class SpeedTable(Part):
                 f"positions = {places}, rows of 'torque' = {len(rows)}; one for each is expected"
             )
         for row in rows:
-            if len(row) != len(self.speed):
-                points = len(self.speed)
-                raise ValueError(f"{points} points of 'speed', but {len(row)} of 'torque'")
-        check_curve("speed", self.speed, *rows)
+            check_curve("speed", self.speed, torque=row)
         still = [row[self.speed.index(0.0)] for row in rows]
         if min(still) == 0.0 < max(still):
             raise ValueError(

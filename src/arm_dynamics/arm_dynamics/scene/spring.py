@@ -27,10 +27,7 @@ class DeflectionTable(Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> DeflectionTable:
-        points, torques = len(self.deflection), len(self.torque)
-        if points != torques:
-            raise ValueError(f"{points} points of 'deflection', but {torques} of 'torque'")
-        check_curve("deflection", self.deflection, self.torque)
+        check_curve("deflection", self.deflection, torque=self.torque)
         return self
 
 

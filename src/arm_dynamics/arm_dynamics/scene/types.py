@@ -72,17 +72,20 @@ class Part(BaseModel):
         super().__setattr__(name, value)
 
 
-def check_curve(key: str, at: Sequence[float], *rows: Sequence[float]) -> None:
+def check_curve(key: str, at: Sequence[float], **rows: Sequence[float]) -> None:
     """Refuse points that no curve passes through.
 
-    Abscissas, named by a key, must increase, and no row of values may be too steep for its slopes
-    to be computed.
+    Abscissas, named by a key, must increase; rows of values, each named by its key, must be as
+    long, and not too steep for their slopes to be computed.
     """
     steps = np.diff(at)
+    for name, row in rows.items():
+        if len(row) != len(at):
+            raise ValueError(f"{len(at)} points of '{key}', but {len(row)} of '{name}'")
     if not (steps > 0.0).all():
         raise ValueError(f"'{key}' must increase from point to point")
     with np.errstate(over="ignore"):
-        steepest = max((abs(np.diff(row) / steps).max() for row in rows), default=0.0)
+        steepest = max((abs(np.diff(row) / steps).max() for row in rows.values()), default=0.0)
     if not steepest < STEEPEST:
         raise ValueError(
             f"'{key}' = {list(at)}: a slope of {steepest:.3g} between two points; less than "

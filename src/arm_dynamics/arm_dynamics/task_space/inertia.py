@@ -48,12 +48,7 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
         The inertia.
     """
     scale = scales(A, linear)
-    return regularized(A / (scale[..., :, None] * scale[..., None, :]), scale, threshold)
-
-
-def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
-    """The second part of ``task_inertia``, for S⁻¹ A S⁻¹ and the diagonal of S."""
-    values, vectors = np.linalg.eigh(scaled)
+    values, vectors = np.linalg.eigh(A / (scale[..., :, None] * scale[..., None, :]))
     least = np.maximum(values[..., 0], 0.0)
     lack = np.maximum(1.0 - least / threshold, 0.0)
     regular = np.maximum(values, 0.0) + (threshold * lack * lack)[..., None]

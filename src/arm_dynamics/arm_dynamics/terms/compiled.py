@@ -51,16 +51,12 @@ def function(
         if entry.fields:
             results += ca.vertsplit(result)
         else:
-            results.append(result.T if _is_matrix(entry) else result)
+            results.append(result.T if len(entry.shape) == 2 else result)
     arguments = [x for x in SIZES if x in needed and x not in fixed]
     return ca.Function(
         name, [symbols[x] for x in arguments], [ca.densify(x) for x in results],
         arguments, [f"o{i}" for i in range(len(results))], {"cse": True},
     )  # fmt: skip
-
-
-def _is_matrix(entry: Entry) -> bool:
-    return len(entry.shape) == 2
 
 
 @one_at_a_time
@@ -116,7 +112,7 @@ def calls(
     kernel = Kernel(functions, "native")
     answers = {}
     for (entry, selection), point in zip(requests, functions, strict=True):
-        shape = point.size_out(0)[::-1] if _is_matrix(entry) else (point.numel_out(0),)
+        shape = point.size_out(0)[::-1] if len(entry.shape) == 2 else (point.numel_out(0),)
         answers[entry, selection] = call = python_call(kernel, point.name(), shape)
         names = point.name_in()
         verify(numbers, entry, selection, _at_each_state(call, shape, names), names)

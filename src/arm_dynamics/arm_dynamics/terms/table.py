@@ -34,11 +34,6 @@ WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
 """``chosen`` of everything else."""
 
 
-def always(model: Any) -> bool:
-    """True, for every model."""
-    return True
-
-
 def relative(arm: Arm, result: Any, formula: Callable[..., Any], *state: Any) -> Any:
     """The difference of a result from Pinocchio's, and its size."""
     expected = formula(arm, *state)
@@ -76,7 +71,7 @@ class Entry:
     compared: Callable[..., Any] = relative
     fields: tuple[str, ...] = ()
     method: str = ""
-    compiles: Callable[[Any], bool] = always
+    compiles: Callable[[Any], bool] = lambda model: True
 
     @property
     def method_name(self) -> str:

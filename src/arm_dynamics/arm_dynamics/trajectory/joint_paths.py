@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, positive_limits
+from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
@@ -24,7 +24,7 @@ from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
 from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory
-from arm_dynamics.trajectory.time_scaling import Capacity, slowdown, torque_limits
+from arm_dynamics.trajectory.time_scaling import Capacity, slowdown
 from arm_dynamics.trajectory.timing import Timing
 
 
@@ -143,10 +143,9 @@ def paced(
     """
     if count < 2:
         raise InvalidInput(f"count = {count}; at least 2 are expected")
-    rise = positive_limits("acceleration", acceleration, dynamics.n)
-    effort, speed = torque_limits(dynamics, limit), dynamics.model.velocity_limit
+    capacity = Capacity.of(dynamics, limit, acceleration)
     edges = np.linspace(0.0, motion.duration, count // 4 + 1)
-    return motion.slower(slowdown(Capacity(dynamics, effort, speed, rise), motion.at, edges))
+    return motion.slower(slowdown(capacity, motion.at, edges))
 
 
 def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:

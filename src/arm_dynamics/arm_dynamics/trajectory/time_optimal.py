@@ -14,19 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, positive_limits
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.trajectory.joint_paths import JointPath
 from arm_dynamics.trajectory.reference import Trajectory
-from arm_dynamics.trajectory.time_scaling import (
-    BETWEEN,
-    Capacity,
-    Strain,
-    moving,
-    slowdown,
-    torque_limits,
-)
+from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, moving, slowdown
 
 _WITHIN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of an interval: where limits are imposed
 _SHARE = 1.0 - 2.0 * BETWEEN  # of each limit, so that nothing between them exceeds it
@@ -111,9 +104,7 @@ def retimed(
     """
     if points < 10:
         raise InvalidInput(f"points = {points}; at least 10 are expected")
-    rise = positive_limits("acceleration", acceleration, dynamics.n)
-    effort, speed = torque_limits(dynamics, limit), dynamics.model.velocity_limit
-    capacity = Capacity(dynamics, effort, speed, rise)
+    capacity = Capacity.of(dynamics, limit, acceleration)
     if all(quantity == "velocity" for quantity, _ in capacity.columns):
         raise InvalidInput("nothing limits the motion: no torque and no acceleration limit")
     best, gain = _timed(motion, capacity, points // 2), np.inf

@@ -82,6 +82,19 @@ class Capacity:
         self.columns = [names[i] for i in np.flatnonzero(self._is_limited)]
         self.limits = limits[self._is_limited]
 
+    @classmethod
+    def of(cls, dynamics: Dynamics, limit: ArrayLike | None, acceleration: ArrayLike) -> Capacity:
+        """The arm's limits of speeds, and these of torques and accelerations.
+
+        Args:
+            dynamics: As of the capacity.
+            limit: Limits of torques, positive, a number or shape (n,); None for the model's.
+            acceleration: Limits of accelerations, likewise.
+        """
+        model, rise = dynamics.model, positive_limits("acceleration", acceleration, dynamics.n)
+        effort = model.effort_limit if limit is None else positive_limits("limit", limit, model.n)
+        return cls(dynamics, effort, model.velocity_limit, rise)
+
     def shares(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
         """Signed shares of the limits that a motion with joint torques tau uses, shape (k, m)."""
         motors = self.dynamics.command_map.of_motors(q, v, a, tau)
@@ -180,13 +193,6 @@ def moving(first: Array) -> NDArray[np.bool_]:
     """Joints that move along a path, apart from rounding, by derivatives of shape (k, n)."""
     size = abs(first)
     return np.asarray(size > _STILL * size.max(axis=1, keepdims=True))
-
-
-def torque_limits(dynamics: Dynamics, limit: ArrayLike | None) -> Array:
-    """Torque limits, from one positive number or shape (n,), else the model's; shape (n,)."""
-    if limit is None:
-        return dynamics.model.effort_limit
-    return positive_limits("limit", limit, dynamics.n)
 
 
 def slowdown(

@@ -184,8 +184,8 @@ def _of_nodes(simulator: Simulator) -> Parts:
     from arm_sim.ros.drive_torques import DriveTorques
 
     yield "servo", lambda: simulator.arm.compiled.servo  # for position commands and stops
-    if simulator.arm.plant.torques is not None:
-        yield "torques of drives", lambda: DriveTorques(simulator.arm)
+    if (torques := simulator.arm.plant.torques) is not None:
+        yield "torques of drives", lambda: DriveTorques(simulator.arm, torques)
     for service, entries, _ in COMPILED:
         if all(entry.compiles(simulator.model) for entry in entries):
             work = partial(code_of, entries, simulator.dynamics)

@@ -52,7 +52,7 @@ def sim(
     node = _run(SimNode, scene, rest, with_parent)
     if report is not None and node is not None:
         loop = {**asdict(node.loop.report()), "bars": node.loop.lateness.bars()}
-        trip = asdict(node.inputs.round_trip.histogram.percentiles())
+        trip = asdict(node.engine.round_trip.histogram.percentiles())
         content = {"loop": loop, "round_trip": trip}
         if (recorder := node.recorder) is not None:
             content["recording"] = recorder.report()

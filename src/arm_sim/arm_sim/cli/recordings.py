@@ -8,7 +8,7 @@ import sys
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import click
 
@@ -64,7 +64,7 @@ def plot(
     out = out or Path(f"{recording.stem or recording.name}.png")
     warn_if_replaced(out)
     figure.savefig(out, dpi=150)
-    say(*map(_checked, loaded), out)
+    say(*map(_checked_summary, loaded), out)
     if show and not figure.canvas.required_interactive_framework:
         raise click.ClickException(f"{NO_WINDOW}; the figure is in '{out}'")
     if show:
@@ -93,15 +93,19 @@ def record(
         duration: How long to record, in s.
         cut: Instead, write all that is intact of a file that was cut off, or of a bag's folder.
     """
-    if cut is not None:
-        if topics or duration:
-            raise click.UsageError("--repair records nothing: only --out is allowed")
+    if cut is None:
+        _record(topics, out, duration or math.inf)
+    elif topics or duration:
+        raise click.UsageError("--repair records nothing: only --out is allowed")
+    else:
         _repair(cut, out or cut.with_name(f"{cut.stem}-repaired.mcap"))
-        return
+
+
+def _record(topics: tuple[str, ...], out: Path | None, duration: float) -> NoReturn:
     from arm_sim.ros.record.topics import TopicRecorder
 
     path = out or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}.mcap")
-    end = monotonic() + (duration or math.inf)
+    end = monotonic() + duration
 
     def make(**kwargs: Any) -> Any:
         node = TopicRecorder(path, topics, **kwargs)
@@ -179,42 +183,61 @@ def replay(
         raise click.UsageError("--check judges the recording as it is: only --json is allowed")
     if topics and (changed or as_json):
         raise click.UsageError("--topics plays the recording unchanged: only --rate is allowed")
-    if topics:
-        _play(recording, names, 1.0 if rate is None else rate)
-        return
-    if names or rate is not None:
+    if not topics and (names or rate is not None):
         option = "--topic" if names else "--rate"
         raise click.UsageError(f"{option} is allowed with --topics only")
+    if topics:
+        _play(recording, names, 1.0 if rate is None else rate)
+    elif check:
+        _check(recording, as_json)
+    else:
+        _compare(recording, scene, integrator, tolerance, out, as_json)
+
+
+def _check(path: Path, as_json: bool) -> NoReturn:
+    from arm_sim import Recording
+
+    with waiting(f"reading {path}"):
+        recording = Recording.load(path)
+    summary = _checked_summary(recording)
+    if as_json:
+        click.echo(to_json({
+            "trusted": recording.trusted, "doubt": recording.doubt,
+            "error": recording.error.max(axis=0), "how": recording.second_run.how,
+        }))  # fmt: skip
+    else:
+        say(summary)
+    sys.exit(0 if recording.trusted else 1)
+
+
+def _compare(
+    path: Path, scene: str | None, integrator: str | None, tolerance: float | None,
+    out: Path | None, as_json: bool,
+) -> NoReturn:  # fmt: skip
+    import numpy as np
+
     from arm_sim import Recording
     from arm_sim.replay import replay as replayed
 
-    with waiting(f"replaying {recording}"):
-        original = Recording.load(recording)
-        result = None if check else replayed(original, scene, integrator, tolerance)
-    if result is None:
-        passed, lines = original.trusted, [_checked(original)]
-        facts = {
-            "trusted": passed, "doubt": original.doubt,
-            "error": original.error.max(axis=0), "how": original.second_run.how,
-        }  # fmt: skip
-    else:
-        passed, (lines, facts) = result.equal, _compared(original, result)
-        if not as_json:
-            lines.append(_checked(result.recording))
-    if out is not None:
-        lines.append(result.recording.save(out))
-    if as_json:
-        click.echo(to_json(facts))
-    else:
-        say(*lines)
-    sys.exit(0 if passed else 1)
-
-
-def _compared(original: Recording, result: Replay) -> tuple[list[str], dict[str, Any]]:
-    """The comparison of a recording with its replay, in lines and as JSON."""
-    import numpy as np
-
+    with waiting(f"replaying {path}"):
+        original = Recording.load(path)
+        result = replayed(original, scene, integrator, tolerance)
+    summary = _checked_summary(result.recording)
+    saved = () if out is None else (result.recording.save(out),)
     largest = float(np.nanmax(result.apart)) if len(result.apart) else 0.0
+    if as_json:
+        click.echo(to_json({
+            "equal": result.equal, "ticks": len(original) - 1,
+            "first_difference": None if result.first is None else str(result.first),
+            "largest": largest, "failure": result.failure or None,
+            "other_versions": result.other_versions, "trusted": result.recording.trusted,
+        }))  # fmt: skip
+    else:
+        say(*_comparison(original, result, largest), summary, *saved)
+    sys.exit(0 if result.equal else 1)
+
+
+def _comparison(original: Recording, result: Replay, largest: float) -> list[str]:
     notes = [event.text for event in original.events if event.text.startswith("file: ")]
     lines = notes if result.equal else [repr(original)]  # the replayed one is shown in any case
     for name in result.other_versions:
@@ -226,22 +249,17 @@ def _compared(original: Recording, result: Replay) -> tuple[list[str], dict[str,
         lines.append(f"positions differ by {largest:.3g} rad or m at most")
     if result.failure:
         lines.append(f"the replay ends early: {result.failure}")
-    return lines, {
-        "equal": result.equal, "ticks": len(original) - 1,
-        "first_difference": None if result.first is None else str(result.first),
-        "largest": largest, "failure": result.failure or None,
-        "other_versions": result.other_versions, "trusted": result.recording.trusted,
-    }  # fmt: skip
+    return lines
 
 
-def _checked(recording: Recording) -> str:
+def _checked_summary(recording: Recording) -> str:
     """Summary of a recording, with the error of its motion if it can be known."""
     if recording.origin is not None and not recording.of_robot:
         checked(recording)  # the summary has it then
     return repr(recording)
 
 
-def _play(path: Path, names: tuple[str, ...], rate: float) -> None:
+def _play(path: Path, names: tuple[str, ...], rate: float) -> NoReturn:
     from arm_sim.ros.record.player import Player
 
     def make(**kwargs: Any) -> Any:

@@ -167,7 +167,7 @@ class Derivatives:
         """
         x, command = self._point(state, tau, ticks)
         dx, dtau = row("dx", dx, self._plant.nx), row("dtau", dtau, self._plant.model.n)
-        return self.linearizer().product(x, command, ticks, dx, dtau, one_side(side))
+        return self.linearizer().jvp(x, command, ticks, dx, dtau, one_side(side))
 
     def vjp(
         self,

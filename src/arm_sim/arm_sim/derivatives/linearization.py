@@ -114,7 +114,7 @@ class Linearizer(TickDerivatives):
                     *_, slopes[arm] = columns_of_one(self, arms, arm, side)
         return slopes
 
-    def along(self, x: Array, r: Array, threads: int | None) -> Array:
+    def jacobians_along(self, x: Array, r: Array, threads: int | None) -> Array:
         """Derivatives of ticks of one motion, each from a state in which the one before ends.
 
         Ticks that have no derivative because they begin or end on the boundary of a mode, such as
@@ -143,8 +143,10 @@ class Linearizer(TickDerivatives):
                 slopes[arm] = self.on_either_side(point, self.control(), begins=False)
         return slopes
 
-    def smoothed(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
-        """As ``along``, of the arm with smooth friction and without stops: ``Options``.
+    def smoothed_jacobians(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
+        """As ``jacobians_along``, of the arm without stops, whose friction is smooth.
+
+        ``speed`` in [rad/s] or [m/s] regularizes dry friction, see ``Options``.
 
         Raises:
             CompilerMissing: Without compiled code.
@@ -177,7 +179,7 @@ class Linearizer(TickDerivatives):
         (self._smooth_ticks or self._free_tangents).library(1)
         self.prepare_events()
 
-    def product(
+    def jvp(
         self, x: Array, r: Array, ticks: int, dx: Array, dr: Array, side: int | None = None
     ) -> Array:
         """Derivatives by state and command of ticks of one arm, times a column, shape (nx,).
@@ -196,9 +198,9 @@ class Linearizer(TickDerivatives):
         """
         dx, dr = np.ascontiguousarray(dx), np.ascontiguousarray(dr)
         arm = self._held_arms(x[None], r[None], ticks, dx[:, None], dr[:, None])
-        return np.asarray(self.carried(arm, threads=1, lanes=1, side=side)[0, 0, :, 0])
+        return np.asarray(self.jvps(arm, threads=1, lanes=1, side=side)[0, 0, :, 0])
 
-    def carried(
+    def jvps(
         self,
         arms: Arms,
         threads: int | None,

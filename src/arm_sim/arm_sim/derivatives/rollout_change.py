@@ -37,7 +37,7 @@ def rollout_change(
         dx0 = np.hstack([dx0, np.array(dz0)])
     initial, ticks = np.ascontiguousarray(dx0)[:, :, None], batch.steps
     arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, initial, dtau[:, :ticks, :, None])
-    moved = linearizer.carried(arms, threads, lanes, every=True, side=side)
+    moved = linearizer.jvps(arms, threads, lanes, every=True, side=side)
     changes = np.concatenate([initial[:, None], moved], axis=1)[..., 0]
     return changes[..., : 2 * plant.model.n]
 

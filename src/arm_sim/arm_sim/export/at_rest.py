@@ -29,7 +29,7 @@ PREFIX = "rest_"
 
 @one_at_a_time
 def at_rest(model: ArmModel) -> str:
-    """C of ``is_resting`` and ``begin_motion`` of ``native/at_rest.c``, with the prefix.
+    """C of ``is_resting`` and ``accelerations_at_rest`` of ``native/at_rest.c``, with the prefix.
 
     Empty for an arm without dry friction that can stick.
     """

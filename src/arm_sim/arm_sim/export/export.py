@@ -19,7 +19,7 @@ from arm_sim.export.amalgamated import OWN
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
 from arm_sim.export.expected import Expected, test_points
-from arm_sim.export.fmu import units
+from arm_sim.export.fmu import build_fmus
 from arm_sim.export.folder import check_folder, write_folder
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import DERIVATIVES, TERMS, checked_names, terms_of
@@ -67,33 +67,34 @@ def export(
         tick: Whether to export the simulator's tick, too.
         fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
             ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
-        frames: Frames whose poses and Jacobians are wanted, and on which wrenches may act in the
+        frames: Frames whose poses and Jacobians to export, and on which wrenches may act in the
             units.
         servo: Whether to add the servos, which track positions and velocities, to the tick.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
-        CompilerMissing: If units are wanted and there is no C compiler; likewise.
+        CompilerMissing: If units are requested and there is no C compiler; likewise.
         SceneError: If the scene cannot be used; likewise.
         KernelError: If a function differs from Pinocchio; likewise.
         OSError: If the folder cannot be written; likewise.
     """
     if not isinstance(out, str | Path):
         raise InvalidInput(f"out = {out!r}; the path of a folder is expected")
-    folder, names = Path(out), checked_names(terms)
-    for option, needs_tick in (("fmu = True", fmu), ("servo = True", servo)):
-        if needs_tick and not tick:
+    folder, term_names = Path(out), checked_names(terms)
+    for option, requested in (("fmu = True", fmu), ("servo = True", servo)):
+        if requested and not tick:
             raise InvalidInput(f"{option} with tick = False; allowed: {option} with the tick")
-    checked = None if name is None else library_name(name)
+    if name is not None:
+        name = library_name(name)
     check_folder(folder)
     model = arm_model(scene)
-    name = checked or from_title(_title(scene, model))
+    name = name or from_title(_title(scene, model))
     for frame in frames if fmu else ():
         check_moving(model, frame)  # on any other no wrench acts
     with naming(scene):
-        slopes = any(term in DERIVATIVES for term in names)
+        slopes = any(term in DERIVATIVES for term in term_names)
         exported = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
-        terms_in_c = terms_of(model, names, frames)
+        terms_in_c = terms_of(model, term_names, frames)
         lib = library.Library(name, about(name, model), model, terms_in_c, exported)
         files = _files(lib, fmu, frames)
     if exported and slopes and not exported.differentiable:
@@ -122,7 +123,7 @@ def _files(lib: library.Library, fmu: bool, frames: Sequence[str]) -> dict[str, 
     build_file = (OWN / "CMakeLists.txt").read_text(encoding="utf-8")
     return {
         **code,
-        **(units(name, tick, code, frames) if fmu and tick else {}),
+        **(build_fmus(name, tick, code, frames) if fmu and tick else {}),
         f"test_{name}.c": check_program(lib, expected, points),
         "CMakeLists.txt": build_file.replace("@NAME@", name),
         "README.md": readme(lib),

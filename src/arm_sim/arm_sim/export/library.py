@@ -138,7 +138,7 @@ def _signature(library: Library, term: Term) -> str:
 def _definition(library: Library, term: Term, sticks: bool) -> str:
     call = f"{term.function.name()}(arg, res, NULL, NULL, 0);"
     if sticks and term.name == "forward_dynamics":
-        at_rest = f"if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);"
+        at_rest = f"if ({PREFIX}is_resting(v)) {PREFIX}accelerations_at_rest(q, v, tau, a);"
         call = f"{at_rest}\n  else {call}"
     return "\n".join([
         f"{_signature(library, term)} {{",

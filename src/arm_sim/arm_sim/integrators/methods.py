@@ -5,16 +5,7 @@ from __future__ import annotations
 
 from arm_dynamics.attributes import frozen
 from arm_sim.integrators import extrapolation as implicit
-from arm_sim.integrators.tableaux import (
-    DOP853,
-    DORMAND_PRINCE,
-    EULER,
-    HEUN,
-    MIDPOINT,
-    NYSTROM4,
-    RK4,
-    Tableau,
-)
+from arm_sim.integrators import tableaux
 
 
 @frozen
@@ -32,11 +23,11 @@ class Method:
     name: str
     order: int
     source: str
-    tableau: Tableau | None = None
+    tableau: tableaux.Tableau | None = None
     adaptive: bool = False
 
 
-def _from_tableau(name: str, tableau: Tableau) -> Method:
+def _from_tableau(name: str, tableau: tableaux.Tableau) -> Method:
     return Method(name, tableau.order, tableau.source, tableau, bool(tableau.errors))
 
 
@@ -44,14 +35,14 @@ SYMPLECTIC = "Hairer, Lubich, Wanner, Geometric Numerical Integration, 2006, I.1
 METHODS = {
     method.name: method
     for method in (
-        _from_tableau("euler", EULER),
+        _from_tableau("euler", tableaux.EULER),
         Method("semi_implicit_euler", 1, SYMPLECTIC),
-        _from_tableau("midpoint", MIDPOINT),
-        _from_tableau("heun", HEUN),
-        _from_tableau("rk4", RK4),
-        _from_tableau("nystrom4", NYSTROM4),
-        _from_tableau("dopri5", DORMAND_PRINCE),
-        _from_tableau("dop853", DOP853),
+        _from_tableau("midpoint", tableaux.MIDPOINT),
+        _from_tableau("heun", tableaux.HEUN),
+        _from_tableau("rk4", tableaux.RK4),
+        _from_tableau("nystrom4", tableaux.NYSTROM4),
+        _from_tableau("dopri5", tableaux.DORMAND_PRINCE),
+        _from_tableau("dop853", tableaux.DOP853),
         Method("implicit", implicit.ORDER, implicit.SOURCE, adaptive=True),
     )
 }

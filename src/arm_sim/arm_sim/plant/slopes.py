@@ -16,16 +16,9 @@ from typing import NamedTuple
 import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
-from arm_dynamics.equations.rigid_body import (
-    eliminated,
-    factored,
-    inverse,
-    mass_matrix,
-    solve,
-    substituted,
-)
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.state_space import flow_under_modes, split, under_modes
 from arm_sim.plant.symbols import dense_function
@@ -57,11 +50,11 @@ class Slopes:
                 K_x[:n, : 2 * n] += contacts.torques
             K_w = ca.horzcat(K_u, _scaled_by(by_p, plant, x, u, p, slope)) if tuned else K_u
             rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
-            factors = factored(ca.sparsify(H[:n, :n]))
+            factors = rigid_body.factored(ca.sparsify(H[:n, :n]))
             pivots = kept.matrix(1 / ca.diag(factors))
             factors = kept.matrix(ca.tril(factors, False))
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
-            da = substituted(factors, pivots * eliminated(factors, load))
+            da = rigid_body.substituted(factors, pivots * rigid_body.eliminated(factors, load))
             if contact:
                 by_x, by_a = kept.matrix(contacts.rates), kept.matrix(contacts.rows)
                 astray = by_x @ dx[: 2 * n] + by_a @ da
@@ -92,7 +85,7 @@ def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     still = ca.SX(plant.nx, 1)
     load = residual(plant, x, u, p, still[:n])[0]
     H = scaled_slopes(plant, x, u, p, still)[2]
-    a = solve(ca.sparsify(H[:n, :n]), load)
+    a = rigid_body.solve(ca.sparsify(H[:n, :n]), load)
     return ca.vertcat(slope[:n], a, slope[2 * n :]) if plant.nz else ca.vertcat(slope[:n], a)
 
 
@@ -159,7 +152,7 @@ def pullback(plant: Plant) -> ca.Function:
         rates = plant.rhs(x, u, p)[2 * n :]
         weighted = weighted + ca.dot(mu[2 * n :], rates) if plant.nz else weighted
         by_nu = [ca.gradient(weighted, by) for by in (x, u, p)]
-        load = solve(ca.sparsify(H), mu[n : 2 * n])
+        load = rigid_body.solve(ca.sparsify(H), mu[n : 2 * n])
         gradients = ca.Function("g", [*arguments, nu], by_nu)(*arguments, load)
     by_x, by_u, by_p = gradients
     return dense_function("pullback", arguments, by_x, by_u, by_p[:tunable])
@@ -178,7 +171,8 @@ def residual(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.S
     """
     n, s, joints = plant.model.n, plant.mechanics.symbols, plant.mechanics.joints
     q, v, _ = split(x, n)
-    inertial = inverse(s.tree, s.q, s.v, s.tau, s.gravity), mass_matrix(s.tree, s.q)
+    tau = rigid_body.inverse(s.tree, s.q, s.v, s.tau, s.gravity)
+    inertial = tau, rigid_body.mass_matrix(s.tree, s.q)
     tau, M = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], inertial)(q, v, a, p)
     free, load = _free_and_load(plant, x, u, p)
     return free @ (load - tau), free @ M @ free + ca.SX.eye(n) - free

@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads commands by joint name: efforts alone, or efforts, positions and velocities."""
+"""Reads commands by joint name, with efforts clipped to their limits."""
 
 from __future__ import annotations
 
-from arm_dynamics.ros.joint_state import JointStateReader, Read, parsed
+from collections.abc import Callable
+from math import copysign
+
+from arm_dynamics import ArmModel
+from arm_dynamics.arrays import any_beyond
+from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader, Numbers, Read, parsed
+from arm_sim.inputs import clipping_message
+from arm_sim.ros.commands.joint_commands import JointCommands
 
 
 class CommandReader:
@@ -14,8 +21,16 @@ class CommandReader:
         references: Reads efforts, positions and velocities, of all others.
     """
 
-    def __init__(self, efforts: JointStateReader, references: JointStateReader) -> None:
-        self.efforts, self.references = efforts, references
+    def __init__(
+        self, model: ArmModel, joints: JointCommands, warn: Callable[[str], object]
+    ) -> None:
+        self._model, self._warn = model, warn
+        self._limits = model.command_limit.tolist()
+        names, clip = model.joint_names, Clip(self._limits, self.clip)
+        efforts = Expected(names, ("effort",), partial=True)
+        every = Expected(names, ("effort", "position", "velocity"), partial=True, gaps=True)
+        self.efforts = JointStateReader(efforts, joints.admit, clip)
+        self.references = JointStateReader(every, joints.note, clip)
 
     def read(self, raw: bytes) -> Read:
         """See ``JointStateReader.read``; one row of numbers, or three."""
@@ -25,3 +40,12 @@ class CommandReader:
         message = parsed(raw)
         reader = self.references if message.position or message.velocity else self.efforts
         return reader.read_new(message)
+
+    def clip(self, efforts: Numbers) -> Numbers:
+        """Efforts of all joints, clipped, with a warning of the first beyond its limit."""
+        if not any_beyond(efforts, self._limits):
+            return efforts
+        pairs = list(zip(efforts, self._limits, strict=True))
+        joint = next(i for i, (effort, limit) in enumerate(pairs) if abs(effort) > limit)
+        self._warn(clipping_message(self._model, joint, efforts[joint]))
+        return tuple(copysign(limit, x) if abs(x) > limit else x for x, limit in pairs)

@@ -6,8 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
 
@@ -27,7 +26,7 @@ class SimDiagnostics:
 
     def __init__(self, node: Any) -> None:
         self._node, self._growth, self.refused_privileges = node, Growth(), list[str]()
-        period, trip = node.params.publish_every * node.simulator.dt, node.inputs.round_trip
+        period, trip = node.params.publish_every * node.simulator.dt, node.engine.round_trip
         late = "commands were up to {:.2g} s old"
         self._lateness = Lateness(node, trip.take_oldest, period, late)
 
@@ -59,7 +58,7 @@ class SimDiagnostics:
     def _check_commands(self) -> Finding:
         node, engine, finding = self._node, self._node.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = node.inputs, node.inputs.round_trip.histogram.percentiles()
+        inputs, trip = node.inputs, node.engine.round_trip.histogram.percentiles()
         topic = node.resolve_topic_name(JOINT_COMMANDS.name)
         publishers = node.count_publishers(topic)
         finding.values = {
@@ -70,7 +69,7 @@ class SimDiagnostics:
             "sources": known_names(arbiter.sources), "publishers": publishers,
             "oldest [s]": self._lateness.longest,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
-            "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
+            "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.wrenches.active),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
         stopped = self._growth.of("stale", slot.stale_count)
@@ -110,7 +109,7 @@ class SimDiagnostics:
         self._growth.warn(finding, state.time_stepped, "time step", piled_up)
         if node.outputs.clock is not None:
             finding.add(ERROR, node.outputs.clock.alarm.message)
-        finding.add(ERROR, node.rivals.alarm.message)
+        finding.add(ERROR, node.competitors.alarm.message)
         finding.add(ERROR, engine.failure)
         if (error := engine.energy.error) > UNBALANCED:
             finding.add(

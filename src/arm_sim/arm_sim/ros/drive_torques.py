@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from ctypes import addressof, c_void_p
 
+import casadi as ca
+
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.simulation.simulated_arm import SimulatedArm
@@ -19,15 +21,15 @@ class DriveTorques:
     """
 
     @one_at_a_time
-    def __init__(self, arm: SimulatedArm) -> None:
-        """Compile them; for a scene with models with internal states."""
-        torques = arm.plant.torques
-        assert torques is not None
+    def __init__(self, arm: SimulatedArm, torques: ca.Function) -> None:
+        """Compile ``arm.plant.torques``, which scenes with internal states have."""
         self._arm = arm
         self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
         self.values, entry = self._call.outputs[0], self._call.entry
         self.place = None
         if entry is not None:
+            # Between ticks, C calls the entry by itself. The arm changes its arrays in place and
+            # never replaces them, so their addresses stay valid.
             inputs = (c_void_p * 2).from_address(entry.arguments)
             inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
             self.place = addressof(entry)

@@ -12,7 +12,7 @@ from arm_msgs.msg import Energy
 from rclpy.node import Node
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.topics import advertise
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import Links
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.common.topics import advertise
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.interfaces import LATCHED, Topic
 
 _RSP = "robot_state_publisher"

@@ -8,8 +8,8 @@ from ctypes import byref
 
 from rclpy.node import Node
 
+from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.common.topics import subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.node_library import LOOP, library
@@ -48,7 +48,7 @@ class Lockstep:
         self.repeated, self.gone = 0, False
         self.waiting = LOOP.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
-        inputs.read_from(self._subscription.handle.pointer, self._take)
+        inputs.polled.read_from(self._subscription.handle.pointer, self._take)
         steady_timer(node, self._period, self.watch)
         engine.on_jump.append(self.wait)
         engine.on_pause += [outputs.publish, self.wait]

@@ -13,8 +13,8 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.convert import as_bytes, to_time
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.display import AllJointStates
@@ -79,7 +79,8 @@ class Outputs:
         """Joint states, of all joints if that is set, and the exact ones if there are sensors."""
         simulator, arm = self._simulator, self._simulator.arm
         n, x, names = simulator.n, arm.x, simulator.joint_names
-        self._drives = None if arm.plant.torques is None else DriveTorques(arm)
+        torques = arm.plant.torques
+        self._drives = None if torques is None else DriveTorques(arm, torques)
         effort = arm.acted if self._drives is None else self._drives.values
         truth = x[:n], x[n : 2 * n], effort
 

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from arm_dynamics import InvalidInput
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros import interfaces
-from arm_dynamics.ros.common.services import answering
+from arm_dynamics.ros.common.endpoints import answering
 from arm_dynamics.ros.interfaces import Service
 from arm_dynamics.scene.urdf.joint_names import Named
 from arm_sim.ros.tick_engine import TickEngine

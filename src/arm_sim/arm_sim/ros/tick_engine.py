@@ -23,6 +23,7 @@ from arm_sim.ros.energy_account import EnergyAccount
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
+from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
@@ -54,6 +55,8 @@ class TickEngine:
         arbiter: Decides which source may command.
         queue: Actions of other threads, run between ticks.
         energy: The energy account.
+        round_trip: Time from a state to its command.
+        wrenches: What acts on the frames.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
@@ -92,7 +95,7 @@ class TickEngine:
         self.failure = ""
         self._self_running = self_running
         self.stopping = Stopping(self._arm, Servos(self._arm, background))
-        self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
+        self.wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
         self._wrench_ticks = self.duration(wrench_timeout)
         self._pushable = self._pushing = False
         self.guard: AbstractContextManager[Any] = nullcontext()
@@ -101,7 +104,9 @@ class TickEngine:
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
         self.on_seldom = Listeners()
         self.ticks = ticks = Ticks()
-        self.energy = EnergyAccount(self._arm, ticks)
+        self.energy, self.round_trip = EnergyAccount(self._arm, ticks), RoundTrip()
+        for listeners in (self.on_jump, self.on_pause, self.on_staleness):
+            listeners.append(self.round_trip.forget)
         self._share(ticks)
         ticks.paused, ticks.waits = paused, wait_for_command
         self.configure(0.0, ZERO)
@@ -109,7 +114,7 @@ class TickEngine:
     def _share(self, ticks: Ticks) -> None:
         """Let C know the parts of the engine, and who answers its questions."""
         arm = self._arm
-        ticks.bell = addressof(self.queue.bell)
+        ticks.bell, ticks.trip = addressof(self.queue.bell), addressof(self.round_trip)
         ticks.arbiter, ticks.slot = addressof(self.arbiter), addressof(self.commands)
         ticks.x, ticks.effort, ticks.dt = arm.x.ctypes.data, arm.acted.ctypes.data, arm.dt
         arm.share(ticks)
@@ -216,15 +221,15 @@ class TickEngine:
         step = self._arm.step_count
         self.commands.arrive(step)
         if self._pushed:
-            tau = self._wrenches.torque(self._q, step)
+            tau = self.wrenches.torque(self._q, step)
             self.energy.note()  # with the quantities that acted
             self.simulator.set_parameter(EXTERNAL, tau)
-            self._pushing = bool(self._wrenches.active)
+            self._pushing = bool(self.wrenches.active)
 
     @property
     def _pushed(self) -> bool:
         """Whether wrenches act, or did so in the last tick."""
-        return self._pushable and (self._pushing or bool(self._wrenches.active))
+        return self._pushable and (self._pushing or bool(self.wrenches.active))
 
     def _may_come(self) -> bool:
         """Whether a command that expires may have a successor that has arrived already.
@@ -289,7 +294,7 @@ class TickEngine:
         """Reset to time zero and a state, see ``Simulator.reset``, without commands."""
         self.commands.clear()
         self.arbiter.forget()
-        self._wrenches.clear()
+        self.wrenches.clear()
         self.failure, self.ticks.was_stale = "", False
         self.energy.keep(False)
         self.stopping.hold()
@@ -308,11 +313,6 @@ class TickEngine:
 
     # --- wrenches ------------------------------------------------------------------------------
 
-    @property
-    def pushed_frames(self) -> tuple[str, ...]:
-        """Frames on which a wrench acts."""
-        return self._wrenches.active
-
     def push(self, frame: str, wrench: ArrayLike) -> None:
         """Apply a wrench to a frame from the next tick on, replacing the previous one.
 
@@ -329,4 +329,4 @@ class TickEngine:
             self.queue.run(lambda: self._accounted(pushable))
             self._pushable = True
         last = self._wrench_ticks - 1
-        self.queue.run(lambda: self._wrenches.push(frame, wrench, self._arm.step_count + last))
+        self.queue.run(lambda: self.wrenches.push(frame, wrench, self._arm.step_count + last))

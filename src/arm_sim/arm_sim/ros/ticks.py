@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from ctypes import CFUNCTYPE, Structure, c_int64, c_void_p, cast
 
 from arm_sim.ros.node_library import TICKS
@@ -34,6 +34,14 @@ class Ticks(Structure):
         """Set the functions that answer questions of C, by name; truth or numbers are answers."""
         for name, function in functions.items():
             self._answers[TICKS.constants[name.upper()]] = function
+
+    def read_from(self, source: int, reader: int) -> None:
+        """Let C take commands from a ``source_t`` with a ``joint_state_t``, by their addresses."""
+        self.source, self.reader = source, reader
+
+    def accept(self, kinds: Sequence[bool]) -> None:
+        """Let C accept commands of some kinds of messages without Python."""
+        self.leads[:] = [*kinds, *[False] * (len(self.leads) - len(kinds))]
 
     def _reply(self, question: int) -> int:
         try:

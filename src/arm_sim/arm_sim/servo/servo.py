@@ -8,7 +8,7 @@ from arm_dynamics.codegen.kernel import Kernel
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.command import JointCommand
 from arm_sim.servo.law import servo_law
-from arm_sim.servo.reach import Reach
+from arm_sim.servo.position_limits import PositionLimits
 from arm_sim.servo.setpoints import Setpoints
 
 
@@ -27,7 +27,8 @@ class Servo:
     def __init__(self, plant: Plant, dt: float, backend: str) -> None:
         kernel = Kernel([servo_law(plant, dt)], backend)
         self._call = kernel.call("servo")
-        self._setpoints, self._reach = Setpoints(plant.model.n, dt), Reach(plant.model, dt)
+        self._limits = PositionLimits(plant.model, dt)
+        self._setpoints = Setpoints(plant.model.n, dt)
         self._newest: JointCommand | None = None
         self.operations = kernel.operations("servo")
 
@@ -40,14 +41,14 @@ class Servo:
         """Discard earlier commands."""
         self._newest = None
         self._setpoints.restart()
-        self._reach.restart()
+        self._limits.restart()
 
     def command(self, command: JointCommand, x: Array, p: Array, step: int) -> Array:
         """Commands of the drives in the next tick, before limits, shape (n,).
 
         Args:
             command: The newest command; the same object until there is another. Its positions are
-                clipped to the stops, see ``Reach``.
+                clipped to the stops, see ``PositionLimits``.
             x: State at the beginning of the tick, shape (nx,).
             p: Tunable quantities, shape (np,).
             step: Number of ticks so far.
@@ -55,7 +56,7 @@ class Servo:
         call, setpoints = self._call, self._setpoints
         if command is not self._newest:
             self._newest = command
-            self._acting = self._reach.within(command, x[: len(command.position)], step)
+            self._acting = self._limits.clip(command, x[: len(command.position)], step)
         setpoints.at(self._acting, step)
         state, reference, tuned = call.inputs
         state[:], reference[:], tuned[:] = x, setpoints.rows, p

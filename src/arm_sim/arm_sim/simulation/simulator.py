@@ -29,7 +29,6 @@ from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
 from arm_sim.inputs import answers, function_of_state, named, tick_count, torque, torque_table
 from arm_sim.integrators.selection import Choice, choose
-from arm_sim.long_runs import Progress
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, placed, warn_of_degrees, warn_of_speeds
 from arm_sim.plant.plant import Plant
@@ -39,6 +38,7 @@ from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.simulation.plan import Plan
+from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
 from arm_sim.state import State

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
-from arm_sim.long_runs import Progress, refuse_beyond_memory, slices
+from arm_sim.memory import refuse_beyond_memory
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import FREE, Jump
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control
+from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.state import read_only_view
+from arm_sim.stepping.slices import slices
 from arm_sim.stepping.stepper import Stepper
 
 
@@ -27,7 +29,7 @@ class Trace:
     Args:
         arm: The arm at the start of the run.
         ticks: Their number k.
-        progress: Is told how far the run is.
+        progress: Reports how far the run is.
         at: Ticks of the run before.
 
     Attributes:
@@ -57,10 +59,10 @@ class Trace:
             self._measured[0] = arm.sensors.measured
 
     def slices(self, few: int) -> Iterator[tuple[int, int]]:
-        """Slices of the ticks, the first of ``few``; progress is told after each."""
+        """Slices of the ticks, the first of ``few``; progress is reported after each."""
         for first, end in slices(self.ticks, few):
             yield first, end
-            self._progress.tell((self.at + end) * self._arm.dt)
+            self._progress.update((self.at + end) * self._arm.dt)
 
     def roll(self, stepper: Stepper, commands: Callable[[int, int], Array]) -> None:
         """Make the ticks in compiled code, or fewer, if one cannot be computed.

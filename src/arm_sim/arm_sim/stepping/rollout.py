@@ -16,7 +16,7 @@ from arm_dynamics.arrays import Array, all_finite, real_array, vector
 from arm_dynamics.codegen.addresses import address, repeated
 from arm_sim.inputs import whole
 from arm_sim.integrators.selection import Choice
-from arm_sim.long_runs import refuse_beyond_memory
+from arm_sim.memory import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant

@@ -28,13 +28,13 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics.checks import check_constrained, check_forward, sliding
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.selection import Choice
-from arm_sim.long_runs import slices
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
+from arm_sim.stepping.slices import slices
 from arm_sim.stepping.tick_functions import FREE, MOVING, tick_functions
 
 LITTLE_WORK, MANY_STEPS = 20_000_000, 20

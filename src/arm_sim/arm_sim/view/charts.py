@@ -14,7 +14,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.figures import COLORS
 from arm_sim.recording.figure import thinned
-from arm_sim.view.framing import TALL
+from arm_sim.view.framing import PORTRAIT_BELOW
 
 if TYPE_CHECKING:
     import viser
@@ -97,7 +97,7 @@ class ChartPanel:
 
         async def fold_if_narrow(_: object = None) -> None:
             nonlocal folded
-            if client.camera.aspect < TALL and not folded:
+            if client.camera.aspect < PORTRAIT_BELOW and not folded:
                 folded = True
                 panel = client.gui.main_panel  # commands of a client, for a panel that all have
                 panel._placement_uuid = self._panel._placement_uuid

@@ -13,22 +13,9 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel, postures
+from arm_sim.view import shapes
 from arm_sim.view.framing import keep_framed
 from arm_sim.view.marks import Instant, Marker, Marks
-from arm_sim.view.shapes import (
-    BEARING,
-    LOAD,
-    METAL,
-    PIVOT,
-    RAIL,
-    SURFACE,
-    TOUCH,
-    Colour,
-    Visual,
-    capsules_of,
-    turn_to,
-    visuals_of,
-)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -102,7 +89,7 @@ class DrawnArm:
             joint: self._scene.add_frame(f"{self._name}/{joint}", show_axes=False, **axes)
             for joint in ("base", *list(model.pin.names)[1:])
         }
-        visuals = visuals_of(model, folder)
+        visuals = shapes.visuals_of(model, folder)
         self.links = self._draw_all(visuals)
         self._marks = self._empty_marks()
         self._stops = [
@@ -112,10 +99,10 @@ class DrawnArm:
             )
             for joint in model.joint_names
         ]  # fmt: skip
-        carried = [(x.joint, x.corners) for x in visuals if x.joint or x.name == PIVOT]
+        carried = [(x.joint, x.corners) for x in visuals if x.joint or x.name == shapes.PIVOT]
         self.extent = self.base + self.marker.extent(model.q0, carried)
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
-        self._hangs = any(visual.name in (PIVOT, RAIL) for visual in visuals)
+        self._hangs = any(visual.name in (shapes.PIVOT, shapes.RAIL) for visual in visuals)
         if self._hangs:
             swing = np.vstack([self.marker.extent(q, carried) for q in postures(model, _POSTURES)])
             reached = self.base + np.clip(swing, -self.size, self.size)  # rails go on for ever
@@ -159,10 +146,10 @@ class DrawnArm:
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
         whole_path = not self._marks["whole path"].empty
         for exists, mark, colour, text in (
-            (self._hangs, "●", _bytes(BEARING), "pivot or rail, fixed to the world"),
-            (scene.payloads, "●", _bytes(LOAD), "payload"),
-            (scene.contacts, "●", _bytes(TOUCH), "point of contact"),
-            (scene.contacts, "■", _bytes(SURFACE), "plane of contact"),
+            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail, fixed to the world"),
+            (scene.payloads, "●", _bytes(shapes.LOAD), "payload"),
+            (scene.contacts, "●", _bytes(shapes.TOUCH), "point of contact"),
+            (scene.contacts, "■", _bytes(shapes.SURFACE), "plane of contact"),
             (scene.contacts, "➔", CONTACT, "force of the contact on the arm"),
             (scene.contacts, "▽", CONE, "friction cone: inside, the contact sticks"),
             (scene.bilateral, "➔", TIE, "force of a constraint"),
@@ -220,7 +207,7 @@ class DrawnArm:
             marks[kind] = _Mark(lines)
         return marks
 
-    def _draw_all(self, visuals: Iterable[Visual]) -> list[tuple[str, Any]]:
+    def _draw_all(self, visuals: Iterable[shapes.Visual]) -> list[tuple[str, Any]]:
         handles, broken = list[tuple[str, Any]](), set[int]()
         for visual in visuals:
             try:
@@ -231,11 +218,11 @@ class DrawnArm:
                     type(error).__name__, error,
                 )  # fmt: skip
                 broken.add(visual.joint)
-        for visual in capsules_of(self.marker.model, broken - {0}):
+        for visual in shapes.capsules_of(self.marker.model, broken - {0}):
             handles.append((visual.name, self._draw_one(visual, len(handles))))
         return handles
 
-    def _draw_one(self, visual: Visual, number: int) -> Any:
+    def _draw_one(self, visual: shapes.Visual, number: int) -> Any:
         joint = [*self._joints][visual.joint]
         name, kind = f"{self._name}/{joint}/{number} {visual.name}", visual.kind
         wxyz = np.roll(pin.Quaternion(visual.placement.rotation).coeffs(), 1)
@@ -243,10 +230,9 @@ class DrawnArm:
         if visual.path is not None:
             data, scale = _glb(visual)
             return self._scene.add_glb(name, data, scale=scale, **place)
-        wide, size, opacity = visual.size[0], visual.size, (visual.colour or METAL)[3]
-        look = {
-            "color": _bytes(visual.colour or METAL), "opacity": opacity if opacity < 1.0 else None
-        }  # fmt: skip
+        size, colour = visual.size, visual.colour or shapes.METAL
+        wide, opacity = size[0], colour[3]
+        look = {"color": _bytes(colour), "opacity": opacity if opacity < 1.0 else None}
         if kind == "box":
             return self._scene.add_box(name, dimensions=size, **look, **place)
         if kind == "cylinder":
@@ -291,7 +277,7 @@ def legend(rows: Iterable[Row]) -> str:
     return f'<div style="{grid};font-size:0.8em;padding:0.3em 1em">{cells}</div>'
 
 
-def _bytes(colour: Colour) -> tuple[int, ...]:
+def _bytes(colour: shapes.Colour) -> tuple[int, ...]:
     return tuple(round(255 * x) for x in colour[:3])
 
 
@@ -309,7 +295,7 @@ def _cones(arrows: Array, normals: Array) -> Array:
     for (tip, end), slope in zip(arrows, normals, strict=True):
         if friction := float(np.linalg.norm(slope)):
             height = (end - tip) @ slope / friction
-            rim = tip + height * (friction * _CIRCLE + [0.0, 0.0, 1.0]) @ turn_to(slope).T
+            rim = tip + height * (friction * _CIRCLE + [0.0, 0.0, 1.0]) @ shapes.turn_to(slope).T
             edges = rim[:-1:6]
             lines += [_pairs(rim), np.stack([np.broadcast_to(tip, edges.shape), edges], axis=1)]
     return np.concatenate(lines)
@@ -328,7 +314,7 @@ def _coils(springs: Array, size: float, turns: int = 9) -> Array:
     return np.concatenate(lines)
 
 
-def _glb(visual: Visual) -> tuple[bytes, tuple[float, ...]]:
+def _glb(visual: shapes.Visual) -> tuple[bytes, tuple[float, ...]]:
     """A mesh file as binary glTF, and its scale to [m]; a colour is for files without one."""
     import trimesh
 
@@ -340,7 +326,7 @@ def _glb(visual: Visual) -> tuple[bytes, tuple[float, ...]]:
     scale = np.array(visual.size) * (float(unit) if of == "meters" else 1.0)
     if visual.path.suffix.lower() in (".stl", ".ply"):
         material = trimesh.visual.material.PBRMaterial(
-            baseColorFactor=[round(255 * x) for x in visual.colour or METAL],
+            baseColorFactor=[round(255 * x) for x in visual.colour or shapes.METAL],
             metallicFactor=0.1, roughnessFactor=0.6,
         )  # fmt: skip
         for geometry in loaded.geometry.values():

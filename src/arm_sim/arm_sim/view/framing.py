@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     import viser
 
 FIELD = 0.7  # [rad] vertical field of view of the camera
-WAY = np.array([1.1, -0.8, 0.5])  # from the arm to the camera
-TALL = 0.75  # width over height below which a page is that of a telephone
-WIDE = 0.85  # part of the picture that the arm fills at most
+TO_CAMERA = np.array([1.1, -0.8, 0.5])  # from the arm
+PORTRAIT_BELOW = 0.75  # width over height, of the page of a telephone
+FILLED_PART = 0.85  # of the picture by the arm, at most
 ABOVE_SHEET = (0.27, 0.92)  # from -1, bottom, to 1: above the controls of a telephone
-SAME = 1e-3  # of a distance: a camera there was not moved by the visitor
+MOVED_TOLERANCE = 1e-3  # of a distance: a camera nearer was not moved by the visitor
 
 
-def axes(way: Array) -> Array:
-    """To the right, up and forward of a camera that looks back along a way, as rows."""
-    forward = -way / np.linalg.norm(way)
+def axes(to_camera: Array) -> Array:
+    """To the right, up and forward of a camera that looks back along a direction, as rows."""
+    forward = -to_camera / np.linalg.norm(to_camera)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(right, forward), forward])
@@ -43,20 +43,21 @@ def fitted(points: Array, nearest: float, aspect: float) -> tuple[Array, Array]:
     Returns:
         Its position, and a point that it looks at, at the distance of the points' middle.
     """
-    x, y, depth = axes(WAY) @ points.T
-    wide, edges = WIDE * aspect, np.array(ABOVE_SHEET if aspect < TALL else (-WIDE, WIDE))
+    x, y, depth = axes(TO_CAMERA) @ points.T
+    side = FILLED_PART * aspect
+    edges = np.array(ABOVE_SHEET if aspect < PORTRAIT_BELOW else (-FILLED_PART, FILLED_PART))
     bounds = [
         (np.max(low * depth - s), np.max(s - high * depth), low, high)
         for s, (low, high) in (
-            (x, np.tan(FIELD / 2) * np.array([-wide, wide])), (y, np.tan(FIELD / 2) * edges)
+            (x, np.tan(FIELD / 2) * np.array([-side, side])), (y, np.tan(FIELD / 2) * edges)
         )
     ]  # fmt: skip
     middle = (depth.min() + depth.max()) / 2
     near = min(-(below + above) / (high - low) for below, above, low, high in bounds)
     near = min(near, middle - nearest)
     place = [(above - below + (high + low) * near) / 2 for below, above, low, high in bounds]
-    position = np.array([*place, near]) @ axes(WAY)
-    return position, position + (middle - near) * axes(WAY)[2]
+    position = np.array([*place, near]) @ axes(TO_CAMERA)
+    return position, position + (middle - near) * axes(TO_CAMERA)[2]
 
 
 def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> None:
@@ -66,18 +67,18 @@ def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> Non
     first.position, first.look_at = fitted(points, nearest, 1.0)  # also of pages without a server
 
     async def welcome(client: viser.ClientHandle) -> None:
-        ours, aspect = [first.position], 0.0
+        placed, aspect = [first.position], 0.0
 
         async def adapt(_: object = None) -> None:
             nonlocal aspect
             camera = client.camera
-            near = SAME * np.linalg.norm(camera.position - camera.look_at)
-            moved = min(np.linalg.norm(camera.position - place) for place in ours) > near
-            if moved or abs(camera.aspect - aspect) < SAME * aspect:
+            near = MOVED_TOLERANCE * np.linalg.norm(camera.position - camera.look_at)
+            moved = min(np.linalg.norm(camera.position - place) for place in placed) > near
+            if moved or abs(camera.aspect - aspect) < MOVED_TOLERANCE * aspect:
                 return
             aspect = camera.aspect
             position, look_at = fitted(points, nearest, aspect)
-            ours.append(position)
+            placed.append(position)
             with client.atomic():
                 camera.position, camera.look_at = position, look_at
 

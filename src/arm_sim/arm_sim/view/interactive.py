@@ -14,13 +14,12 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.model.arm import ArmModel
 from arm_sim.view.charts import RollingCharts
 from arm_sim.view.drawn_arm import MOUSE, DrawnArm
-from arm_sim.view.interactive_arm import ENERGIES, NOTHING, SLIDERS, WEIGHT, InteractiveArm
+from arm_sim.view.interactive_arm import ENERGIES, InteractiveArm, Mode
 from arm_sim.view.page import View
 
 if TYPE_CHECKING:
     import viser
 
-CONTROLS = (WEIGHT, SLIDERS, NOTHING)
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
 BUDGET = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
@@ -70,7 +69,7 @@ class Interactive(View):
             for rig, actor in self._pairs:
                 actor.draw(rig.instant(), leave_path=True)
         for rig, sliders in zip(self.rigs, self._sliders, strict=True):
-            if rig.control != SLIDERS:
+            if rig.mode != Mode.SLIDERS:
                 model, q = rig.simulation.model, rig.simulation.state.q
                 for i, slider in enumerate(sliders):
                     scale = slider_scale(model, i, q[i])
@@ -105,15 +104,15 @@ class Interactive(View):
             self._charts.clear(actor.name)
         self.draw()
 
-    def choose(self, control: str) -> None:
+    def choose(self, mode: str) -> None:
         """Choose the controller of all arms."""
         for rig in self.rigs:
-            rig.choose(control)
+            rig.choose(mode)
         self.draw()
 
     def slide(self, rig: InteractiveArm, joint: int, value: float) -> None:
         """Move an arm to the position of a slider, or set it there while paused."""
-        if rig.control == SLIDERS:
+        if rig.mode == Mode.SLIDERS:
             rig.target[joint] = value
         elif not self.running:
             q = rig.simulation.state.q.copy()
@@ -154,8 +153,8 @@ class Interactive(View):
         step.on_click(lambda _: self._order(lambda: self.step(int(ticks.value))))
         gui.add_button("Reset").on_click(lambda _: self._order(self.reset))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
-        control = gui.add_dropdown("controller", CONTROLS, initial_value=WEIGHT)
-        self._on_change(control, self.choose)
+        mode = gui.add_dropdown("controller", [mode.value for mode in Mode])
+        self._on_change(mode, self.choose)
         self._status = gui.add_markdown("")
 
     def _add_sliders(self, rig: InteractiveArm, actor: DrawnArm) -> list[Any]:

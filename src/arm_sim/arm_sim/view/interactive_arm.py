@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -21,12 +22,19 @@ from arm_sim.state import State
 from arm_sim.view.charts import Sample
 from arm_sim.view.marks import Instant, contacts_of
 
-NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"  # controllers
 ENERGIES = ("kinetic", "potential", "supplied", "lost", "balance", "total")  # the total on top
 BANDWIDTH = 4.0  # [rad/s] with which references move to the sliders
 PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
 
 _log = logging.getLogger(__name__)
+
+
+class Mode(StrEnum):
+    """What controls an arm, as the page names it."""
+
+    GRAVITY = "gravity compensation"
+    SLIDERS = "move to sliders"
+    NOTHING = "nothing"
 
 
 class _Pull(NamedTuple):
@@ -62,14 +70,14 @@ class InteractiveArm:
         except ArmError as error:
             _log.warning("no energies are known: %s", error)
             self._metered = False
-        self.control, self.target = WEIGHT, simulation.state.q.copy()
+        self.mode, self.target = Mode.GRAVITY, simulation.state.q.copy()
         self._reference = self.target.copy(), np.zeros(simulation.n)
         self._open_account()
 
     @property
     def error(self) -> Array:
         """Errors from the reference, shape (n,); zeros without a controller."""
-        if self.control != SLIDERS:
+        if self.mode != Mode.SLIDERS:
             return np.zeros(self.simulation.n)
         return np.asarray(self._reference[0] - self.simulation.state.q)
 
@@ -92,10 +100,10 @@ class InteractiveArm:
             simulation.stop_torque,
         )
 
-    def choose(self, control: str) -> None:
-        """Choose its controller."""
+    def choose(self, mode: str) -> None:
+        """Choose its controller, by the value of a ``Mode``."""
         q = self.simulation.state.q
-        self.control, self.target = control, q.copy()
+        self.mode, self.target = Mode(mode), q.copy()
         self._reference = q.copy(), np.zeros(self.simulation.n)
 
     def push(self, frame: str, wrench: Array, ticks: int) -> None:
@@ -155,7 +163,7 @@ class InteractiveArm:
         """Reset, without external forces."""
         self.let_go()
         self.simulation.reset()
-        self.choose(self.control)
+        self.choose(self.mode)
         self._open_account()
 
     def let_go(self) -> None:
@@ -168,7 +176,7 @@ class InteractiveArm:
     def place(self, q: Array) -> None:
         """Set its position, at rest."""
         self.simulation.set_state(q, np.zeros(self.simulation.n))
-        self.choose(self.control)
+        self.choose(self.mode)
         self._open_account()
 
     def _open_account(self) -> None:
@@ -176,9 +184,9 @@ class InteractiveArm:
         self._step = self.simulation.state.step
 
     def _commanded(self, state: State) -> Array:
-        if self.control == NOTHING:
+        if self.mode == Mode.NOTHING:
             return np.zeros(self.simulation.n)
-        if self.control == WEIGHT:
+        if self.mode == Mode.GRAVITY:
             # D = M(q)/T: every motion decays alike, its energy by exp(-2 t/T), in any posture.
             inertia = self._rigid.mass(state.q)
             torque = self._compensation.torque(state) - self.damping * inertia @ state.v

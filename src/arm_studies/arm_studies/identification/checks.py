@@ -18,7 +18,7 @@ from arm_studies.identification.identified_scene import REPLACED
 from arm_studies.identification.names import joint_records
 from arm_studies.identification.regression.estimation import Problem
 from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.samples import Samples
 
 BEYOND = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
 MOVED = 1e-3  # Range in [rad] or [m] below which a joint has not moved.
@@ -128,8 +128,8 @@ def check_rows(problem: Problem, notes: Sequence[str]) -> tuple[Array, list[str]
     Raises:
         InvalidInput: With the joints, and how to correct their efforts.
     """
-    ranges = moved(problem.rows.whole)
-    check_count(problem.rows, notes)
+    ranges = moved(problem.rows.samples.whole)
+    check_count(problem.rows.samples, notes)
     return ranges, check_columns(problem)
 
 
@@ -144,10 +144,11 @@ def moved(motions: Sequence[MeasuredMotion]) -> Array:
     return np.asarray(ranges)
 
 
-def check_count(rows: Rows, notes: Sequence[str]) -> None:
+def check_count(samples: Samples, notes: Sequence[str]) -> None:
     """Refuse recordings that are too short, or saturated most of the time."""
-    counts = rows.valid[rows.train].sum(axis=0) * rows.independent
-    for name, count, share in zip(rows.names, counts, rows.valid.mean(axis=0), strict=True):
+    counts = samples.valid[samples.train].sum(axis=0) * samples.independent
+    shares = samples.valid.mean(axis=0)
+    for name, count, share in zip(samples.names, counts, shares, strict=True):
         if count < LEAST_ROWS:
             remarks = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
             raise InvalidInput(
@@ -159,7 +160,7 @@ def check_count(rows: Rows, notes: Sequence[str]) -> None:
 
 def check_columns(problem: Problem) -> list[str]:
     """Refuse efforts that another sign, another joint's motion or a delay explains far better."""
-    messages, names = [], problem.rows.names
+    messages, names = [], problem.rows.samples.names
     for match in mismatched(problem):
         sign, own = ("-1 times " if match.sign < 0 else ""), match.column == match.joint
         whose = "the torque of its motion" if own else f"that of '{names[match.joint]}'"
@@ -204,7 +205,7 @@ def check_scales(problem: Problem) -> list[str]:
     Raises:
         InvalidInput: With the joints, and how to correct their efforts.
     """
-    gross, notes, names = [], [], problem.rows.names
+    gross, notes, names = [], [], problem.rows.samples.names
     for x in scaled(problem):
         name, span = names[x.joint], f"{x.factor:.2g} ({x.low:.2g} to {x.high:.2g})"
         if x.low > OTHER_UNIT or x.high < 1.0 / OTHER_UNIT:

@@ -43,7 +43,8 @@ def details_of(
         determined = estimate if np.isfinite(estimate.high) else None
         details[name] = IdentifiedParameter(determined, value, nominal, reason)
 
-    regressor, names, linear = fit.rows.regressor, fit.rows.names, iter(estimates.linear)
+    samples, linear = fit.rows.samples, iter(estimates.linear)
+    regressor, names = samples.regressor, samples.names
     base = regressor.base
     values = base.of(np.concatenate([written.armature, written.theta])).tolist()
     nominal = base.of(np.concatenate([regressor.model.armature, regressor.nominal])).tolist()
@@ -59,9 +60,9 @@ def details_of(
 
 def estimates_of(fit: Fit) -> Estimates:
     """Estimates of base parameters, by their leading unknowns, and of friction."""
-    numbers, n = len(fit.theta), fit.rows.n
+    numbers, n = len(fit.theta), fit.rows.samples.n
     order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
-    return estimated(fit, [order[k] for k in fit.rows.regressor.base.independent])
+    return estimated(fit, [order[k] for k in fit.rows.samples.regressor.base.independent])
 
 
 def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
@@ -70,7 +71,7 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     Selection sees gains in prediction, which errors that are correlated over the recording can
     cause; intervals count these.
     """
-    estimates = iter(estimates_of(fit).linear[fit.rows.regressor.base.count :])
+    estimates = iter(estimates_of(fit).linear[fit.rows.samples.regressor.base.count :])
     laws = []
     for own in fit.friction:
         sure = {kind: not abs(each.value) < SIGNIFICANT_RATIO * (each.high - each.value) < np.inf
@@ -84,7 +85,7 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
 def _missing_friction(fit: Fit, ranges: Array) -> dict[str, str]:
     """Friction that was not identified, by name, and why."""
     missing = dict[str, str]()
-    for joint, own, span in zip(fit.rows.names, fit.friction, ranges, strict=True):
+    for joint, own, span in zip(fit.rows.samples.names, fit.friction, ranges, strict=True):
         if span <= MOVED:
             missing[f"{joint}.friction"] = (
                 f"it moved only {span:.2g} rad or m where it cannot stick"

@@ -108,9 +108,10 @@ def estimate_payload(
     moved = np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
     rows, places = data.rows(), data.regressor.places(carrier)
     near = estimation.Prior.near(data.regressor.nominal, *ARM_DEVIATIONS)
-    notes += (late := checks.check_rows(estimation.Problem(rows, rows.use, near), notes)[1])
+    use = rows.samples.use
+    notes += (late := checks.check_rows(estimation.Problem(rows, use, near), notes)[1])
     first = _fitted(rows, places, moved)
-    limit = noise_above(rows, rows.use, first.residual) if band is None else None
+    limit = noise_above(rows, use, first.residual) if band is None else None
     if limit is not None:
         data = replace(data, band=limit)
         rows = data.rows()
@@ -122,8 +123,8 @@ def estimate_payload(
         solution = fit.unbiased(fit.columns, fit.torque)
         return fit, float(solution.values[-1]), float(solution.deviations[-1])
 
-    if not all(motion.aged for motion in rows.motions) and len(late) in (0, model.n):
-        fit, more = with_age(fit_at, rows.band)
+    if not all(motion.aged for motion in rows.samples.motions) and len(late) in (0, model.n):
+        fit, more = with_age(fit_at, rows.samples.band)
         notes += more
     else:
         fit = _without_sticking(_fitted(rows, places, moved))
@@ -174,7 +175,7 @@ class _Fit:
 
     def unbiased(self, columns: Array, torque: Array) -> uncertainty.Unbiased:
         """The unknowns of some columns, without the prior."""
-        rows, regressor = self.rows, self.rows.regressor
+        rows, regressor = self.rows, self.rows.samples.regressor
         theta, body = regressor.nominal + regressor.payload, self.moved @ self.x
         theta[self.places] += body
         plain = rows.plain
@@ -191,12 +192,12 @@ def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
     columns = np.swapaxes(rows.rigid[:, :, places] @ moved, 0, 1)
     residual = [
         y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
-        for c, y, used in zip(columns, torque.T, rows.use.T, strict=True)
+        for c, y, used in zip(columns, torque.T, rows.samples.use.T, strict=True)
     ]
     predicted = rows.effort - np.array(residual).T
-    weights = rows.use / estimation.deviations(rows.effort, predicted, rows.use)
+    weights = rows.samples.use / estimation.deviations(rows.effort, predicted, rows.samples.use)
     flat = (columns * weights.T[:, :, None]).reshape(-1, 10)
-    y, count = (weights * torque).T.ravel(), np.sqrt(rows.independent)
+    y, count = (weights * torque).T.ravel(), np.sqrt(rows.samples.independent)
     ball = bodies.numbers_of(np.diag([PRIOR_RADIUS**2 / 5.0] * 3 + [1.0]))
     T, z = estimation.Prior.near(ball, PRIOR_WIDTH, PRIOR_WIDTH).combined(count * flat, count * y)
     x = estimation.solved(T, z)
@@ -207,8 +208,8 @@ def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
 
 def _without_sticking(fit: _Fit) -> _Fit:
     """Clear rows of what joints may cause while they stick, and fit them again."""
-    rows = fit.rows
-    rest, friction = np.full_like(rows.v, 1e-9), SteadyFriction.of(rows.regressor.model)
+    rows, samples = fit.rows, fit.rows.samples
+    rest, friction = np.full_like(samples.v, 1e-9), SteadyFriction.of(samples.regressor.model)
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
     rows = rows.cleared(uncertainty.UNKNOWN_FRICTION * levels, sizes)

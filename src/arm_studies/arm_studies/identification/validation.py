@@ -64,7 +64,7 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
         InvalidInput: If it hardly predicts them.
     """
     rows = trial.rows.plain
-    train = rows.use & rows.train[:, None]
+    train = rows.samples.use & rows.samples.train[:, None]
     predicted = trial.predicted(rows)
     nominal = nominal_efforts(rows)
     test, notes = _test_rows(rows, ranges, held_out)
@@ -73,7 +73,7 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     shown = test if test.any() else train
     checks.check_explained(
         _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
-        rows.names, ratios,
+        rows.samples.names, ratios,
     )  # fmt: skip
     worse = excess(trial, test, trial.rows.clear(nominal))
     error, each = _relative(rows.effort, predicted, test)
@@ -99,10 +99,10 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
     The torque of a joint at rest may be anything that static friction holds, so that its
     prediction tells nothing.
     """
-    train = rows.train[:, None]
+    train = rows.samples.train[:, None]
     test = train if train.all() else ~train
-    count = np.count_nonzero(rows.valid & test, axis=0)
-    moving = np.count_nonzero(rows.use & test, axis=0) * (ranges > checks.MOVED)
+    count = np.count_nonzero(rows.samples.valid & test, axis=0)
+    moving = np.count_nonzero(rows.samples.use & test, axis=0) * (ranges > checks.MOVED)
     resting = (moving < MOVING_FRACTION * count) & (count > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
     for affected, why in (
@@ -110,9 +110,9 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
                   "what follows it"),
         (count == 0, f"without an effort in {part}"),
     ):  # fmt: skip
-        if names := [f"'{rows.names[j]}'" for j in np.flatnonzero(affected)]:
+        if names := [f"'{rows.samples.names[j]}'" for j in np.flatnonzero(affected)]:
             notes.append(f"no error is known of {known_names(names)}: {why}")
-    return np.asarray(rows.valid & test & ~resting), notes
+    return np.asarray(rows.samples.valid & test & ~resting), notes
 
 
 def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
@@ -146,7 +146,8 @@ def excess(fit: Fit, use: Mask, nominal: Array) -> float:
     rows = fit.rows
     worse = (rows.effort - fit.drives) ** 2 - (rows.effort - nominal) ** 2
     each = np.where(use, worse, 0.0).sum(axis=1)[use.any(axis=1)]
-    period = 1.0 if not np.isfinite(rows.band) else 1.0 / (rows.band * rows.motions[0].dt)
+    per_row = rows.samples.band * rows.samples.motions[0].dt
+    period = 1.0 / per_row if np.isfinite(per_row) else 1.0
     count = max(FEWEST, min(BLOCKS, int(len(each) / (PERIODS * period))))
     if len(each) < count:
         return 0.0

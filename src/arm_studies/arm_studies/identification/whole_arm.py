@@ -29,7 +29,8 @@ from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
 from arm_studies.identification.regression.matching import SIMPLE
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
-from arm_studies.identification.regression.rows import HELD_OUT, Rows, Sampled
+from arm_studies.identification.regression.rows import Rows, Sampled
+from arm_studies.identification.regression.samples import HELD_OUT
 from arm_studies.identification.regression.selection import selected
 from arm_studies.identification.regression.tables import tabled
 from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, added_coefficients
@@ -91,19 +92,20 @@ def identify(
     report("filtering")
     data = Sampled.of(model, [_in_torques(each, effort) for each in records], band, held_out)
     rows, notes, nominal = data.rows(), data.notes, data.regressor.nominal
-    near, train = Prior.near(nominal, *NOMINAL_ERRORS), rows.train[:, None]
-    moving = Problem(rows, rows.valid & ~rows.rests & train, near)
+    near, train = Prior.near(nominal, *NOMINAL_ERRORS), rows.samples.train[:, None]
+    moving = Problem(rows, rows.samples.valid & ~rows.samples.rests & train, near)
     ranges, late = checks.check_rows(moving, notes)
     notes += late
     if effort != "scale":
-        notes += checks.check_scales(Problem(rows, rows.use & train, near))
+        notes += checks.check_scales(Problem(rows, rows.samples.use & train, near))
     known_masses = _known_masses(data.regressor, total_mass, masses or {})
     prior = partial(Prior.near, nominal, known_masses=known_masses)
     report("fitting bodies with simple friction")
     scales = np.ones(model.n)
     if effort == "scale":
         scales, more = scales_of(rows, [SIMPLE] * model.n, prior)
-        data, rows, notes = replace(data, scales=scales), rows.scaled(scales), notes + more
+        data, rows = replace(data, scales=scales), replace(rows, scales=scales)
+        notes += more
     some_late = 0 < len(late) < model.n
     first, more = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=not some_late)
     notes += more
@@ -114,7 +116,7 @@ def identify(
     report("fitting all parameters")
     trial, final, strict = _consistent(trial.before(prior=most_evident(trial, prior)))
 
-    ranges = ranges * final.rows.use.any(axis=0)
+    ranges = ranges * final.rows.samples.use.any(axis=0)
     validation = validate(trial, ranges, held_out)
     notes += validation.notes
     estimates = parameters.estimates_of(strict)
@@ -132,7 +134,7 @@ def identify(
     joints = tuple(map(IdentifiedJoint, model.joint_names, *columns))
     return Identification(
         scene=identified, joints=joints, details=details, bodies=final.theta.reshape(-1, EACH),
-        body_names=data.regressor.bodies, error=validation.error, band=final.rows.band,
+        body_names=data.regressor.bodies, error=validation.error, band=final.rows.samples.band,
         effort_band=final.rows.effort_band, condition=estimates.condition, notes=tuple(notes),
         torques=_torques(trial, final, validation.nominal),
     )  # fmt: skip
@@ -180,10 +182,10 @@ def _first(
         chosen_band: Whether the band may be narrowed.
         aged: Whether the efforts of all joints may have an age.
     """
-    laws = [SIMPLE] * rows.n
+    laws = [SIMPLE] * rows.samples.n
 
     def simple(rows: Rows) -> Fit:
-        return fitted(Problem(rows, rows.use & rows.train[:, None], prior), laws)
+        return fitted(Problem(rows, rows.samples.use & rows.samples.train[:, None], prior), laws)
 
     def without_sticking(fit: Fit) -> Fit:
         """Clear rows of what joints that stick can cause, and fit them again."""
@@ -201,7 +203,7 @@ def _first(
         data = replace(data, band=limit)
         fit = bandwidth.with_bandwidth(simple(data.rows(fit.rows.effort_band)))
     fit = without_sticking(fit)
-    if not aged or all(motion.aged for motion in fit.rows.motions):
+    if not aged or all(motion.aged for motion in fit.rows.samples.motions):
         return fit, []
 
     def fit_at(age: float) -> tuple[Fit, float, float]:
@@ -213,7 +215,7 @@ def _first(
         by, sd = added_coefficients(now, ageing[:, :, None])
         return now, float(by[0]), float(sd[0])
 
-    return with_age(fit_at, fit.rows.band)
+    return with_age(fit_at, fit.rows.samples.band)
 
 
 def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
@@ -267,7 +269,7 @@ def _consistent(fit: Fit) -> tuple[Fit, Fit, Fit]:
     """
     rows = fit.rows
     trial = fit.again(consistent=True)
-    whole = fit.problem.use | (rows.use & ~rows.train[:, None])
+    whole = fit.problem.use | (rows.samples.use & ~rows.samples.train[:, None])
     final = trial.again(use=irregularities.without_outliers(trial, whole)[0], consistent=True)
     strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
     laws = parameters.without_doubtful(strict)
@@ -294,9 +296,9 @@ def _scene(
     """
     rests = ranges <= checks.MOVED
     laws = tuple(None if still else law for still, law in zip(rests, fit.friction, strict=True))
-    unknown = [f"{name}.armature" in missing for name in fit.rows.names]
+    unknown = [f"{name}.armature" in missing for name in fit.rows.samples.names]
     armature = np.where(unknown & (ranges < checks.MOVED), np.nan, fit.armature)
-    scene = scene_with(fit.rows.regressor.model, fit.theta, armature, laws, notes)
+    scene = scene_with(fit.rows.samples.regressor.model, fit.theta, armature, laws, notes)
     again = RigidRegressor(ArmModel(scene)).nominal  # it has the bodies that were identified
     if not np.allclose(again, fit.theta, rtol=1e-6, atol=1e-9 * abs(fit.theta).max()):
         raise InvalidInput("the identified inertias could not be written into the URDF")
@@ -311,14 +313,14 @@ def _torques(trial: Fit, final: Fit, nominal: Array) -> Torques:
     """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
     rows = trial.rows.plain
     after = final.predicted(rows)
-    predicted = np.where(rows.train[:, None], after, trial.predicted(rows))
+    predicted = np.where(rows.samples.train[:, None], after, trial.predicted(rows))
 
     def valid(values: Array) -> Array:
-        return np.where(rows.valid, values, np.nan)
+        return np.where(rows.samples.valid, values, np.nan)
 
     return Torques(
-        time=np.concatenate([m.time for m in rows.motions]), measured=valid(rows.effort),
-        predicted=np.where(rows.use, predicted, np.nan), nominal=valid(nominal),
-        v=rows.v, held_out=~rows.train,
+        time=np.concatenate([m.time for m in rows.samples.motions]), measured=valid(rows.effort),
+        predicted=np.where(rows.samples.use, predicted, np.nan), nominal=valid(nominal),
+        v=rows.samples.v, held_out=~rows.samples.train,
         friction=valid(rows.effort - after + final.own_predicted(rows)),
     )  # fmt: skip

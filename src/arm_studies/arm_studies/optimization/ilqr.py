@@ -240,8 +240,8 @@ class ILQR:
             x, u, width, threads = at.x[part], at.u[part], self._smoothing, self._threads
             try:
                 parts.append(
-                    linearizer.along(x, u, threads) if width is None
-                    else linearizer.smoothed(x, u, width, threads)
+                    linearizer.jacobians_along(x, u, threads) if width is None
+                    else linearizer.smoothed_jacobians(x, u, width, threads)
                 )  # fmt: skip
             except NotDifferentiable as error:
                 raise NotDifferentiable(

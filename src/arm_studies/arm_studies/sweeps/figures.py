@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.arrays import Array
-from arm_dynamics.scene import Scene
 from arm_sim.figures import WIDTH, figure, units
 from arm_studies.sweeps.metrics import METRICS
+from arm_studies.sweeps.quantities import heading
 from arm_studies.sweeps.study import Study
 from arm_studies.sweeps.table import Table
 
@@ -77,7 +77,7 @@ def _scatter(
                     _scale(at.set_xscale, table[name])
             row[0].set_ylabel(words)
         for at, name in zip(axes[-1], numbers, strict=True):
-            at.set_xlabel(_quantity(name))
+            at.set_xlabel(heading(name))
     return path
 
 
@@ -115,23 +115,6 @@ def _headings(study: Study, metrics: list[str]) -> list[str]:
         unit = units(types, turning, *sliding) if sliding else turning
         words.append(f"{METRICS[key].name}{f' of {joint}' if joint else ''}\n[{unit}]")
     return words
-
-
-def _quantity(key: str) -> str:
-    """A key of a scene in words, with its unit: the first that its description names."""
-    part: Any = Scene
-    unit = ""
-    for name in key.split("."):
-        if field := getattr(part, "model_fields", {}).get(name):
-            text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
-            match = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
-            unit, kinds = match[1] if match else "", getattr(field.annotation, "__args__", ())
-            models = (kind for kind in kinds if hasattr(kind, "model_fields"))
-            part = next(models, field.annotation)
-    words = re.sub(r"^joints\.(\*\.)?|s\.\d+(?=\.)", "", key)  # payloads.0.mass is that of one
-    words = re.sub(r"friction\.(\w+)$", r"\1 friction", words)
-    label = re.sub(r"[._]", " ", words)
-    return f"{label}\n[{unit}]" if unit else label
 
 
 def _finite(values: Array) -> Array:

@@ -39,25 +39,8 @@ class Task:
     compiled: bool
 
 
-@dataclass(frozen=True)
-class Result:
-    """Result of a task.
-
-    Attributes:
-        rows: One row for each run.
-        compiled: As of the task.
-        seconds: Duration of its runs in [s], without building their world.
-        building: Duration of building the world in [s]; zero if it was cached.
-    """
-
-    rows: tuple[Row, ...]
-    compiled: bool
-    seconds: float
-    building: float
-
-
-def work(task: Task, parent: int | None = None) -> Result:
-    """Simulate the runs of a task, in a process that ends with its parent, even if that is killed.
+def work(task: Task, parent: int | None = None) -> list[Row]:
+    """Rows of the runs of a task, in a process that ends with its parent, even if that is killed.
 
     Args:
         task: The task.
@@ -65,17 +48,13 @@ def work(task: Task, parent: int | None = None) -> Result:
     """
     if parent is not None:
         _end_with(parent)
-    begin = time.perf_counter()
     try:
         world = world_of(task.recipe)
         if task.compiled:
             world.compile()
     except ArmError as error:
-        rows = [Row.failed(job, error, task.recipe.metrics) for job in task.jobs]
-        return Result(tuple(rows), task.compiled, 0.0, time.perf_counter() - begin)
-    built = time.perf_counter()
-    rows = world.rows(task.jobs)
-    return Result(tuple(rows), task.compiled, time.perf_counter() - built, built - begin)
+        return [Row.failed(job, error, task.recipe.metrics) for job in task.jobs]
+    return world.rows(task.jobs)
 
 
 @cache
@@ -160,8 +139,8 @@ class Workers:
     size: int
     backend: dict[str, Any] | None
 
-    def results(self, tasks: Iterable[Task]) -> Iterator[Result]:
-        """Results in order of completion; tasks are taken as workers become free."""
+    def results(self, tasks: Iterable[Task]) -> Iterator[list[Row]]:
+        """Rows of each, in order of completion; tasks are taken as workers become free."""
         if self.backend is None:
             yield from map(work, tasks)
             return

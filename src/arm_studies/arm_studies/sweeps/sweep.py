@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -19,7 +18,7 @@ from arm_studies.renaming import renamed_argument, renamed_attribute
 from arm_studies.sweeps.design import points
 from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints
-from arm_studies.sweeps.progress import Pace, Progress
+from arm_studies.sweeps.progress import Progress
 from arm_studies.sweeps.recipes import Group, Planner
 from arm_studies.sweeps.runs import Row
 from arm_studies.sweeps.sharing import Task, Workers, check_libraries, started
@@ -30,6 +29,7 @@ from arm_studies.sweeps.world import world_of
 # Runs per task, compiled or not, such that the cost of passing it to a worker is negligible.
 _RUNS = {True: 32, False: 2}
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
+_FEWEST = 3  # results required for an estimate of the remaining time
 
 
 @frozen
@@ -167,22 +167,23 @@ def _simulate(
         The current activity, and the remaining time in [s]; None while too little is known.
     """
     # Code that several workers share is compiled once, before they start.
-    builds, remaining = list[Task](), Counter[bool]()
+    builds = list[Task]()
     for group in groups:
-        kinds = planner.by_kind(group)
-        remaining.update({kind: len(jobs) for kind, jobs in kinds.items()})
         if len(group.jobs) > 1 and pool.size > 1:
-            builds.append(Task(planner.recipe(group), (), group.jobs[0] in kinds[True]))
+            compiled = group.jobs[0] in planner.by_kind(group)[True]
+            builds.append(Task(planner.recipe(group), (), compiled))
     for k, _ in enumerate(pool.results(builds), 1):
         yield f"compiling, {k} of {len(builds)}", None
-    pace = Pace(remaining)
-    for result in pool.results(_tasks(planner, groups, pool.size)):
+    remaining = sum(len(group.jobs) for group in groups)
+    for number, results in enumerate(pool.results(_tasks(planner, groups, pool.size)), 1):
         if journal is not None:
-            journal.add(result.rows)
-        rows.update((row.index, row) for row in result.rows)
-        now = time.perf_counter()
-        pace.add(result, now)
-        yield "running", pace.remaining(now)
+            journal.add(results)
+        rows.update((row.index, row) for row in results)
+        remaining, now = remaining - len(results), time.perf_counter()
+        if number == 1:  # processes have started, and the first world is built
+            first, begin = remaining, now
+        known = number >= _FEWEST
+        yield "running", remaining * (now - begin) / (first - remaining) if known else None
 
 
 def _tasks(planner: Planner, groups: Sequence[Group], workers: int) -> Iterator[Task]:

@@ -15,6 +15,7 @@ from arm_studies.identification.regression.friction import COULOMB, VISCOUS, Joi
 from arm_studies.identification.regression.irregularities import without_outliers
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.samples import Samples
 
 MODEL = ArmModel(load_scene("two_link"))
 
@@ -34,10 +35,10 @@ def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth,
     for _ in range(60):  # the friction is part of the load
         tau = without + 0.1 * v + (0.3 + growth * abs(tau) * [1.0, 0.0]) * np.sign(v)
     record = JointRecord.of(MODEL.joint_names, t, q, tau, v, a)
-    rows = Rows(regressor, [prepare(record, np.inf)])
+    rows = Rows(Samples(regressor, [prepare(record, np.inf)]))
     plain, grown = JointFit((VISCOUS, COULOMB)), Shape(None, 0.9, float(abs(tau[:, 0]).max()))
     found = fitted(
-        Problem(rows, rows.use, Prior.near(regressor.nominal, 0.01, 0.01)),
+        Problem(rows, rows.samples.use, Prior.near(regressor.nominal, 0.01, 0.01)),
         [JointFit(plain.kinds, grown), plain],
     )  # fmt: skip
     own = found.friction[0]
@@ -53,9 +54,10 @@ def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
     theta[-6:] *= factor  # moments and products of inertia of the last body
     tau = regressor(q, v, a) @ theta + 0.2 * v + 0.1 * a  # with rotors
     tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
-    rows = Rows(regressor, [prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)])
+    motion = prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)
+    rows = Rows(Samples(regressor, [motion]))
     found = fitted(
-        Problem(rows, rows.use, Prior.near(regressor.nominal, 0.05, 0.5)),
+        Problem(rows, rows.samples.use, Prior.near(regressor.nominal, 0.05, 0.5)),
         [JointFit((VISCOUS,))] * 2, consistent=True,
     )  # fmt: skip
     assert found.changed == changed
@@ -66,10 +68,11 @@ def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
 def test_outliers_at_an_end_stop_are_said_to_be_there(joint, cause):
     regressor, t, q, v, a = moved(20.0)
     tau = regressor(q, v, a) @ regressor.nominal
-    rows = Rows(regressor, [prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)])
-    rows.q[5:15, 1] = MODEL.stops.place[1, 1] - 1e-3
-    residual = np.random.default_rng(1).normal(0.0, 1e-3, rows.q.shape)
+    motion = prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)
+    rows = Rows(Samples(regressor, [motion]))
+    rows.samples.q[5:15, 1] = MODEL.stops.place[1, 1] - 1e-3
+    residual = np.random.default_rng(1).normal(0.0, 1e-3, rows.samples.q.shape)
     residual[5:15, joint] = 1.0
     fit = SimpleNamespace(rows=rows, residual=residual)
-    kept, (note,) = without_outliers(fit, rows.valid)
+    kept, (note,) = without_outliers(fit, rows.samples.valid)
     assert cause in note and MODEL.joint_names[joint] in note and not kept[5:15, joint].any()

@@ -13,6 +13,7 @@ from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.matching import Match, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.samples import Samples
 
 
 def recorded(scene: str, heavier: float, change, moving=None):
@@ -32,8 +33,8 @@ def recorded(scene: str, heavier: float, change, moving=None):
     tau = regressor(q, v, a) @ theta + 0.8 * v + 1.5 * np.sign(v)
     tau += 0.05 * tau.std(axis=0) * rng.normal(size=tau.shape)
     record = JointRecord.of(model.joint_names, t, q, change(tau), v, a)
-    rows = Rows(regressor, [prepare(record, np.inf)])
-    return Problem(rows, rows.use, Prior.near(regressor.nominal, 0.12, 0.2))
+    rows = Rows(Samples(regressor, [prepare(record, np.inf)]))
+    return Problem(rows, rows.samples.use, Prior.near(regressor.nominal, 0.12, 0.2))
 
 
 def matched(scene: str, heavier: float, change, moving=None):

@@ -16,6 +16,7 @@ from arm_studies.identification.regression.friction import (
 from arm_studies.identification.regression.irregularities import sticking
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.samples import Samples
 
 STRIDE = 10
 
@@ -43,15 +44,15 @@ def test_weights_give_the_product_with_any_factor(rng):
 def test_friction_under_load_is_that_of_all_measured_times():
     t = np.arange(0.0, 20.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
-    (motion,) = (rows := rows_of(t, q)).whole
-    assert len(t) > 10 * len(rows.v)
+    (motion,) = (rows := rows_of(t, q)).samples.whole
+    assert len(t) > 10 * len(rows.samples.v)
     law = JointFit((VISCOUS, COULOMB, EXCESS), Shape(0.1, 0.6, 3.0))
     load, v = 3.0 * np.sin(1.7 * t), motion.v[:, 0]
     growth, way = law.shape.growth(load), np.sign(v)
     dense = np.column_stack([v, way * growth, way * growth * np.exp(-((v / 0.1) ** 2))])
-    stride = round((rows.motions[0].time[1] - t[0]) / 1e-3)
+    stride = round((rows.samples.motions[0].time[1] - t[0]) / 1e-3)
     expected = motion.filtered(dense)[::stride]
-    inside = rows.valid.all(axis=1)
+    inside = rows.samples.valid.all(axis=1)
     found = rows.friction(law, 0, load[::stride])
     np.testing.assert_allclose(found[inside], expected[inside], atol=1e-3)
 
@@ -59,7 +60,7 @@ def test_friction_under_load_is_that_of_all_measured_times():
 def rows_of(t, q):
     model = ArmModel(load_scene("two_link"))
     motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
-    return Rows(RigidRegressor(model), [motion])
+    return Rows(Samples(RigidRegressor(model), [motion]))
 
 
 def test_a_joint_that_sticks_at_a_reversal_is_left_out():
@@ -68,15 +69,15 @@ def test_a_joint_that_sticks_at_a_reversal_is_left_out():
     way = np.where(t < 4.0, t, np.maximum(t - 0.25, 4.0))  # rests for a quarter of a second
     q = np.column_stack([1.0 - np.cos(0.5 * np.pi * way), np.sin(t)])
     rows = rows_of(t, q)
-    at = rows.motions[0].time
+    at = rows.samples.motions[0].time
     resting, moving = (at > 4.0) & (at < 4.25), (at > 1.0) & (at < 3.9)
-    assert abs(rows.v[resting, 0]).max() > 1e-3
-    assert not rows.use[resting, 0].any()
-    assert rows.use[resting, 1].all()
+    assert abs(rows.samples.v[resting, 0]).max() > 1e-3
+    assert not rows.samples.use[resting, 0].any()
+    assert rows.samples.use[resting, 1].all()
     for j, reversal in enumerate((2.0, 0.5 * np.pi)):
         near = abs(at - reversal) < 0.3 / 8.0
-        assert not rows.use[near, j].any()
-        assert rows.use[moving & (abs(at - reversal) > 0.05), j].all()
+        assert not rows.samples.use[near, j].any()
+        assert rows.samples.use[moving & (abs(at - reversal) > 0.05), j].all()
 
 
 def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
@@ -84,10 +85,10 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
     t = np.arange(0.0, 12.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
     rows = rows_of(t, q)
-    unknown = rows.filtered(rows.still * rng.normal(size=rows.still.shape))
+    unknown = rows.filtered(rows.samples.still * rng.normal(size=rows.samples.still.shape))
     cleared = rows.cleared(np.ones(2), np.full(2, 1e-3))
     for j in range(2):
-        use = rows.use[:, j]
+        use = rows.samples.use[:, j]
         assert abs(unknown[use, j]).max() > 0.1
         assert abs(cleared.clear(unknown)[use, j]).max() < 1e-2
         left = np.linalg.norm(cleared.inertia[use, j]) / np.linalg.norm(rows.inertia[use, j])
@@ -98,7 +99,7 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
 def test_joints_that_rest_or_reverse_most_of_the_time_are_noted():
     t = np.arange(0.0, 12.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.01 * np.sin(25.0 * t)])
-    (told,) = sticking(rows_of(t, q))
+    (told,) = sticking(rows_of(t, q).samples)
     assert told.startswith("'elbow': it may stick in ")
 
 
@@ -107,4 +108,4 @@ def test_rows_of_a_joint_that_mostly_sticks_are_not_used():
     t = np.arange(0.0, 12.0, 1e-3)
     for moving, used in ((0.5, False), (6.0, True)):
         rows = rows_of(t, np.column_stack([np.sin(2.1 * t), np.clip(t - 3.0, 0.0, moving)]))
-        assert rows.use[:, 0].any() and rows.use[:, 1].any() == used
+        assert rows.samples.use[:, 0].any() and rows.samples.use[:, 1].any() == used

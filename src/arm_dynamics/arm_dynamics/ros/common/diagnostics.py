@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes the condition of a node on ``/diagnostics``, while it has subscribers."""
+"""The condition of a node: findings, durations that are too long, and ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from arm_dynamics.exceptions import counted
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.conflicts import Alarm, same_name
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
 OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+_LATE, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; what exceeds both is too long
+_BUSY = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
+_RARELY = 10.0  # [s] between log messages of a machine that is busy
 
 
 @dataclass
@@ -61,6 +65,44 @@ class Growth:
         """Add a warning if the count of an event has grown; after a colon it may have reasons."""
         if growth := self.of(f"{noun} {event.partition(':')[0]}", count):
             finding.add(WARN, f"{counted(growth, noun)} {event}")
+
+
+class Lateness:
+    """The longest of some durations in the last second, and a warning if it is too long.
+
+    Attributes:
+        longest: This duration in [s].
+    """
+
+    def __init__(self, node: Node, take: Callable[[], float], usual: float, text: str) -> None:
+        """Start a timer.
+
+        Args:
+            node: The node.
+            take: Returns the longest duration in [s] since the last call.
+            usual: The usual duration in [s].
+            text: Text of the warning, with a place for the duration.
+        """
+        self._bound, self._text = max(_LATE, _FACTOR * usual), f"{text}: {_BUSY}"
+        self._take, self.longest = take, 0.0
+        self._log = Throttled(node.get_logger(), period=_RARELY)
+        self._timer = steady_timer(node, PERIOD, self.end_second)
+
+    def end_second(self) -> None:
+        """End a second; log the second warning in a row, since one is normal at the start."""
+        before, self.longest = self.message, 0.0
+        self.update()
+        if before and (message := self.message):
+            self._log.warning(message)
+
+    def update(self) -> None:
+        """Take the durations since the last call into account."""
+        self.longest = max(self.longest, self._take())
+
+    @property
+    def message(self) -> str:
+        """The warning; empty if there is no reason for one."""
+        return self._text.format(self.longest) if self.longest > self._bound else ""
 
 
 class Diagnosis:

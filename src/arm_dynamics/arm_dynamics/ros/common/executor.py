@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest executor available, its timers, and turns of coroutines."""
+"""The fastest executor available, and its timers."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -62,14 +62,6 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
     finally:
         executor.remove_node(node)  # before the objects of its callbacks are gone
         executor.shutdown()
-
-
-class Turn:
-    """Awaited by a callback that goes on after a turn of the others."""
-
-    def __await__(self) -> Generator[None]:
-        """Yield once."""
-        yield
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any:

@@ -17,7 +17,11 @@ from arm_dynamics.ros.interfaces import Topic
 
 
 class PolledSubscription:
-    """Holds the newest message of a topic as serialized bytes; no executor is needed."""
+    """Holds the newest message of a topic as serialized bytes; no executor is needed.
+
+    Attributes:
+        pointer: Address of the ``rcl_subscription_t``, valid until ``close``.
+    """
 
     def __init__(self, node: Node, topic: Topic) -> None:
         """Subscribe; ``close`` before the node is destroyed."""
@@ -28,6 +32,7 @@ class PolledSubscription:
             self._handle: Any = rclpy_implementation.Subscription(
                 node.handle, topic.type, topic.name, profile
             )
+        self.pointer = int(self._handle.pointer)
 
     def take(self) -> tuple[bytes, int] | None:
         """Return a new message and the system time of its arrival in [ns], or None."""
@@ -35,11 +40,6 @@ class PolledSubscription:
             return None
         raw, about = message
         return raw, about["received_timestamp"]
-
-    @property
-    def pointer(self) -> int:
-        """Address of the ``rcl_subscription_t``, valid until ``close``."""
-        return int(self._handle.pointer)
 
     def close(self) -> None:
         """End the subscription."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transports where Fast DDS's defaults do not suffice.
+"""Transports where Fast DDS's defaults do not suffice, and its shared memory after a kill.
 
 Shared memory is Fast DDS's default, and its ports belong to the whole machine. A process that
 writes to a port wakes the reader while it holds the port's lock. If it is killed then, the lock is
@@ -8,10 +8,15 @@ them. So our nodes use UDP, which is as fast (docs/how-to/fast-dds.md).
 
 By shared memory, the end of a message larger than the sender's 512 kB is lost and sent again some
 milliseconds later, repeatedly until it is complete.
+
+Each participant has segments in /dev/shm and holds a lock on each while it lives. A process that
+is killed cannot release them; after killing one, call ``clear_dead``, which does the same as
+``fastdds shm clean`` (which the wheels do not contain).
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 from collections.abc import MutableMapping
 from pathlib import Path
@@ -24,6 +29,10 @@ _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 LARGE_BATCHES = Path(__file__).with_name("large_batches.xml")
 """A profile of Fast DDS with 64 MB of shared memory, for service calls of many points."""
+FOLDER = Path("/dev/shm")
+SEGMENTS = ("fastrtps_", "fastdds_")
+"""How the names of segments in shared memory begin: of version 2, and of 3."""
+_LOCKS = ("_el", "_sl")
 
 
 def by_udp() -> dict[str, str]:
@@ -59,3 +68,33 @@ def by_profile(profile: Path) -> dict[str, str]:
     is_3 = any(Path(prefix, "share/fastdds").is_dir() for prefix in prefixes if prefix)
     # With the range LOCALHOST, ROS ignores the transports of a profile.
     return {PROFILES[is_3]: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
+
+
+def clear_dead(folder: Path = FOLDER) -> int:
+    """Remove the segments whose owners are gone from their folder; return their number."""
+    paths = [path for begin in SEGMENTS for path in folder.glob(f"{begin}*")]
+    names = {path.name.removesuffix("_el").removesuffix("_sl") for path in paths}
+    return sum(_removed(folder, name) for name in sorted(names))
+
+
+def _removed(folder: Path, name: str) -> bool:
+    locks = [folder / f"{name}{lock}" for lock in _LOCKS]
+    is_port = name.startswith(tuple(f"{begin}port" for begin in SEGMENTS))
+    incomplete = not is_port and not any(lock.exists() for lock in locks)
+    if incomplete or any(map(_is_held, locks)):  # a segment gets its lock last, a port first
+        return False
+    for path in (folder / name, *locks, folder / f"sem.{name}_mutex"):
+        path.unlink(missing_ok=True)
+    return True
+
+
+def _is_held(lock: Path) -> bool:
+    """Whether a living process holds a lock; one that cannot be opened counts as held."""
+    try:
+        with lock.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False

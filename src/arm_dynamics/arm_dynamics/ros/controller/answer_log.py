@@ -25,10 +25,12 @@ class AnswerLog:
         unusable: Why, of the last of them.
         jumps: Number of jumps of time or of the arm between two states.
         failure: Why the controller computes no torque; empty while it does.
+        place: Address of ``last_t``, in which C remembers the states that it answers.
     """
 
     def __init__(self) -> None:
         self._last, self._command = HEADER.structure("last_t")(), b""
+        self.place = addressof(self._last)
         self._make_room(_ROOM)
         self._last_state = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
@@ -49,11 +51,6 @@ class AnswerLog:
         self._command = command
         self._answers += 1
         self.failure = ""
-
-    @property
-    def place(self) -> int:
-        """Address of ``last_t``, in which C remembers the states that it answers."""
-        return addressof(self._last)
 
     def _make_room(self, size: int) -> None:
         self._memory = bytearray(size)

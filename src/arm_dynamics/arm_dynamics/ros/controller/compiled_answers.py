@@ -26,8 +26,8 @@ from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
 from arm_dynamics.control.wrappers import AnyController, Switch
+from arm_dynamics.ros.common.endpoints import guarded
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
-from arm_dynamics.ros.common.topics import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.controller_params import ControllerParams

@@ -17,17 +17,17 @@ _STEADY, _BACKWARDS, _PAUSED, _MOVED = (
 
 
 class Jumps:
-    """Compares each state of the joints ``names`` with the previous one."""
+    """Compares each state of the joints ``names`` with the previous one.
+
+    Attributes:
+        place: Address of ``before_t``, which C compares and updates as well.
+    """
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         self._q, self._v = np.zeros((2, len(names)))
         self._before = HEADER.structure("before_t")(q=self._q.ctypes.data, v=self._v.ctypes.data)
-
-    @property
-    def place(self) -> int:
-        """Address of ``before_t``, which C compares and updates as well."""
-        return addressof(self._before)
+        self.place = addressof(self._before)
 
     @property
     def stamp(self) -> int:

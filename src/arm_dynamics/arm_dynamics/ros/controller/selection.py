@@ -22,7 +22,7 @@ from arm_dynamics.control.factory import (
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import watch
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.controller.answer_log import AnswerLog

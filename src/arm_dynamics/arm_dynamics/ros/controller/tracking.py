@@ -15,7 +15,7 @@ from arm_dynamics.cdr import CdrReader
 from arm_dynamics.codegen.addresses import address
 from arm_dynamics.control.controller import Moving
 from arm_dynamics.ros.common.convert import as_bytes, to_array
-from arm_dynamics.ros.common.topics import advertise
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.tolerances import joined
@@ -33,18 +33,16 @@ class TrackingTopic:
     """Publishes the tracking state every few ticks while it has subscribers.
 
     Python and C do that by the same function, each for the states that it answers.
+
+    Attributes:
+        place: Address of ``report_t``.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         """Advertise the topic of a controller of the joints ``names``."""
         self._publisher, self._names = advertise(node, CONTROLLER_STATE), list(names)
         self._shared = HEADER.structure("report_t")(publisher=self._publisher.handle.pointer)
-        self._raw, self._outcome = bytearray(), ""
-
-    @property
-    def place(self) -> int:
-        """Address of ``report_t``."""
-        return addressof(self._shared)
+        self.place, self._raw, self._outcome = addressof(self._shared), bytearray(), ""
 
     def restart(self) -> None:
         """Publish at the next state."""

@@ -7,6 +7,7 @@ coroutine.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -24,8 +25,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
-from arm_dynamics.ros.common.executor import Turn
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
@@ -209,7 +209,7 @@ class TrajectoryAction:
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not accepted.done() and planner.busy:
-            await Turn()
+            await asyncio.sleep(0)  # a turn of the other callbacks
             with self._lock:
                 planner.deliver()
         if not accepted.done():

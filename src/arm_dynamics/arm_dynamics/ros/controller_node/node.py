@@ -21,11 +21,10 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, InvalidInput, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.convert import as_bytes
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding
-from arm_dynamics.ros.common.lateness import Lateness
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
+from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.params import declare
 from arm_dynamics.ros.common.robot_source import scene_for
-from arm_dynamics.ros.common.topics import subscribe
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers, Parts
 from arm_dynamics.ros.controller.controller_library import prepare

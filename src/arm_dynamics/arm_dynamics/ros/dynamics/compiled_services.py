@@ -158,11 +158,6 @@ class CompiledServices:
             self._native.counts(self._server, ctypes.byref(counts))
         return counts
 
-    @property
-    def compiled(self) -> list[Service]:
-        """The services that C answers now."""
-        return [COMPILED[k].service for k in self._running]
-
     def forget(self) -> None:
         """Stop answering for the current arm, before another one is set."""
         with self._lock:

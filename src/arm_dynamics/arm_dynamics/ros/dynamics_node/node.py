@@ -18,10 +18,9 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
+from arm_dynamics.ros.common.endpoints import answering, guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, warn_unused
-from arm_dynamics.ros.common.services import answering
-from arm_dynamics.ros.common.topics import guarded, subscribe
 from arm_dynamics.ros.dynamics.answers import ANSWERS
 from arm_dynamics.ros.dynamics.compiled_services import COMPILED, CompiledServices, native
 from arm_dynamics.ros.dynamics.request_counts import RequestCounts

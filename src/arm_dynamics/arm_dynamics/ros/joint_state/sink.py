@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address
-from arm_dynamics.ros.common.topics import advertise
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, library
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter

@@ -26,7 +26,6 @@ from arm_dynamics.scene.urdf.plain import (
     link_at,
     plain_joint,
     plain_link,
-    remove_range,
 )
 from arm_dynamics.scene.urdf.units import note_units, size_of
 from arm_dynamics.scene.urdf.xml import xml_root
@@ -149,7 +148,8 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     ranges = {name: described_range(joint) for name, joint in joints.items()}
     crossed = {name: (lower, upper) for name, (lower, upper) in ranges.items() if lower > upper}
     for name in crossed:
-        remove_range(joints[name])
+        for limit in joints[name].findall("limit"):
+            limit.attrib.update(lower="0.0", upper="0.0")
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
     anew = _text_for_pinocchio(robot, [*links.values(), *joints.values()], notes)

@@ -116,12 +116,6 @@ def described_range(joint: ElementTree.Element) -> tuple[float, float]:
     return float(limit.get("lower", "0")), float(limit.get("upper", "0"))
 
 
-def remove_range(joint: ElementTree.Element) -> None:
-    """Take the position limits from the copy of a joint."""
-    if (limit := joint.find("limit")) is not None:
-        limit.attrib.update(lower="0.0", upper="0.0")
-
-
 def is_limited(joint: ElementTree.Element) -> bool:
     """Whether the copy of a joint has a position limit."""
     lower, upper = described_range(joint)

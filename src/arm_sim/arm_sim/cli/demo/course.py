@@ -19,19 +19,10 @@ from rich.progress import BarColumn, TimeElapsedColumn
 
 from arm_dynamics import load_scene
 from arm_dynamics.ros.common.transport import as_usual
+from arm_sim.cli.demo import report
 from arm_sim.cli.demo.motion import DemoMotion, choose_motion
 from arm_sim.cli.demo.observer import Observations, Observer
 from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
-from arm_sim.cli.demo.report import (
-    Numbers,
-    cause,
-    complaints,
-    draw,
-    load,
-    numbers,
-    remarks,
-    result_table,
-)
 from arm_sim.cli.output import console, progress, quiet, show
 from arm_sim.recording import Recording
 from arm_sim.view.server import library
@@ -65,7 +56,7 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
         on_progress(description="checking the simulated motion by a second run")
         with quiet():
             verdict = Recording.load(Path(scratch) / RECORDING).verdict
-    results = numbers(motion, observations, clock)
+    results = report.numbers(motion, observations, clock)
     _report(output, motion, observations, results, verdict, out)
 
 
@@ -89,7 +80,7 @@ def _run(
     motion: DemoMotion, output: Path, scratch: Path, on_progress: Callable[..., object], view: bool
 ) -> tuple[Observations, dict[str, Any]]:
     """Execute the motion; return the observations and the sim node's report."""
-    scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
+    scene, timing, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
     # A self-contained file for all three nodes.
     data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     scene.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
@@ -109,7 +100,7 @@ def _run(
         observer.wait_for_partners()
         # Started last, so that no other start-up disturbs its timing.
         record = "--ros-args", "-p", f"record:={scratch / RECORDING}"
-        processes.start("sim", "sim", *node, "--report", str(report), *record)
+        processes.start("sim", "sim", *node, "--report", str(timing), *record)
         observer.wait_for_motion()
         place = f"; the view is at {_open_view(processes, scene)}" if view else ""
         on_progress(description=f"following the trajectory{place}")
@@ -117,11 +108,11 @@ def _run(
         on_progress(description="stopping the nodes")
         processes.stop("sim")
         processes.stop("view", "controller", "dynamics")
-        if not report.exists():
+        if not timing.exists():
             raise DemoFailed(
                 "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
             )
-        return observer.observations(), json.loads(report.read_text(encoding="utf-8"))
+        return observer.observations(), json.loads(timing.read_text(encoding="utf-8"))
 
 
 def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> None:
@@ -136,7 +127,8 @@ def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> Non
     if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
         raise DemoFailed(
             f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
-            f"{patience:g} s ({load()}); the simulator's log says:\n" + processes.tail("sim")
+            f"{patience:g} s ({report.load()}); the simulator's log says:\n"
+            + processes.tail("sim")
         )
 
 
@@ -153,7 +145,7 @@ def _open_view(processes: Processes, scene: Path) -> str:
 
 
 def _report(
-    output: Path, motion: DemoMotion, observations: Observations, n: Numbers, verdict: str,
+    output: Path, motion: DemoMotion, observations: Observations, n: report.Numbers, verdict: str,
     out: Console,
 ) -> None:  # fmt: skip
     """Write the figure and the numbers, and print a summary."""
@@ -162,13 +154,13 @@ def _report(
         f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
         f"{1e6 * n['error_rms']:,.1f} µ{n['unit']} RMS"
     )
-    draw(figure, observations, model.joint_names, model.joint_types, n["duration"], title)
+    report.draw(figure, observations, model.joint_names, model.joint_types, n["duration"], title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
-    show(out, result_table(n))
+    show(out, report.result_table(n))
     out.print(f"motion:  {verdict}", soft_wrap=True, markup=False)
     out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
-    if reasons := complaints(n):
-        raise DemoFailed(f"{cause(n)}:\n  " + "\n  ".join(reasons))
-    for remark in remarks(n):
+    if reasons := report.complaints(n):
+        raise DemoFailed(f"{report.cause(n)}:\n  " + "\n  ".join(reasons))
+    for remark in report.remarks(n):
         out.print(f"note: {remark}", markup=False)

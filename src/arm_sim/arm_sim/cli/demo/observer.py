@@ -10,14 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_dynamics.ros.interfaces import (
-    CONTROLLER_STATE,
-    INVERSE_DYNAMICS,
-    JOINT_TRAJECTORY,
-    MODEL_INFO,
-    RESET_COUNTERS,
-)
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed
 from arm_sim.cli.robot.listener import Listener, trajectory_message
@@ -84,11 +78,12 @@ class Observer(Listener):
         self._queries: list[_Query] = []
         self._next_query = 0.0
         self.start = 0  # stamp in [ns] at which the trajectory began
-        self._inverse_dynamics = self.client(INVERSE_DYNAMICS, "dynamics")
-        self._info = self.client(MODEL_INFO, "dynamics")
-        self._reset = self.client(RESET_COUNTERS, "sim")
-        self._trajectory = self.publisher(JOINT_TRAJECTORY, "controller/joint_trajectory")
-        self.subscribe(CONTROLLER_STATE, "controller/state", self._on_state)
+        self._inverse_dynamics = self.client(interfaces.INVERSE_DYNAMICS, "dynamics")
+        self._info = self.client(interfaces.MODEL_INFO, "dynamics")
+        self._reset = self.client(interfaces.RESET_COUNTERS, "sim")
+        topic = interfaces.JOINT_TRAJECTORY
+        self._trajectory = self.publisher(topic, "controller/joint_trajectory")
+        self.subscribe(interfaces.CONTROLLER_STATE, "controller/state", self._on_state)
         self.subscribe(ENERGY, "sim/energy", self._energies.append)
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
@@ -165,7 +160,7 @@ class Observer(Listener):
         if not self.start or sent < self._next_query:
             return
         self._next_query = sent + _RETRY
-        request = INVERSE_DYNAMICS.type.Request(
+        request = interfaces.INVERSE_DYNAMICS.type.Request(
             joint_names=state.joint_names, position=state.reference_position,
             velocity=state.reference_velocity, acceleration=state.reference_acceleration,
         )  # fmt: skip

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import click
 
-from arm_dynamics.ros.common.dead_segments import clear_dead
+from arm_dynamics.ros.common.transport import clear_dead
 from arm_sim.cli.interrupts import handled_by
 
 _PATIENCE = 5.0  # [s] for a clean exit

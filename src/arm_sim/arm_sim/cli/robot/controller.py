@@ -20,7 +20,7 @@ from arm_dynamics.ros.interfaces import (
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.robot.listener import Listener, full, trajectory_message
 from arm_sim.cli.robot.node_parameters import Parameters
-from arm_sim.cli.robot.reports import Reports
+from arm_sim.cli.robot.reports import ERROR, Reports
 
 _JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
 _PLANNING = 30.0  # [s] timeout of planning
@@ -73,7 +73,7 @@ class Controller(Listener):
     @property
     def errors(self) -> list[str]:
         """What the nodes of this namespace report as errors."""
-        return self._of_namespace(self._reports.errors)
+        return self._of_namespace(self._reports.complaints(ERROR))
 
     def _of_namespace(self, reports: list[str]) -> list[str]:
         prefix = self._space.lstrip("/")
@@ -197,5 +197,5 @@ class Controller(Listener):
             return "the controller has ended; start it again: ./arm controller SCENE"
         if not self.publishers(topic):
             return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
-        complaints = self._of_namespace(self._reports.complaints)
+        complaints = self._of_namespace(self._reports.complaints())
         return "\n  ".join(complaints) or f"{topic} has a publisher, but no state comes"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from arm_sim.cli.robot.listener import Listener
 
+WARNING, ERROR = b"\1", b"\2"  # levels of DiagnosticStatus.msg, which is imported late
+
 
 class Reports:
     """The newest diagnostics of all nodes."""
@@ -28,17 +30,8 @@ class Reports:
             self._complaints[status.name] = status.level, status.message
             self._values[status.name] = {pair.key: pair.value for pair in status.values}
 
-    @property
-    def complaints(self) -> list[str]:
-        """Warnings and errors, each with the part of the node that has it."""
-        return self._of_level(b"\1")
-
-    @property
-    def errors(self) -> list[str]:
-        """The errors among them."""
-        return self._of_level(b"\2")
-
-    def _of_level(self, least: bytes) -> list[str]:
+    def complaints(self, least: bytes = WARNING) -> list[str]:
+        """Warnings and errors, or only these, each with the part of the node that has it."""
         reports = sorted(self._complaints.items())
         return [f"{name}: {message}" for name, (level, message) in reports if level >= least]
 

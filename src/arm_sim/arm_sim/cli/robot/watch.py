@@ -140,7 +140,7 @@ class WatchedArm:
 
     def remarks(self) -> list[str]:
         """Lines below the table."""
-        complaints = self.reports.complaints
+        complaints = self.reports.complaints()
         for key in _CONDITIONS:
             values = self.reports.values(key).items()
             complaints += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]

@@ -56,17 +56,24 @@ class StepTangent:
         moved = self.propagate(c, dx, dw, 0)
         return ca.Function(f"{self._prefix}jvp", [c, dx, dw], [moved], {"cse": True})
 
-    def vjp(self, limit: ca.Function) -> tuple[ca.Function, ca.Function]:
-        """Transpose of ``limit`` and ``jvp``: (all coefficients, λ) -> λ times both.
+    def vjp(self, command_jvp: ca.Function) -> tuple[ca.Function, ca.Function]:
+        """Transpose of a tick, that is of ``command_jvp`` and then ``jvp``.
 
-        For rows of positions and for the others: in an explicit method, the last stage does not
-        change positions.
+        ``command_jvp``, of ``command_tangent``, gives the change of the command that acts, shape
+        (n,), from its coefficients and changes of the state, (nx,), and of the command, (n,).
+
+        Returns:
+            Functions (coefficients of both, row λ of a derivative by the state after the tick) ->
+            its product with the derivatives by the state before, the command and the tuned
+            quantities. The first takes λ of positions, shape (n,), the other that of velocities
+            and internal states, (nx - n,): in an explicit method, the last stage does not change
+            positions.
         """
         n, (c, _, dw) = self._n, self.jvp.sx_in()
-        limits, dx, dr = limit.sx_in()
+        c_command, dx, dr = command_jvp.sx_in()
         row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", dw.shape[0] - n)
-        moved = self.jvp(c, dx, ca.vertcat(limit(limits, dx, dr), dp))
-        coefficients = ca.vertcat(limits, c)
+        moved = self.jvp(c, dx, ca.vertcat(command_jvp(c_command, dx, dr), dp))
+        coefficients = ca.vertcat(c_command, c)
 
         def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
             product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))

@@ -15,12 +15,7 @@ from arm_dynamics import KernelError
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.export.amalgamated import OWN, amalgamated
-from arm_sim.export.fmu.model_description import (
-    Unit,
-    build_description,
-    fmi2_description,
-    fmi3_description,
-)
+from arm_sim.export.fmu import model_description
 from arm_sim.export.fmu.variables import variables
 from arm_sim.export.library import named
 from arm_sim.export.names import of_frames
@@ -31,7 +26,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # of all files: the same scene gives the same byt
 _PLATFORM = {"2": "linux64", "3": f"{os.uname().machine}-linux"}
 
 
-def units(
+def build_fmus(
     name: str, tick: Tick, sources: Mapping[str, str], frames: Sequence[str]
 ) -> dict[str, bytes]:
     """The files ``N.fmu`` by FMI 3.0 and ``N_fmi2.fmu`` by FMI 2.0, for this kind of machine.
@@ -49,7 +44,7 @@ def units(
     simulator = tick.simulator
     model, nominal = simulator.model, simulator.arm.plant.parameters.nominal
     parameters = list(zip(tick.parameters, map(float, nominal), strict=False))
-    unit = Unit(
+    unit = model_description.Unit(
         name, f"robot '{model.pin.name}', {model.n} joints", simulator.dt,
         variables(model, simulator.state, parameters, frames), sources,
         tick.differentiable and not frames, of_frames(frames),
@@ -64,7 +59,7 @@ def units(
         }
 
 
-def _archive(unit: Unit, version: str, folder: Path) -> bytes:
+def _archive(unit: model_description.Unit, version: str, folder: Path) -> bytes:
     """An FMU by a version of FMI; the folder contains the library's files, compiled."""
     name, wrapper = unit.name, f"fmi{version}.c"
     text = _wrapper(unit, wrapper, unit.token(version))
@@ -72,10 +67,10 @@ def _archive(unit: Unit, version: str, folder: Path) -> bytes:
     _compile(folder, "-shared", wrapper, "library.o", "-lm", "-o", "unit.so")
     compiled, sources = (wrapper, f"{name}.c"), {**unit.sources, wrapper: text}
     if version == "3":
-        description = fmi3_description(unit)
-        sources["buildDescription.xml"] = build_description(unit, compiled)
+        description = model_description.fmi3_description(unit)
+        sources["buildDescription.xml"] = model_description.build_description(unit, compiled)
     else:
-        description = fmi2_description(unit, compiled)
+        description = model_description.fmi2_description(unit, compiled)
     return _zipped({
         "modelDescription.xml": description,
         f"binaries/{_PLATFORM[version]}/{name}.so": (folder / "unit.so").read_bytes(),
@@ -83,7 +78,7 @@ def _archive(unit: Unit, version: str, folder: Path) -> bytes:
     })  # fmt: skip
 
 
-def _wrapper(unit: Unit, file: str, token: str) -> str:
+def _wrapper(unit: model_description.Unit, file: str, token: str) -> str:
     """The source of the functions of FMI."""
     parameters = [v.name for v in unit.variables if v.variability == "tunable"]
     starts = ", ".join(repr(0.0 if v.start is None else v.start) for v in unit.variables)

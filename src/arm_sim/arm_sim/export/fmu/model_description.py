@@ -118,17 +118,17 @@ def _skeleton(
 
 
 def _about(reference: int, variable: Variable) -> dict[str, str]:
-    about = {"description": variable.about} if variable.about else {}
+    description = {"description": variable.description} if variable.description else {}
     return {
         "name": variable.name, "valueReference": str(reference), "causality": variable.causality,
-        "variability": variable.variability, **about,
+        "variability": variable.variability, **description,
     }  # fmt: skip
 
 
 def _numbers(variable: Variable) -> dict[str, str]:
     """Unit, default, and limits."""
     unit = {"unit": variable.unit} if variable.unit else {}
-    values = {"start": variable.start, "min": variable.least, "max": variable.most}
+    values = {"start": variable.start, "min": variable.min, "max": variable.max}
     finite = {key: x for key, x in values.items() if x is not None and math.isfinite(x)}
     return unit | {key: repr(value) for key, value in finite.items()}
 

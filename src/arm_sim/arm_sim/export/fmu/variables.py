@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from arm_dynamics import ArmModel
 from arm_sim.state import State
 
-# Exponents of SI units; radians are counted for display only.
 UNITS: dict[str, dict[str, int]] = {
     "s": {"s": 1},
     "rad": {"rad": 1},
@@ -22,7 +21,7 @@ UNITS: dict[str, dict[str, int]] = {
     "A": {"A": 1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
 }
-"""Units of variables, as exponents of base units."""
+"""Units of variables, as exponents of SI units; radians are counted for display only."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +34,9 @@ class Variable:
         variability: ``continuous``, ``tunable`` or ``fixed``.
         unit: One of ``UNITS``; empty for none.
         start: Its default; None if it is computed.
-        least: Lower limit, -inf for none.
-        most: Upper limit, inf for none.
-        about: Description.
+        min: Lower limit, -inf for none.
+        max: Upper limit, inf for none.
+        description: What it is.
     """
 
     name: str
@@ -45,9 +44,9 @@ class Variable:
     variability: str
     unit: str = ""
     start: float | None = None
-    least: float = -math.inf
-    most: float = math.inf
-    about: str = ""
+    min: float = -math.inf
+    max: float = math.inf
+    description: str = ""
 
 
 def variables(
@@ -77,8 +76,10 @@ def variables(
 def _commands(model: ArmModel) -> Iterator[Variable]:
     for i, joint in enumerate(model.joint_names):
         unit, limit = model.command_unit[i].replace(" ", "."), float(model.command_limit[i])
-        about = "command of the joint's drive, clipped at its limit"
-        yield Variable(f"{joint}.command", "input", "continuous", unit, 0.0, -limit, limit, about)
+        yield Variable(
+            f"{joint}.command", "input", "continuous", unit, 0.0, -limit, limit,
+            "command of the joint's drive, clipped at its limit",
+        )  # fmt: skip
 
 
 def _wrenches(frames: Sequence[str]) -> Iterator[Variable]:
@@ -86,19 +87,21 @@ def _wrenches(frames: Sequence[str]) -> Iterator[Variable]:
     for frame in frames:
         for kind, unit in (("force", "N"), ("torque", "N.m")):
             for axis in "xyz":
-                about = f"{kind} on the frame at its origin, along an axis of the world"
+                description = f"{kind} on the frame at its origin, along an axis of the world"
                 name = f"{frame}.wrench.{kind}.{axis}"
-                yield Variable(name, "input", "continuous", unit, 0.0, about=about)
+                yield Variable(name, "input", "continuous", unit, 0.0, description=description)
 
 
 def _outputs(model: ArmModel) -> Iterator[Variable]:
-    for kind, turning, sliding, about in (
+    for kind, turning, sliding, description in (
         ("position", "rad", "m", "position"),
         ("velocity", "rad/s", "m/s", "velocity"),
         ("effort", "N.m", "N", "torque or force of the last tick on the joint"),
     ):
         for joint, unit in zip(model.joint_names, _units(model, turning, sliding), strict=True):
-            yield Variable(f"{joint}.{kind}", "output", "continuous", unit, about=about)
+            yield Variable(
+                f"{joint}.{kind}", "output", "continuous", unit, description=description
+            )
 
 
 def _starts(model: ArmModel, state: State) -> Iterator[Variable]:
@@ -110,7 +113,7 @@ def _starts(model: ArmModel, state: State) -> Iterator[Variable]:
         for joint, unit, value in zip(model.joint_names, units, values, strict=True):
             yield Variable(
                 f"{joint}.initial_{kind}", "parameter", "fixed", unit, float(value),
-                about=f"{kind} at the start",
+                description=f"{kind} at the start",
             )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ static int is_resting(const double* v) {
   return any;
 }
 
-/* NaN if the laws of friction determine no motion. */
-static void begin_motion(const double* q, const double* v, const double* tau, double* a) {
+/* Accelerations under drive torques; NaN if the laws of friction determine none. */
+static void accelerations_at_rest(const double* q, const double* v, const double* tau, double* a) {
   static const double nominal[NP + 1] = TUNABLE;
   const scene_t* scene = &own_scene;
   double x[NX], u[NU], slope[NX], p[P_LENGTH];

@@ -43,7 +43,7 @@ class Header(NamedTuple):
 
     Attributes:
         clock: Column of times; None if there is none.
-        joints: Names of the joints, in the order of their first column.
+        joints: Names of the joints with a position, in the order of these columns.
         columns: By part and joint.
     """
 
@@ -58,7 +58,7 @@ def read_header(names: Sequence[str]) -> Header:
     ``./arm record`` writes names such as ``position.elbow``. Equivalent names are accepted:
     ``elbow_position``, ``q_elbow [rad]``, ``/joint_states/elbow/position``, and numbered names
     such as ``q1``, which stands for ``joint1`` (``q0`` if they begin with 0). Units in brackets
-    are recognized.
+    are recognized; a column with another unit, or of no joint's quantity, is ignored.
 
     Args:
         names: Names of the columns.
@@ -68,10 +68,10 @@ def read_header(names: Sequence[str]) -> Header:
     """
     clock, columns = None, dict[tuple[str, str], Column]()
     for place, name in enumerate(names):
-        bare, unit = _unit(name)
-        if clock is None and (factor := _clock(bare, unit)):
+        label, unit = _unit(name)
+        if clock is None and (factor := _clock(label, unit)):
             clock = Column(place, factor)
-        elif (key := _part(bare)) and unit in _UNITS:
+        elif (key := _part(label)) and unit in _UNITS:
             part, joint = key
             if key in columns:
                 raise InvalidInput(
@@ -107,11 +107,11 @@ def _part(name: str) -> tuple[str, str] | None:
         if name.startswith(f"{part}."):
             return part, name.removeprefix(f"{part}.")
     for part, words in _WORDS.items():
-        either = "|".join(words)
-        if match := re.fullmatch(rf"(?:{either})[._/ -]?(\d+)", name, re.IGNORECASE):
+        alternatives = "|".join(words)
+        if match := re.fullmatch(rf"(?:{alternatives})[._/ -]?(\d+)", name, re.IGNORECASE):
             return part, match[1]
-        if match := re.fullmatch(rf"(?:{either})[._/ -](.+)", name, re.IGNORECASE):
+        if match := re.fullmatch(rf"(?:{alternatives})[._/ -](.+)", name, re.IGNORECASE):
             return part, match[1]
-        if match := re.fullmatch(rf"(.+)[._/ -](?:{either})", name, re.IGNORECASE):
+        if match := re.fullmatch(rf"(.+)[._/ -](?:{alternatives})", name, re.IGNORECASE):
             return part, match[1].rpartition("/")[2]
     return None

@@ -100,11 +100,6 @@ class LatestCommand(Structure):
         if self.line is not None:
             self.line.restart()
 
-    @property
-    def empty(self) -> bool:
-        """Whether no command has arrived yet."""
-        return not self.any
-
     def read(self) -> tuple[float, ...] | None:
         """Efforts that C has accepted since the last call; None if there are none."""
         if not self.unread:

@@ -22,10 +22,12 @@ from arm_sim.ros.tick_engine import TickEngine
 _TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
 
 
-def recorder_of(
+def attach_recorder(
     node: Node, path: str, engine: TickEngine, inputs: Inputs, outputs: Outputs
 ) -> TickRecorder:
-    """The recorder of a node's engine, inputs and outputs; ``{time}`` in the path is now.
+    """Let a new recorder of a node record its ticks, inputs and outputs from now on.
+
+    ``{time}`` in the path is replaced by the date and time.
 
     Raises:
         InvalidInput: If it cannot be written.

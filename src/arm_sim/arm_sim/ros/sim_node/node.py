@@ -10,13 +10,14 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.endpoints import advertise, subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import FROM_TOPIC, scene_for
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
-from arm_dynamics.ros.common.topics import advertise, subscribe
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.competing_publishers import CompetingPublishers
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.display import Display
 from arm_sim.ros.inputs import Inputs
@@ -24,7 +25,6 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.node_library import library
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting
 from arm_sim.ros.standard.services import StandardServices
@@ -49,7 +49,7 @@ class SimNode(Node):
         inputs: Incoming commands and wrenches.
         outputs: Messages in the course of ticks.
         lockstep: Waits for answers, or None.
-        rivals: Others who publish joint states of this arm.
+        competitors: Others who publish joint states of this arm.
         display: Publishes all joints and frames for visualization.
         loop: Ticks in real time, and measures its timing.
         requests: The services.
@@ -83,9 +83,11 @@ class SimNode(Node):
         self.outputs = outputs = Outputs(
             self, engine, params, account_read=lambda: self.diagnosis.has_subscribers
         )
-        self.rivals = inputs.rivals = Rivals(self, outputs, inputs.round_trip, self._note_rivals)
+        self.competitors = inputs.competitors = CompetingPublishers(
+            self, outputs, engine.round_trip, self._note_competitors
+        )
         if params.tick_source != HAND:
-            self.rivals.give_way()
+            self.competitors.refuse_if_any()
         self.display = Display(self, engine, params, outputs.reported, outputs.stamp)
         self.loop = self._loop_of(params)
         outputs.stamps.follow(self.loop.current)
@@ -93,7 +95,7 @@ class SimNode(Node):
             Lockstep(self, params, engine, inputs, outputs) if params.lockstep else None
         )
         if self.lockstep is None:
-            inputs.open(self)
+            inputs.polled.open(self)
         self.recorder = self._recorder_of(params)
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
@@ -135,9 +137,9 @@ class SimNode(Node):
     def _recorder_of(self, params: SimParams) -> TickRecorder | None:
         if not params.record:
             return None
-        from arm_sim.ros.record.node_recorder import recorder_of  # not imported otherwise
+        from arm_sim.ros.record.node_recorder import attach_recorder  # not imported otherwise
 
-        return recorder_of(self, params.record, self.engine, self.inputs, self.outputs)
+        return attach_recorder(self, params.record, self.engine, self.inputs, self.outputs)
 
     def _start(self) -> None:
         params = self.params
@@ -177,7 +179,8 @@ class SimNode(Node):
         self.loop.reset()
         commands = self.engine.commands
         commands.stale_count = commands.extended = self.engine.arbiter.refused = 0
-        self.inputs.reset_counters()
+        self.engine.round_trip.reset()
+        self.inputs.refused = self.inputs.refused_wrenches = 0
         if self.lockstep is not None:
             self.lockstep.reset_counters()
 
@@ -200,10 +203,12 @@ class SimNode(Node):
         else:
             self.get_logger().info("commands have resumed")
 
-    def _note_rivals(self) -> None:
+    def _note_competitors(self) -> None:
         self.engine.queue.ring()  # C does not check whose states commands answer
         if self.recorder is not None:
-            self.recorder.note(self.rivals.alarm.message or "no other publisher of joint states")
+            self.recorder.note(
+                self.competitors.alarm.message or "no other publisher of joint states"
+            )
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""
@@ -215,8 +220,8 @@ class SimNode(Node):
         self.loop.stop()
         self.engine.queue.served = False
         self.outputs.energy.close()
-        self.inputs.close()
-        self.rivals.close()
+        self.inputs.polled.close()
+        self.competitors.close()
         self.standard.close()
         if self._background is not None:
             self._background.close()
@@ -227,7 +232,7 @@ class SimNode(Node):
                 f"{self.recorder.thread.written} bytes, to {self.recorder.path}"
             )
         if self.params.tick_source == CLOCK:
-            loop, round_trip = self.loop.report(), self.inputs.round_trip.histogram.percentiles()
+            loop, round_trip = self.loop.report(), self.engine.round_trip.histogram.percentiles()
             trips = f", round trip {round_trip}" if round_trip.count else ""
             self.get_logger().info(
                 f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "

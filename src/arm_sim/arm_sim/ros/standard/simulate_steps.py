@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from functools import partial
 from typing import Any
 
@@ -10,7 +11,6 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.executor import Turn
 from arm_sim.ros.standard.results import FAILED, INCORRECT_STATE, OK, Refusal, filled_result
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -50,7 +50,7 @@ class SimulateSteps:
                             completed_steps=completed, remaining_steps=total - completed
                         )
                     )
-                    await Turn()
+                    await asyncio.sleep(0)  # a turn of the other callbacks
             finally:
                 self._busy = False
         if result.result.result != OK:

@@ -8,8 +8,8 @@ from rclpy.node import Node
 from arm_dynamics.cdr import NATIVE, time_bytes
 from arm_dynamics.codegen.addresses import address
 from arm_dynamics.ros.common.conflicts import Alarm
+from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.common.topics import advertise
 from arm_dynamics.ros.joint_state import Sink
 from arm_sim.ros.interfaces import CLOCK
 

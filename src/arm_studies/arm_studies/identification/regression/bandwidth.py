@@ -14,6 +14,7 @@ from arm_studies.identification.filtering import PASSBAND_RATIO
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.samples import Samples
 
 # Ratio of neighbouring bandwidths that are tried, and the smallest relative to the band.
 STEP, NARROWEST = 0.9, 0.06
@@ -31,15 +32,15 @@ def with_bandwidth(fit: Fit) -> Fit:
     bandwidth is better by ``IMPROVEMENT``.
     """
     rows, use = fit.rows, fit.problem.use
-    if not np.isfinite(rows.band):
+    if not np.isfinite(rows.samples.band):
         return fit
     plain = rows.low_passed(None)
     least = mean_residual(fit.residual, use) * (IMPROVEMENT if rows.effort_band is None else 1.0)
     tried = {rows.effort_band}
     for _ in range(ROUNDS):
         # The bandwidth at which predictions are best, without another fit.
-        predicted, bands = fit.predicted(plain), _grid(plain)
-        narrowed = (plain.narrowed(predicted, band) for band in bands)
+        predicted, bands = fit.predicted(plain), _grid(plain.samples)
+        narrowed = (plain.samples.narrowed(predicted, band) for band in bands)
         errors = [mean_residual(plain.effort - efforts, use) for efforts in narrowed]
         best = int(np.argmin(errors))
         better = errors[best] < mean_residual(plain.effort - predicted, use)
@@ -65,15 +66,16 @@ def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
 
     None if that is above the band, or if the efforts have hardly any noise there.
     """
-    if not np.isfinite(rows.band):
+    samples = rows.samples
+    if not np.isfinite(samples.band):
         return None
     whole = _size(residual, use)
 
     def above(values: Array, band: float) -> float:
         """Power above a frequency, relative to the residual's."""
-        return float(np.mean((_size(values - rows.narrowed(values, band), use) / whole) ** 2))
+        return float(np.mean((_size(values - samples.narrowed(values, band), use) / whole) ** 2))
 
-    grid = _grid(rows)
+    grid = _grid(samples)
     parts = rows.effort - residual, residual
     signal, noise = (np.array([above(part, band) for band in grid]) for part in parts)
     less = np.diff(signal) < np.diff(noise)
@@ -81,15 +83,15 @@ def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
     if not three.size:
         return None
     limit = float(PASSBAND_RATIO * grid[three[-1] + 3])
-    kept = float(np.mean((_size(rows.narrowed(residual, limit), use) / whole) ** 2))
-    return limit if limit < rows.band and 1.0 - kept > NOISE_FRACTION else None
+    kept = float(np.mean((_size(samples.narrowed(residual, limit), use) / whole) ** 2))
+    return limit if limit < samples.band and 1.0 - kept > NOISE_FRACTION else None
 
 
 def _size(values: Array, use: Mask) -> Array:
     return deviations(values, np.zeros_like(values), use)
 
 
-def _grid(rows: Rows) -> list[float]:
+def _grid(samples: Samples) -> list[float]:
     """Bandwidths, from the band downwards."""
     count = int(np.log(NARROWEST) / np.log(STEP))
-    return [rows.band * STEP**k for k in range(1, count + 1)]
+    return [samples.band * STEP**k for k in range(1, count + 1)]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression.estimation import Prior, Problem
+from arm_studies.identification.regression.estimation import Mask, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import JointFit
 from arm_studies.identification.regression.rows import Rows
@@ -72,11 +72,11 @@ def scales_of(
     Returns:
         Of each joint, 1 where it cannot be identified, shape (n,); and notes of their intervals.
     """
-    train = rows.use & rows.train[:, None]
+    train = rows.samples.use & rows.samples.train[:, None]
     shown, scales, notes = _guess(rows, train, laws)
 
     def at(scales: Array, prior: Prior) -> Fit:
-        return fitted(Problem(rows.scaled(scales), train, prior), laws)
+        return fitted(Problem(rows, train, prior, scales), laws)
 
     for _ in range(30):
         change = np.where(shown, _rescaled(at(scales, prior(*SCALE_PRIOR)))[0], 0.0)
@@ -86,7 +86,7 @@ def scales_of(
     _, doubt = _rescaled(at(scales, prior(*NOMINAL_ERRORS)))
     lines = [
         f"{name} {k:.3g} ({k * np.exp(-NORMAL_95 * sd):.3g} to {k * np.exp(NORMAL_95 * sd):.3g})"
-        for name, k, sd, identified in zip(rows.names, scales, doubt, shown, strict=True)
+        for name, k, sd, identified in zip(rows.samples.names, scales, doubt, shown, strict=True)
         if identified
     ]
     if lines:
@@ -98,11 +98,11 @@ def scales_of(
     return scales, notes
 
 
-def _guess(rows: Rows, train: Array, laws: Sequence[JointFit]) -> tuple[Array, Array, list[str]]:
+def _guess(rows: Rows, train: Mask, laws: Sequence[JointFit]) -> tuple[Array, Array, list[str]]:
     """Which scales can be identified, (n,), these by the nominal bodies, and notes of others."""
-    nominal = rows.rigid @ rows.regressor.nominal + rows.known_torques
-    shown, scales, notes = np.zeros(rows.n, bool), np.ones(rows.n), []
-    for j, name in enumerate(rows.names):
+    nominal = rows.rigid @ rows.samples.regressor.nominal + rows.known_torques
+    shown, scales, notes = np.zeros(rows.samples.n, bool), np.ones(rows.samples.n), []
+    for j, name in enumerate(rows.samples.names):
         use = train[:, j]
         y, of_bodies = rows.effort[use, j], nominal[use, j]
         columns = rows.inertia[:, j : j + 1], rows.friction(laws[j], j, nominal[:, j])
@@ -131,4 +131,4 @@ def _rescaled(fit: Fit) -> tuple[Array, Array]:
     The residual is that of the measured efforts, so that small scales do not reduce it:
     e - A x / k is linear in x and in the change of k.
     """
-    return added_coefficients(fit, -fit.drives[:, :, None] * np.eye(fit.rows.n))
+    return added_coefficients(fit, -fit.drives[:, :, None] * np.eye(fit.rows.samples.n))

@@ -205,25 +205,27 @@ class Problem:
         rows: The regression's rows.
         use: Rows that are used, shape (k, n).
         prior: Of the bodies.
+        scales: Torque per effort of the rows, shape (n,).
     """
 
     rows: Rows
     use: Mask
     prior: Prior
+    scales: Array | float = 1.0
 
     @cached_property
     def target(self) -> Array:
         """Efforts without known torques, shape (k, n)."""
-        return np.asarray(self.rows.effort - self.rows.known_torques)
+        return np.asarray(self.rows.effort * self.scales - self.rows.known_torques)
 
     @cached_property
     def common(self) -> tuple[Common, ...]:
         """Columns of bodies and armature of each joint."""
-        return tuple(Common.of(self.rows, self.use, j) for j in range(self.rows.n))
+        return tuple(Common.of(self.rows, self.use, j) for j in range(self.rows.samples.n))
 
     def data(self, columns: Columns, weights: Array) -> tuple[Array, Array]:
         """The triangle and vector of all rows that are used; see ``Columns.whitened``."""
-        return columns.whitened(self.target, weights, self.rows.independent)
+        return columns.whitened(self.target, weights, self.rows.samples.independent)
 
     def combined(self, columns: Columns, weights: Array) -> tuple[Array, Array]:
         """Those of the rows and the prior together."""

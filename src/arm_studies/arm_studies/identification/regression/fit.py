@@ -58,7 +58,7 @@ class Fit:
     def armature(self) -> Array:
         """Inertia of each joint's drive, shape (n,)."""
         first = len(self.problem.prior.x0)
-        return self.x[first : first + self.rows.n]
+        return self.x[first : first + self.rows.samples.n]
 
     @cached_property
     def residual(self) -> Array:
@@ -112,10 +112,10 @@ def fitted(
             have converged.
     """
     target, use = problem.target, problem.use
-    laws = [_determinable(problem.rows.v[use[:, j], j], law) for j, law in enumerate(laws)]
+    laws = [_determinable(problem.rows.samples.v[use[:, j], j], law) for j, law in enumerate(laws)]
     load = np.zeros_like(target)
     weights = 1.0 / estimation.deviations(target, load, use)
-    fastest = abs(problem.rows.v).max(axis=0)
+    fastest = abs(problem.rows.samples.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
         fit = _converged(problem, laws, load, weights, tolerance)
         laws = [_without_inadmissible(law, fastest[j]) for j, law in enumerate(fit.friction)]
@@ -211,7 +211,7 @@ def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
     coefficients = [law.coefficients[kind] for kind in law.kinds]
 
     def torque(shape: Shape) -> Array:
-        return np.asarray(rows.sliding(replace(law, shape=shape), j, load) @ coefficients)
+        return np.asarray(rows.samples.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
     h, now, slopes = 1e-6, torque(law.shape), []
     for name in law.nonlinear:
@@ -258,7 +258,7 @@ def _consistent(fit: Fit) -> Fit:
     """The fit if it is physically consistent, else the best consistent one."""
     problem, x = fit.problem, fit.x
     R, z = problem.data(fit.columns, fit.weights)
-    nominal, n = problem.prior.x0, fit.rows.n
+    nominal, n = problem.prior.x0, fit.rows.samples.n
     shown = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
     movable = estimation.with_mass(nominal)
     if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():

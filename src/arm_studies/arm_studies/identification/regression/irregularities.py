@@ -9,7 +9,7 @@ from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.samples import Samples
 from arm_studies.identification.regression.uncertainty import added_coefficients
 
 # Angle in [rad], and standard deviations, above which a tilt of the base is reported.
@@ -28,8 +28,8 @@ AT_STOP = 0.01  # Distance in [rad] or [m] from an end stop within which it is t
 def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
     """Rows to use without outliers, shape (k, n), and a note of each joint that has many."""
     rows = fit.rows
-    kept, notes, reach = use.copy(), list[str](), max(1, rows.lag // 8)
-    for j, name in enumerate(rows.names):
+    kept, notes, reach = use.copy(), list[str](), max(1, rows.samples.lag // 8)
+    for j, name in enumerate(rows.samples.names):
         used = use[:, j]
         if not used.any():
             continue
@@ -42,8 +42,8 @@ def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
         if 0.0 < share < 0.2:
             kept[:, j] &= ~wide
             if share > 0.002:
-                stops = rows.regressor.model.stops.place[:, j]
-                stopped = abs(rows.q[wide, j, None] - stops).min() < AT_STOP
+                stops = rows.samples.regressor.model.stops.place[:, j]
+                stopped = abs(rows.samples.q[wide, j, None] - stops).min() < AT_STOP
                 cause = "it hits its end stop" if stopped else "stiction, contact or sensor fault"
                 notes.append(
                     f"'{name}': {share:.1%} of the rows are outliers ({cause}) and are not used "
@@ -61,16 +61,17 @@ def all_of(trial: Fit, final: Fit) -> list[str]:
             "before, or predictions are only position noise there; predictions are filtered "
             "likewise"
         )
-    return [*notes, *sticking(final.rows), *drifts(final), *ripples(trial), *tilts(trial)]
+    return [*notes, *sticking(final.rows.samples), *drifts(final), *ripples(trial), *tilts(trial)]
 
 
-def sticking(rows: Rows) -> list[str]:
+def sticking(samples: Samples) -> list[str]:
     """Notes of joints that rest or reverse so often that most of their rows are not used."""
-    shares = (rows.still & rows.valid).sum(axis=0) / np.maximum(rows.valid.sum(axis=0), 1)
+    still, valid = samples.still & samples.valid, samples.valid
+    shares = still.sum(axis=0) / np.maximum(valid.sum(axis=0), 1)
     return [
         f"'{name}': it may stick in {share:.0%} of the rows, where it rests or reverses; they are "
         "not used (a faster motion, or friction compensation, leaves more)"
-        for name, share in zip(rows.names, shares.tolist(), strict=True)
+        for name, share in zip(samples.names, shares.tolist(), strict=True)
         if STICKING_FRACTION < share < 1.0
     ]
 
@@ -82,12 +83,12 @@ def drifts(fit: Fit) -> list[str]:
     time that is significant against its scatter.
     """
     rows, own, notes = fit.rows, fit.columns.own_predicted(fit.x), []
-    for j, name in enumerate(rows.names):
-        used = np.flatnonzero(fit.problem.use[:, j] & (rows.v[:, j] != 0.0))
+    for j, name in enumerate(rows.samples.names):
+        used = np.flatnonzero(fit.problem.use[:, j] & (rows.samples.v[:, j] != 0.0))
         size = float(np.mean(abs(own[used, j]))) if used.size else 0.0
         if used.size < 10 * BLOCKS or size == 0.0:
             continue
-        along = fit.residual[used, j] * np.sign(rows.v[used, j])
+        along = fit.residual[used, j] * np.sign(rows.samples.v[used, j])
         means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
         at = np.linspace(-0.5, 0.5, BLOCKS)
         slope = float(at @ means / (at @ at))
@@ -106,10 +107,10 @@ def ripples(fit: Fit) -> list[str]:
     It is if friction of the form sign(v) (a sin q + b cos q) explains the torques.
     """
     rows = fit.rows
-    waves = np.zeros((*rows.q.shape, 2 * rows.n))
-    turns = [kind != "prismatic" for kind in rows.regressor.model.joint_types]
+    waves = np.zeros((*rows.samples.q.shape, 2 * rows.samples.n))
+    turns = [kind != "prismatic" for kind in rows.samples.regressor.model.joint_types]
     for j in np.flatnonzero(turns):
-        q, sign = rows.q[:, j], np.sign(rows.v[:, j])
+        q, sign = rows.samples.q[:, j], np.sign(rows.samples.v[:, j])
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
     coefficients, doubt = added_coefficients(fit, rows.of_joints(waves))
     sizes, doubts = np.hypot(*coefficients.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
@@ -117,7 +118,7 @@ def ripples(fit: Fit) -> list[str]:
     return [
         f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
         "scene has the mean ('friction.position' describes it)"
-        for name, size, sd, level in zip(rows.names, sizes, doubts, dry, strict=True)
+        for name, size, sd, level in zip(rows.samples.names, sizes, doubts, dry, strict=True)
         if size > max(SIGNIFICANT * sd, RIPPLE * level) and level > 0.0
     ]
 
@@ -128,16 +129,16 @@ def tilts(fit: Fit) -> list[str]:
     A small rotation of gravity adds components along two perpendicular directions, whose
     torques are additional columns.
     """
-    rows, regressor = fit.rows, fit.rows.regressor
+    rows, regressor = fit.rows, fit.rows.samples.regressor
     model = regressor.model
     gravity = np.array(model.scene.gravity)
     size = float(np.linalg.norm(gravity))
     if size == 0.0:
         return []
     across = np.linalg.svd(gravity[None])[2][1:] * size
-    theta, still = fit.theta + regressor.payload, np.zeros_like(rows.q)
+    theta, still = fit.theta + regressor.payload, np.zeros_like(rows.samples.q)
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
-    torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
+    torques = np.stack([each(rows.samples.q, still, still) @ theta for each in turned], axis=2)
     turn, doubt = added_coefficients(fit, rows.of_joints(torques))
     if (abs(turn) < np.maximum(SIGNIFICANT * doubt, TILT)).all():
         return []

@@ -101,9 +101,9 @@ def mismatched(problem: Problem) -> list[Match]:
     motion: without these two conditions, bodies of negative mass would explain a reversed column.
     """
     rows = problem.rows
-    residuals = np.stack([_residuals(problem, j) for j in range(rows.n)], axis=-1)
+    residuals = np.stack([_residuals(problem, j) for j in range(rows.samples.n)], axis=-1)
     matches = []
-    for i in np.flatnonzero(rows.use.any(axis=0)):  # of others, nothing is known
+    for i in np.flatnonzero(rows.samples.use.any(axis=0)):  # of others, nothing is known
         of_column = residuals[:, i]
         turned, j = np.unravel_index(np.argmin(of_column), of_column.shape)
         own, best = of_column[0, i], of_column[turned, j]
@@ -119,15 +119,15 @@ def delayed(problem: Problem) -> list[Delay]:
     delays, and the square of the residual is interpolated around its minimum. Nothing is assumed
     of the bodies: none of them makes a torque late.
     """
-    rows, dt = problem.rows, problem.rows.motions[0].dt
+    rows, dt = problem.rows, problem.rows.samples.motions[0].dt
     step = max(1, round(LATEST / (SHIFTS * dt)))
     shifts = step * np.arange(-SHIFTS, SHIFTS + 1)
     shifts = shifts[abs(shifts) * dt < LATEST + 0.5 * step * dt]
     delays = []
-    for j in range(rows.n):
-        shifted = [rows.ahead(j, int(by)) for by in shifts]
+    for j in range(rows.samples.n):
+        shifted = [_later(rows, j, int(by)) for by in shifts]
         use = problem.use[:, j] & np.all([valid for _, valid in shifted], axis=0)
-        if not use.any() or not rows.use[:, j].any():
+        if not use.any() or not rows.samples.use[:, j].any():
             continue
         friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
         parts = (rows.rigid[:, j], rows.inertia[:, [j]], friction, rows.known_torques[:, [j]])
@@ -143,6 +143,17 @@ def delayed(problem: Problem) -> list[Delay]:
             late = float(step * dt * (at - len(shifts) // 2 + vertex))
             delays.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
     return delays
+
+
+def _later(rows: Rows, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
+    """A joint's efforts some rows later, in the same stretch, and which are valid, (k,)."""
+    effort, valid = np.zeros(len(rows.effort)), np.zeros(len(rows.samples.valid), bool)
+    for _, s in rows.samples.stretches:
+        to = slice(max(s.start, s.start - by), min(s.stop, s.stop - by))
+        if to.stop > to.start:
+            of = slice(to.start + by, to.stop + by)
+            effort[to], valid[to] = rows.effort[of, joint], rows.samples.valid[of, joint]
+    return effort, valid
 
 
 def _unexplained(columns: Array, y: Array) -> Array:
@@ -161,7 +172,7 @@ def scaled(problem: Problem) -> list[Scale]:
     """
     rows, use, scales = problem.rows, problem.use, []
     for j in np.flatnonzero(use.any(axis=0)):
-        R = _triangle(rows, use[:, j] & rows.valid[:, j], int(j), np.array([j]))
+        R = _triangle(rows, use[:, j] & rows.samples.valid[:, j], int(j), np.array([j]))
         gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], problem.prior)
         if gain <= 0.0 or deviation > LARGEST_DEVIATION:
             continue
@@ -178,8 +189,8 @@ def _residuals(problem: Problem, j: int) -> Array:
         Shape (2, n).
     """
     rows = problem.rows
-    residuals = np.full((2, rows.n), np.inf)
-    masks = problem.use[:, j : j + 1] & rows.valid
+    residuals = np.full((2, rows.samples.n), np.inf)
+    masks = problem.use[:, j : j + 1] & rows.samples.valid
     for mask in np.unique(masks, axis=1).T:
         columns = np.flatnonzero((masks == mask[:, None]).all(axis=0))
         R = _triangle(rows, mask, j, columns)

@@ -14,7 +14,7 @@ from arm_studies.identification.regression import friction
 from arm_studies.identification.regression.estimation import Columns, Mask
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB, EXCESS, JointFit, Shape
-from arm_studies.identification.regression.rows import FOLDS
+from arm_studies.identification.regression.samples import FOLDS
 
 # Stribeck velocities that are tried, relative to a joint's root mean square velocity.
 SPEEDS = np.geomspace(0.01, 1.0, 7)
@@ -77,8 +77,8 @@ class _Selection:
 
     def __init__(self, fit: Fit) -> None:
         problem, rows = fit.problem, fit.rows
-        speeds = np.sqrt((rows.v**2).mean(axis=0))
-        offered = [_candidates(j, speeds[j], fit.drives[:, j]) for j in range(rows.n)]
+        speeds = np.sqrt((rows.samples.v**2).mean(axis=0))
+        offered = [_candidates(j, speeds[j], fit.drives[:, j]) for j in range(rows.samples.n)]
         own = []
         for j, offer in enumerate(offered):
             laws = [
@@ -91,9 +91,9 @@ class _Selection:
         flat = [c for offer in offered for c in offer]
         self.candidates = dict(enumerate(flat, self.first))
         self.chosen = {place for place, c in self.candidates.items() if c.kind in INITIAL_KINDS}
-        self.refused = [0.0] * rows.n  # growth that would predict better, but is too steep
-        self.counts = problem.use.sum(axis=0) * rows.independent
-        self.sums = [self._products(fit, rows.fold == fold) for fold in range(FOLDS)]
+        self.refused = [0.0] * rows.samples.n  # growth that would predict better, but is too steep
+        self.counts = problem.use.sum(axis=0) * rows.samples.independent
+        self.sums = [self._products(fit, rows.samples.fold == fold) for fold in range(FOLDS)]
         self.total = sum((s for s in self.sums), np.zeros_like(self.sums[0]))
         S = problem.prior.rows
         self.precision, self.x0 = S.T @ S, problem.prior.x0
@@ -101,13 +101,13 @@ class _Selection:
     def _products(self, fit: Fit, fold: Mask) -> Array:
         """Products of columns and effort of each joint over one fold, (n, size + 1, size + 1)."""
         size = self.columns.size
-        products = np.zeros((fit.rows.n, size + 1, size + 1))
+        products = np.zeros((fit.rows.samples.n, size + 1, size + 1))
         for j, place in enumerate(self.columns.places):
             use = fit.problem.use[:, j] & fold
             both = np.column_stack([self.columns.all_of(j)[use], fit.problem.target[use, j]])
             places = np.ix_(*[np.append(place, size)] * 2)
             products[j][places] = both.T @ both
-        return products * fit.rows.independent
+        return products * fit.rows.samples.independent
 
     def run(self) -> list[JointFit]:
         """Select the laws of each joint."""

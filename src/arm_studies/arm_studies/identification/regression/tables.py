@@ -12,7 +12,7 @@ from arm_studies.identification.regression import friction
 from arm_studies.identification.regression.bandwidth import mean_residual
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit
-from arm_studies.identification.regression.rows import FOLDS
+from arm_studies.identification.regression.samples import FOLDS
 
 # Numbers of points that are tried; their loads, and all values but one, are fitted.
 COUNTS = (2, 3, 4)
@@ -39,7 +39,7 @@ def tabled(fit: Fit) -> Fit:
     problem, use = fit.problem, fit.problem.use
 
     def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
-        test = (fit.rows.fold == fold)[:, None]
+        test = (fit.rows.samples.fold == fold)[:, None]
         refit = fitted(replace(problem, use=use & ~test), laws, tolerance=ROUGH_TOLERANCE)
         return mean_residual(refit.residual, use & test), refit.friction
 

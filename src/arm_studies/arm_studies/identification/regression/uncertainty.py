@@ -99,8 +99,8 @@ def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
     """
     columns, names = fit.with_shapes
     rows, weights = fit.rows, fit.weights * fit.problem.use
-    places = np.array([*lead, *range(len(fit.theta) + rows.n, columns.size)])
-    own = np.zeros((rows.n, len(weights), columns.size))
+    places = np.array([*lead, *range(len(fit.theta) + rows.samples.n, columns.size)])
+    own = np.zeros((rows.samples.n, len(weights), columns.size))
     for j, place in enumerate(columns.places):
         own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
     y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
@@ -175,7 +175,7 @@ def unbiased(
 
 def _independent(rows: Rows) -> float:
     """Independent values of white noise per row."""
-    return rows.independent * (FLAT_NOISE if np.isfinite(rows.band) else 1.0)
+    return rows.samples.independent * (FLAT_NOISE if np.isfinite(rows.samples.band) else 1.0)
 
 
 def _information(own: Array) -> tuple[Array, Array]:
@@ -204,9 +204,9 @@ def _variances(rows: Rows, own: Array, residual: Array) -> Array:
     white = np.tensordot(grown, H, axes=1) / independent
     scores = np.einsum("jkm,kj->km", own, np.sqrt(grown) * residual)
     S = scores.T @ scores
-    for back in range(1, rows.lag + 1):
+    for back in range(1, rows.samples.lag + 1):
         cross = scores[back:].T @ scores[:-back]
-        S += min(1.0, 2.0 * (1.0 - back / (rows.lag + 1.0))) * (cross + cross.T)
+        S += min(1.0, 2.0 * (1.0 - back / (rows.samples.lag + 1.0))) * (cross + cross.T)
     plain, any_residuals = (np.diag(inverse @ each @ inverse) for each in (white, S))
     return np.where(any_residuals > CHANCE_RATIO * plain, any_residuals, plain)
 

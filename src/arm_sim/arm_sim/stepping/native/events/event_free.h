@@ -48,29 +48,28 @@ static void make_steps(const scene_t* scene, const real* x, const real* u, const
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
 #define FAR_BELOW (0.9 - NEAR) /* loads that are not near a limit at either end of a tick */
 
-/* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `p` receives their modes if what is
+/* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `modes` receives their modes if what is
  * at rest stays there. */
-static real find_modes_of_lanes(const scene_t* scene, const real* x, const real* place, real* p) {
+static real find_clear_modes(const scene_t* scene, const real* x, const geometry_t* at, const modes_t* modes) {
   const real none = 0.0;
   real event_free = 1.0, fastest = 1.0;
   for (int i = 0; i < NU; ++i) fastest = fmax(fastest, fabs(x[NU + i]));
   for (int i = 0; i < ND; ++i) {
-    const real speed = fabs(x[NU + i]);
-    p[i] = 1.0;
+    modes->direction[i] = 1.0;
     if (!(scene->static_level[i] > 0.0)) continue;
-    p[i] = (none < x[NU + i]) - (x[NU + i] < none);
-    event_free = event_free && (MOVES * fastest < speed || speed == none);
+    modes->direction[i] = (none < x[NU + i]) - (x[NU + i] < none);
+    event_free = event_free && (MOVES * fastest < fabs(x[NU + i]) || x[NU + i] == none);
   }
-  for (int i = 0; i < 5 * NC; ++i) p[ND + i] = 0.0;
-  for (int k = 0; k < NC; ++k) event_free = event_free && MOVES * place[2 * MC + k] < place[3 * k];
+  clear((real*)modes->contact, CONTACT_MODE * NC);
+  for (int k = 0; k < NC; ++k) event_free = event_free && MOVES * at->size[k] < at->place[3 * k];
   return event_free;
 }
 
 /* Whether a joint is held in some lane. */
-static int holds_any(const scene_t* scene, const real* p) {
+static int holds_any(const scene_t* scene, const modes_t* modes) {
   int any = 0;
   for (int i = 0; i < ND; ++i)
-    for (int j = 0; j < LANES; ++j) any |= LANE(p[i], j) == 0.0;
+    for (int j = 0; j < LANES; ++j) any |= LANE(modes->direction[i], j) == 0.0;
   return any;
 }
 
@@ -81,61 +80,66 @@ static void rest_held(const scene_t* scene, real* x) {
 }
 
 /* Lanes in which what is at rest stays there under loads far below the limits of friction. */
-static real stays_held(const scene_t* scene, const real* load, const real* p) {
+static real stays_held(const scene_t* scene, const real* load, const modes_t* modes) {
   const real none = 0.0;
   real held = 1.0;
   for (int i = 0; i < ND; ++i)
-    if (scene->static_level[i] > 0.0) held = held && (p[NP + i] != none || fabs(load[i]) < FAR_BELOW * scene->static_level[i]);
+    if (scene->static_level[i] > 0.0)
+      held = held && (modes->direction[i] != none || fabs(load[i]) < FAR_BELOW * scene->static_level[i]);
   return held;
 }
 
 /* Of lanes whose modes are clear, those in which no joint turns or meets a stop and no contact comes near within a step. */
-static real remain_event_free(const scene_t* scene, const real* x, const real* next, const real* inside, const real* place,
-                              const real* after, const real* p, real h) {
+static real clear_within_step(const scene_t* scene, const real* x, const step_of_lanes_t* step, const geometry_t* begin,
+                              const geometry_t* end, const modes_t* modes, real h) {
   const real none = 0.0;
   real event_free = 1.0, low, high;
-  for (int i = 0; i < NX; ++i) event_free = event_free && fabs(next[i]) <= scene->largest;
+  for (int i = 0; i < NX; ++i) event_free = event_free && fabs(step->next[i]) <= scene->largest;
   for (int i = 0; i < NU; ++i) {
-    bound_inside(scene, x, next, inside, h, i, &low, &high);
+    bound_inside(scene, x, step->next, step->inside, h, i, &low, &high);
     event_free = event_free && scene->stop_place[0][i] < low && high < scene->stop_place[1][i];
     if (!(ND && scene->static_level[i] > 0.0)) continue;
-    bound_inside(scene, x, next, inside, h, NU + i, &low, &high);
-    const real ahead = 0.5 * (p[i] * (low + high) + low - high); /* low, or -high for a joint that moves back */
-    event_free = event_free && (p[i] == none || none < ahead);
+    bound_inside(scene, x, step->next, step->inside, h, NU + i, &low, &high);
+    const real ahead = 0.5 * (modes->direction[i] * (low + high) + low - high); /* low, or -high for a joint that moves back */
+    event_free = event_free && (modes->direction[i] == none || none < ahead);
   }
   for (int k = 0; k < NC; ++k) {
-    bound_cubic(place[3 * k], place[MC + 3 * k], after[3 * k], after[MC + 3 * k], h, &low, &high);
-    event_free = event_free && NEAR * (high - low) + MOVES * place[2 * MC + k] < low;
+    bound_cubic(begin->place[3 * k], begin->speed[3 * k], end->place[3 * k], end->speed[3 * k], h, &low, &high);
+    event_free = event_free && NEAR * (high - low) + MOVES * begin->size[k] < low;
   }
   return event_free;
 }
 
 /* Lanes that are clear at the beginning of a tick. `p` receives tunable numbers and modes, `holds` whether a joint is held in
  * some lane, and `load` the loads if one is. */
-static real begins_event_free(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* place,
-                              real* p, real* load, int* holds) {
+static real clear_at_begin(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* place, real* p,
+                           real* load, int* holds) {
+  const modes_t modes = modes_of(scene, p);
+  const geometry_t geometry = geometry_of(scene, place);
   int any = 0;
-  for (int i = 0; i < NP; ++i) p[i] = tunable[i];
-  real event_free = find_modes_of_lanes(scene, x, place, p + NP);
+  copy(modes.tunable, tunable, NP);
+  real event_free = find_clear_modes(scene, x, &geometry, &modes);
   for (int j = 0; j < LANES; ++j) any |= LANE(event_free, j) != 0.0;
-  *holds = any && holds_any(scene, p + NP);
+  *holds = any && holds_any(scene, &modes);
   if (*holds) loads_at(scene, x, u, p, load);
-  if (*holds && NX == 2 * NU) event_free = event_free && stays_held(scene, load, p);
+  if (*holds && NX == 2 * NU) event_free = event_free && stays_held(scene, load, &modes);
   return event_free;
 }
 
 /* Make the step, and find the lanes that stay clear in it; `after` receives where the contacts are after it. With internal
  * states, which may break a joint loose within the step, none does that holds one. */
-static real stays_event_free(const scene_t* scene, const real* x, const real* u, const real* h, const real* place,
-                             const real* p, const real* load, int holds, step_of_lanes_t* step, real* after) {
+static real clear_step(const scene_t* scene, const real* x, const real* u, const real* h, const real* place, const real* p,
+                       const real* load, int holds, step_of_lanes_t* step, real* after) {
+  const modes_t modes = modes_of(scene, (real*)p);
+  const geometry_t begin = geometry_of(scene, place), end = geometry_of(scene, after);
   make_steps(scene, x, u, p, h, holds ? load : 0, step);
   find_places(scene, step->next, after);
-  real event_free = remain_event_free(scene, x, step->next, step->inside, place, after, p + NP, *h);
+  real event_free = clear_within_step(scene, x, step, &begin, &end, &modes, *h);
   if (!holds) return event_free;
   if (NX > 2 * NU) return 0.0 * event_free;
   event_free = event_free && varies_evenly(scene, x, step->next, step->inside, *h);
-  if (scene->near_loads) return event_free && stays_held(scene, step->near, p);
+  if (scene->near_loads) return event_free && stays_held(scene, step->near, &modes);
   real end_load[LOADS + 1];
   loads_at(scene, step->next, u, p, end_load);
-  return event_free && stays_held(scene, end_load, p);
+  return event_free && stays_held(scene, end_load, &modes);
 }

@@ -52,15 +52,14 @@ static beginning_t beginning_of(const scene_t* scene, real* numbers) {
 static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, beginning_t* start,
                                real* after) {
   real place_after[PLACES + 1];
-  LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
+  LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   find_places(scene, x, start->place);
-  const real begins = begins_event_free(scene, x, u, p, start->place, start->p, start->load.load, &start->holds);
+  const real begins = clear_at_begin(scene, x, u, p, start->place, start->p, start->load.load, &start->holds);
   if (begins == 0.0 || (start->holds && NX > 2 * NU)) return 0;
   const int still = start->holds && holds_all(scene, start->p + NP);
-  if (!still
-      && stays_event_free(scene, x, u, &h, start->place, start->p, start->load.load, start->holds, &made, place_after) == 0.0)
+  if (!still && clear_step(scene, x, u, &h, start->place, start->p, start->load.load, start->holds, &step, place_after) == 0.0)
     return 0;
-  copy(after, still ? x : made.next, NX);
+  copy(after, still ? x : step.next, NX);
   rest_held(scene, after);
   return 1;
 }

@@ -30,23 +30,23 @@ static double zero_between(double x1, double x2, double x3, double f1, double f2
 }
 
 /* First instant at which one of several values changes from not positive, as all are at 0, to positive, as one is at h,
- * where they are `at_h`; values up to `nothing` are accepted as rounding.
+ * where they are `at_h`; values up to `tolerance` are accepted as rounding.
  *
  * Zeros are predicted for each value that changes its sign, and the earliest is tried: each value is smooth, the largest of
  * them is not. At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, that
  * is the result. `room` is for 4 * count numbers.
  */
-static double first_positive(void (*values_at)(const void*, double, double*), const void* asked, int count, double h,
-                             const double* at_h, double nothing, double* room) {
+static double first_positive(void (*values_at)(const void*, double, double*), const void* context, int count, double h,
+                             const double* at_h, double tolerance, double* room) {
   /* The last trial, the other end of the interval, and the one before them. */
   const size_t size = (size_t)count * sizeof(double);
   double *f1 = room, *f2 = f1 + count, *f3 = f2 + count, *value = f3 + count, x1 = h, x2 = 0.0, x3, part = 0.5, creep = 0.0;
   memcpy(f1, at_h, size);
-  values_at(asked, 0.0, f2);
+  values_at(context, 0.0, f2);
   if (largest_among(f2, count) > 0.0) return INSTANT * h;
   for (int k = 0; k < MOST_TRIALS; ++k) {
     const double trial = x1 + part * (x2 - x1);
-    values_at(asked, trial, value);
+    values_at(context, trial, value);
     const double worst = largest_among(value, count);
     const int same = (worst > 0.0) == (largest_among(f1, count) > 0.0);
     x3 = same ? x1 : x2;
@@ -58,11 +58,11 @@ static double first_positive(void (*values_at)(const void*, double, double*), co
     x1 = trial;
     memcpy(f1, value, size);
     const double least = INSTANT * h / fabs(x2 - x1);
-    if (least > 0.5 || (worst > 0.0 && (worst <= nothing || creep > 0.0))) break;
+    if (least > 0.5 || (worst > 0.0 && (worst <= tolerance || creep > 0.0))) break;
     double rising = -INFINITY; /* the earliest prediction of values that are positive at the other end */
     for (int i = 0; i < count; ++i)
       if (f2[i] > 0.0) rising = fmax(rising, f1[i]);
-    creep = worst > 0.0 || rising < -nothing ? 0.0 : creep > 0.0 ? GROWTH * creep : INSTANT * h;
+    creep = worst > 0.0 || rising < -tolerance ? 0.0 : creep > 0.0 ? GROWTH * creep : INSTANT * h;
     if (creep > 0.0) { /* interpolation is useless between values that are rounding */
       part = fmin(creep / fabs(x2 - x1), 0.5);
       continue;

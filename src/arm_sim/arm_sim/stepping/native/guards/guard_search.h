@@ -31,8 +31,8 @@ static double excess_at(const scene_t* scene, const search_t* search, double t, 
   return INFINITY;
 }
 
-static void guards_at(const void* asked, double t, double* values) {
-  const search_t* search = (const search_t*)asked;
+static void guards_at(const void* context, double t, double* values) {
+  const search_t* search = (const search_t*)context;
   const scene_t* scene = search->scene;
   guard_values_t guards = guard_values_of(scene, values);
   excess_at(scene, search, t, &guards);

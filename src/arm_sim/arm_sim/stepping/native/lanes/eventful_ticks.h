@@ -26,10 +26,10 @@ static int predict_event_free(const scene_t* scene, const real* x, const real* u
   real p[P_LENGTH + 1], after[PLACES + 1], load[LOADS + 1];
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   int others = 0, left = 0, holds;
-  const real event_free = begins_event_free(scene, x, u, tunable, place, p, load, &holds);
+  const real event_free = clear_at_begin(scene, x, u, tunable, place, p, load, &holds);
   for (int j = 0; j < used; ++j) others += LANE(event_free, j) == 0.0;
   if (2 * others > used) return others;
-  *done = event_free && stays_event_free(scene, x, u, h, place, p, load, holds, &step, after);
+  *done = event_free && clear_step(scene, x, u, h, place, p, load, holds, &step, after);
   for (int i = 0; i < NX; ++i) next[i] = step.next[i];
   rest_held(scene, next);
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;

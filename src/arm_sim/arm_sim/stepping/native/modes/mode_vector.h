@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "modes/prediction.h"
+#include "scene.h"
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: Modes.contact; equations/contact.py: Mode. */
 typedef struct {
@@ -13,6 +13,7 @@ typedef struct {
   real along[2];  /* direction of sliding in the two tangents */
   real fixed;     /* 1 if it keeps that direction, 0 if the direction follows the motion */
 } contact_mode_t;
+enum { CONTACT_MODE = sizeof(contact_mode_t) / sizeof(real) }; /* its numbers */
 
 /* The vector p of the generated functions. Python: Modes. */
 typedef struct {
@@ -22,17 +23,20 @@ typedef struct {
   real* switches;  /* of drives and cords: 1 where a comparison holds, else 0 */
   contact_mode_t* contact;
 } modes_t;
+#define MODES (ND + NQ + NK + CONTACT_MODE * NC)
+#define P_LENGTH (NP + MODES)
 
-static modes_t modes_of(const scene_t* scene, real* p) {
+static inline modes_t modes_of(const scene_t* scene, real* p) {
   modes_t modes = {p, p + NP, p + NP + ND, p + NP + ND + NQ, (contact_mode_t*)(p + NP + ND + NQ + NK)};
   return modes;
 }
 
-/* Whether a contact is closed. */
-static inline int any_closed(const scene_t* scene, const modes_t* p) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= p->contact[k].closed != 0.0;
-  return any;
+/* Whether every joint slides and every contact is apart, in modes of one arm after its tunable numbers. */
+static inline int all_moves(const scene_t* scene, const double* modes) {
+  int moves = 1;
+  for (int i = 0; i < ND; ++i) moves &= modes[i] != 0.0;
+  for (int k = 0; k < NC; ++k) moves &= modes[ND + NQ + NK + CONTACT_MODE * k] == 0.0; /* closed */
+  return moves;
 }
 
 /* Declare modes that begin as others. */

@@ -7,28 +7,13 @@
  */
 
 #pragma once
-#include "scene.h"
+#include "modes/geometry.h"
+#include "modes/mode_vector.h"
 
-/* Numbers of modes after the tunable ones; of loads, and of those without rates and slopes; of geometry; of inertia. */
-#define MODES (ND + NQ + NK + 5 * NC)
-#define P_LENGTH (NP + MODES)
+/* Numbers of loads, and of those without rates and slopes; of inertia. */
 #define LOADS (NU + 7 * NC + NX)
 #define NEARS (NU + 3 * NC)
-#define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
-
-/* Where the contacts are. */
-static inline void find_places(const scene_t* scene, const real* x, real* places) {
-  if (NC) CALL(scene->contact_geometry, (x), (places, places + MC, places + 2 * MC));
-}
-
-/* Whether every joint slides and every contact is apart, in modes after the tunable numbers. */
-static inline int all_moves(const scene_t* scene, const double* modes) {
-  int moves = 1;
-  for (int i = 0; i < ND; ++i) moves &= modes[i] != 0.0;
-  for (int k = 0; k < NC; ++k) moves &= modes[ND + NQ + NK + 5 * k] == 0.0; /* closed, of five */
-  return moves;
-}
 
 /* Whether loads at a step's stage at its end tell of those at its end: under error control they are the same, and without
  * internal states they do not swing within a step. */

@@ -31,16 +31,6 @@ typedef struct {
   real turn;  /* acceleration across its own */
 } turning_t;
 
-/* Contact points in their planes' axes. */
-typedef struct {
-  real *place, *speed, *size;
-} geometry_t;
-
-static geometry_t geometry_of(const scene_t* scene, real* numbers) {
-  geometry_t geometry = {numbers, numbers + MC, numbers + 2 * MC};
-  return geometry;
-}
-
 /* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts; x'. */
 typedef struct {
   real *load, *force, *rate, *grip, *slope;

@@ -6,6 +6,13 @@
 #pragma once
 #include "modes/mode_vector.h"
 
+/* Whether a contact is closed. */
+static inline int any_closed(const scene_t* scene, const modes_t* p) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= p->contact[k].closed != 0.0;
+  return any;
+}
+
 /* A segment of a tick, for derivatives. */
 typedef struct {
   real *before, *begin, *end; /* states before its impact, after it, and at the end of its motion */

@@ -21,16 +21,16 @@ from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
 
-_PERIOD = 0.5  # [s] between looks
-_MANY = 1000  # messages of others and of this sim between two looks
+_PERIOD = 0.5  # [s] between checks
+_DEPTH = 1000  # messages of others and of this sim between two checks
 _EVERY_STATE = JOINT_STATES._replace(
-    subscribe=QoSProfile(depth=_MANY, reliability=ReliabilityPolicy.BEST_EFFORT)
+    subscribe=QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 )
 _SILENCE = 1.0  # [s] after which a publisher is gone, although a killed one is listed for 20 s
 _LEAVING = 2.0  # [s] that a predecessor may need to end
 
 
-class Rivals:
+class CompetingPublishers:
     """Listens for others who publish states of the same joints.
 
     One controller would answer them all, and they all would obey. Who comes second refuses to
@@ -51,29 +51,32 @@ class Rivals:
         """
         self._node, self._outputs, self._trip = node, outputs, trip
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
-        self._harmless = {outputs.states.sender}  # this sim, and publishers of other joints
-        self._rival, self._rival_time = b"", 0.0  # the last publisher of a state, and when
+        self._ignored = {outputs.states.sender}  # this sim, and publishers of other joints
+        self._competitor, self._last_time = b"", 0.0  # the last publisher of a state, and when
         self._reader = JointStateReader(Expected((), (), extra=True))
         self._newest: PolledSubscription | None = None
         self.alarm, self._on_change = Alarm(node), on_change
 
-    def give_way(self) -> None:
-        """Make sure that nobody else publishes, before this sim does; then watch that.
+    def refuse_if_any(self) -> None:
+        """Make sure that nobody else publishes, before this sim does.
+
+        On Fast RTPS, watch that from then on; elsewhere, messages do not tell this sim's own
+        publisher from others.
 
         Raises:
             InvalidInput: If somebody does, and goes on for a while.
         """
-        began = time.monotonic()
-        while self._find_rivals() and time.monotonic() - max(began, self._rival_time) < _SILENCE:
-            if time.monotonic() - began > _LEAVING:
+        begin = self._last_time = time.monotonic()
+        while self._find_competitors() and time.monotonic() - self._last_time < _SILENCE:
+            if time.monotonic() - begin > _LEAVING:
                 raise InvalidInput(self._message())
             time.sleep(0.02)
-        if "fastrtps" in get_rmw_implementation_identifier():  # elsewhere it does not know itself
+        if "fastrtps" in get_rmw_implementation_identifier():
             self._timer = steady_timer(self._node, _PERIOD, self.update)
 
     def update(self) -> None:
         """Look whether others published within the last second."""
-        persists = self._find_rivals() and time.monotonic() - self._rival_time < _SILENCE
+        persists = self._find_competitors() and time.monotonic() - self._last_time < _SILENCE
         if persists != bool(self.alarm.message):
             self.alarm.set(self._message() if persists else "")
             self._on_change()
@@ -95,16 +98,16 @@ class Rivals:
             self._newest.close()
             self._newest = None
 
-    def _find_rivals(self) -> bool:
+    def _find_competitors(self) -> bool:
         """Whether there are publishers that may be of this arm; if so, listen."""
         node, topic = self._node, self._topic
-        if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._harmless:
+        if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._ignored:
             self.close()
             return False
         if self._newest is None:
             self._newest = PolledSubscription(node, _EVERY_STATE)
             self._reader.open(self._newest.pointer)
-        for _ in range(_MANY):
+        for _ in range(_DEPTH):
             if self._reader.take() in (NONE, FAILED):
                 break
             with suppress(InvalidInput):  # it is no JointState
@@ -113,14 +116,14 @@ class Rivals:
 
     def _note(self, sender: bytes) -> None:
         """Note the publisher of the message that the reader has."""
-        if sender in self._harmless:
+        if sender in self._ignored:
             return
         mine = set(self._outputs.states.names)
-        if sender != self._rival and mine.isdisjoint(parsed(self._reader.raw).name):
-            self._harmless.add(sender)
+        if sender != self._competitor and mine.isdisjoint(parsed(self._reader.raw).name):
+            self._ignored.add(sender)
         else:
-            self._rival, self._rival_time = sender, time.monotonic()
+            self._competitor, self._last_time = sender, time.monotonic()
 
     def _message(self) -> str:
-        rival = publishers(self._node, self._topic).get(self._rival, "unknown")
-        return two_publish(self._topic, "this sim", f"'{rival}'")
+        name = publishers(self._node, self._topic).get(self._competitor, "unknown")
+        return two_publish(self._topic, "this sim", f"'{name}'")

@@ -84,8 +84,8 @@ def test_what_was_killed_is_listed_and_hinders_nobody(
 ) -> None:
     driver(NAMES)
     made = sim(ros)
-    made.rivals.update()
-    assert not made.rivals.alarm.message
+    made.competitors.update()
+    assert not made.competitors.alarm.message
 
 
 def test_a_predecessor_may_take_a_moment_to_end(ros: Ros, driver: Callable[..., Driver]) -> None:
@@ -99,9 +99,9 @@ def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[...,
     gripper = driver(["finger"])
     gripper.speaks.set()
     made = sim(ros)
-    ros.spin_until(lambda: len(made.rivals._harmless) == 2)
-    made.rivals.update()
-    assert not made.rivals.alarm.message and made.rivals._newest is None  # it listens no more
+    ros.spin_until(lambda: len(made.competitors._ignored) == 2)
+    made.competitors.update()
+    assert not made.competitors.alarm.message and made.competitors._newest is None
 
 
 def test_a_sim_in_another_namespace_is_no_rival(ros: Ros, driver: Callable[..., Driver]) -> None:
@@ -123,12 +123,13 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
         ros.spin_once()
         return True
 
-    ros.spin_until(lambda: states and answer() and not made.engine.commands.empty)
+    ros.spin_until(lambda: states and answer() and made.engine.commands.any)
     driver(NAMES).speaks.set()
-    ros.spin_until(lambda: made.rivals.alarm.message)
+    ros.spin_until(lambda: made.competitors.alarm.message)
     assert "two nodes publish /joint_states: this sim, and '/driver'" in capfd.readouterr().err
     found = {f.part: f.message(made) for f in made.diagnostics()}["simulation"]
-    assert found.level == DiagnosticStatus.ERROR and made.rivals.alarm.message in found.message
+    assert found.level == DiagnosticStatus.ERROR
+    assert made.competitors.alarm.message in found.message
 
     ros.spin_until(lambda: made.engine.commands.stale)
     refused = made.inputs.refused
@@ -145,11 +146,11 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
 def test_when_the_rival_is_gone_all_is_as_before(ros: Ros, driver: Callable[..., Driver]) -> None:
     made, rival = sim(ros), driver(NAMES)
     rival.speaks.set()
-    ros.spin_until(lambda: made.rivals.alarm.message)
+    ros.spin_until(lambda: made.competitors.alarm.message)
     rival.speaks.clear()
-    ros.spin_until(lambda: not made.rivals.alarm.message)
+    ros.spin_until(lambda: not made.competitors.alarm.message)
     ros.publisher(JointState, "/joint_commands").publish(JointState(name=NAMES, effort=TAU))
-    ros.spin_until(lambda: not made.engine.commands.empty)
+    ros.spin_until(lambda: made.engine.commands.any)
 
 
 def test_stamps_of_simulated_time_tell_no_sims_apart(
@@ -158,8 +159,8 @@ def test_stamps_of_simulated_time_tell_no_sims_apart(
     """Two that start at zero have the same."""
     made, rival = sim(ros, lockstep=True), driver(NAMES)
     rival.speaks.set()
-    ros.spin_until(lambda: made.rivals.alarm.message)
-    assert made.inputs.round_trip.awaits(0)
+    ros.spin_until(lambda: made.competitors.alarm.message)
+    assert made.engine.round_trip.awaits(0)
     assert made.inputs.on_joint_commands(command(name=NAMES, effort=TAU)) is None
     assert made.inputs.refused == 1
 
@@ -168,13 +169,13 @@ def test_what_is_no_joint_state_is_passed_over(ros: Ros, driver: Callable[..., D
     made, rival = sim(ros), driver(NAMES)
     rival._message = b"\0\1\0\0rubbish"
     rival.speaks.set()
-    ros.spin_until(lambda: made.rivals._newest is not None)
+    ros.spin_until(lambda: made.competitors._newest is not None)
     for _ in range(30):
         ros.spin_once()
-        made.rivals.update()
-    assert not made.rivals.alarm.message
+        made.competitors.update()
+    assert not made.competitors.alarm.message
     rival._message = serialize_message(JointState(name=NAMES))
-    ros.spin_until(lambda: made.rivals.alarm.message)
+    ros.spin_until(lambda: made.competitors.alarm.message)
 
 
 def test_a_sim_by_hand_has_its_time_from_its_caller(

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers and subscriptions of topics."""
+"""Publishers, subscriptions and services, none of whose messages ends their node."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 
-from arm_dynamics.exceptions import plain
+from arm_dynamics.exceptions import ArmError, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.interfaces import Topic
 
@@ -38,3 +40,18 @@ def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: boo
     """Subscribe by a callback that is ``guarded``."""
     safe = guarded(node, callback)
     return node.create_subscription(topic.type, topic.name, safe, topic.subscribe, raw=raw)
+
+
+@contextmanager
+def answering(response: Any, log: Throttled) -> Iterator[None]:
+    """Answer a service with success or with an error message; no request ends the node."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by finite_answer
+            yield
+    except ArmError as error:
+        response.success, response.message = False, plain(error)
+    except Exception as error:
+        log.error(f"a service call failed unexpectedly: {plain(repr(error))}")
+        response.success, response.message = False, plain(f"unexpected failure: {error!r}")
+    else:
+        response.success = True

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The progress of a run that takes long."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from threading import current_thread, main_thread
+from time import perf_counter
+from typing import Self
+
+DELAY = 2.0  # [s] before the first report
+REDRAW_PERIOD = 0.2  # [s] on a terminal
+
+_log = logging.getLogger(__name__)
+
+
+class Progress:
+    """Reports the progress of a run of ``total`` [s] of simulated time, if it takes long.
+
+    On a terminal and in a notebook it is a line on stderr that is overwritten and finally erased.
+    Where messages of level INFO are logged, it is one of them after 2, 4, 8 … seconds instead; a
+    level above WARNING silences both.
+    """
+
+    def __init__(self, total: float) -> None:
+        self._total, self._begin = total, perf_counter()
+        self._due, self._line_length = self._begin + DELAY, 0
+
+    def update(self, time: float) -> None:
+        """Report, if it is due, that the simulation has come to a time in [s]."""
+        if (now := perf_counter()) < self._due:
+            return
+        elapsed = now - self._begin
+        left = (self._total - time) * elapsed / time if time else float("inf")
+        text = (
+            f"{time:.6g} of {self._total:.6g} s simulated, {time / elapsed:.3g} times real time, "
+            f"{left:.0f} s left"
+        )
+        if _log.isEnabledFor(logging.INFO):
+            self._due = now + elapsed
+            _log.info("%s", text)
+        else:
+            self._due = now + REDRAW_PERIOD
+            interactive = sys.stderr.isatty() or "ipykernel" in sys.modules
+            alone = current_thread() is main_thread()  # no other writes there
+            if interactive and alone and _log.isEnabledFor(logging.WARNING):
+                print(f"\r{text:{self._line_length}}", end="", file=sys.stderr, flush=True)
+                self._line_length = len(text)
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Erase the line."""
+        if self._line_length:
+            print(f"\r{'':{self._line_length}}\r", end="", file=sys.stderr, flush=True)

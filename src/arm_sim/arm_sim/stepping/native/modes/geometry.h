@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Contact points in their planes' axes.
+ */
+
+#pragma once
+#include "scene.h"
+
+/* Places and speeds, three numbers each, and the lengths that add up to a gap. */
+typedef struct {
+  real *place, *speed, *size;
+} geometry_t;
+#define PLACES (7 * NC)
+
+static inline geometry_t geometry_of(const scene_t* scene, const real* numbers) {
+  geometry_t geometry = {(real*)numbers, (real*)numbers + MC, (real*)numbers + 2 * MC};
+  return geometry;
+}
+
+static inline void find_places(const scene_t* scene, const real* x, real* places) {
+  if (NC) CALL(scene->contact_geometry, (x), (places, places + MC, places + 2 * MC));
+}
