@@ -48,7 +48,7 @@ MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
     "BEGINS_ON_BOUNDARY": (
-        "{} is on the boundary between two modes at its beginning, as of sticking and sliding"
+        "{} is on the boundary between two modes at its beginning, as at rest and about to slide"
     ),
     "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
     "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
