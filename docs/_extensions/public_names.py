@@ -40,7 +40,8 @@ def _rooms(root: ModuleType) -> Iterator[str]:
 def modules(package: str) -> list[str]:
     """Modules of a package that are public themselves."""
     path = importlib.import_module(package).__path__
-    return [found.name for found in pkgutil.iter_modules(path, f"{package}.") if not found.ispkg]
+    found = pkgutil.iter_modules(path, f"{package}.")
+    return [x.name for x in found if not x.ispkg and "._" not in x.name]
 
 
 def home(package: str, name: str) -> str:

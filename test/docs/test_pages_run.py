@@ -36,6 +36,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
     "how-to/identify-drives": (
         "held.csv", "run.csv", "off.csv", "knocked.csv", "small.csv", "wide.csv",
     ),
+    "how-to/lockstep": ("run2.mcap",),
     "how-to/python-client": ("arm sim panda", "arm dynamics panda"),
     "how-to/recordings": ("other.mcap", "cut.mcap"),
     "how-to/shell": ("arm dynamics panda",),

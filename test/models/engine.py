@@ -41,7 +41,7 @@ int solve_cones(int nc, const double* W, const double* c, const double* mu, cons
   for (int k = 0; k < NC; ++k) {
     cones.slides[k] = slides[k];
     cones.allowed[k] = allowed[k];
-    for (int i = 0; i < 2; ++i) cones.given[2 * k + i] = given[2 * k + i];
+    for (int i = 0; i < 2; ++i) cones.direction[2 * k + i] = given[2 * k + i];
   }
   const int found = solve_contacts(scene, &cones, answers);
   for (int k = 0; k < NC; ++k) {

@@ -192,6 +192,7 @@ def written(text: str) -> Callable[[Path], None]:
 
 MAKERS: dict[str, Callable[[Path], None]] = {
     "run.mcap": simulated,
+    "run2.mcap": simulated,
     "held.mcap": partial(simulated, holding=1.2),
     "cut.mcap": cut_off,
     "other.mcap": partial(simulated, duration=1.0),

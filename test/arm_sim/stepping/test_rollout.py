@@ -235,7 +235,7 @@ def test_threads_are_kept_and_a_fork_starts_its_own() -> None:
     assert len(set.union(*kept)) <= 1 + max(2, len(os.sched_getaffinity(0)))
     assert all(len(each) == 2 for each in kept)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of forks of processes with threads
+        warnings.simplefilter("ignore")  # of forks of processes with threads
         child = os.fork()
     if child == 0:
         alarm(20)  # ends it if it hangs

@@ -178,8 +178,10 @@ def test_the_file_of_a_recording_is_shown(tmp_path: Path) -> None:
 
 
 def test_a_picture_shows_the_arm_before_the_sky(tmp_path: Path) -> None:
+    sim = Simulator("two_link")
+    sim.set_state(q=[1.2, 0.8])  # upwards
     with (
-        show(Simulator("two_link"), port=0) as page,
+        show(sim, port=0) as page,
         Image.open(page.picture(tmp_path / "a.png", (320, 200))) as file,
     ):
         above = np.asarray(file.convert("RGB"), dtype=int)[:85]  # the ground

@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from typing import Annotated, Any
@@ -46,7 +47,7 @@ def sim(
     Args:
         report: At the end, write timing statistics of the loop to this file.
     """
-    click.echo("starting the simulator …", err=True)  # before imports and compilers take seconds
+    _announce("simulator")
     from arm_sim.ros import SimNode
 
     node = _run(SimNode, scene, rest, with_parent)
@@ -69,7 +70,7 @@ def dynamics(
 
     Without SCENE it waits for a URDF on the topic robot_description.
     """
-    click.echo("starting the dynamics node …", err=True)
+    _announce("dynamics node")
     from arm_dynamics.ros import DynamicsNode
 
     _run(DynamicsNode, scene, rest, with_parent)
@@ -90,10 +91,16 @@ def controller(
     subscribes to joint_states and controller/joint_trajectory and publishes joint_commands. Its
     scene may differ from the simulator's, to study model errors.
     """
-    click.echo("starting the controller …", err=True)
+    _announce("controller")
     from arm_dynamics.ros import ControllerNode
 
     _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
+
+
+def _announce(node: str) -> None:
+    """Say at once what starts, before imports and compilers take seconds."""
+    with suppress(OSError):  # a full disk keeps no node from starting
+        click.echo(f"starting the {node} …", err=True)
 
 
 def _run(

@@ -17,13 +17,13 @@ from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
+from arm_studies._renaming import renamed_argument
 from arm_studies.identification import checks
 from arm_studies.identification.identified_scene import central_inertia
 from arm_studies.identification.regression import bodies, estimation, uncertainty
 from arm_studies.identification.regression.bandwidth import noise_above
 from arm_studies.identification.regression.efforts import with_age
 from arm_studies.identification.regression.rows import Rows, Sampled, nominal_efforts
-from arm_studies.renaming import renamed_argument
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))

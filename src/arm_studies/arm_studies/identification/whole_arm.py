@@ -19,6 +19,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.schema import Scene
+from arm_studies._renaming import renamed_argument
 from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.identified_scene import scene_with
@@ -36,7 +37,6 @@ from arm_studies.identification.regression.tables import tabled
 from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, added_coefficients
 from arm_studies.identification.result import Identification, IdentifiedJoint, Torques
 from arm_studies.identification.validation import validate
-from arm_studies.renaming import renamed_argument
 
 # Prior deviations of bodies from nominal: of density, of all else; selected by the evidence.
 DENSITIES, SHAPES = ((0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0))

@@ -23,10 +23,10 @@ from arm_dynamics.attributes import frozen, sealed
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.inputs import whole
 from arm_sim.simulation.simulator import Simulator
+from arm_studies._renaming import renamed_argument
 from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost
 from arm_studies.optimization.forward import Course, Forward
-from arm_studies.renaming import renamed_argument
 
 SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
 """Step sizes that are tried."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_dynamics.attributes import frozen
-from arm_studies.renaming import renamed_argument, renamed_attribute
+from arm_studies._renaming import renamed_argument, renamed_attribute
 from arm_studies.sweeps.design import points
 from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints

@@ -19,8 +19,8 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen import Call, Kernel
 from arm_dynamics.exceptions import InvalidInput
+from arm_studies._renaming import renamed_attribute
 from arm_studies.identification.drives.law import Trial, deviation, simulation
-from arm_studies.renaming import renamed_attribute
 
 _MOST_STEPS = 512  # between two samples
 # Residual over signal, and its correlation from sample to sample, above which the residual is not

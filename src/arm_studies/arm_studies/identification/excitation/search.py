@@ -16,11 +16,11 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
 from arm_sim.inputs import whole
+from arm_studies._renaming import renamed_argument
 from arm_studies.identification.excitation import columns
 from arm_studies.identification.excitation.fourier import basis
 from arm_studies.identification.excitation.masses import spread
 from arm_studies.identification.excitation.room import Room
-from arm_studies.renaming import renamed_argument
 
 _INSTANTS = 12  # per harmonic, at which a motion is evaluated while searching
 _KNOTS = 24  # knots per harmonic of the motion that is returned
