@@ -167,7 +167,9 @@ def test_in_c_messages_mean_what_they_mean_in_python() -> None:
     for make in (JointStateReader, PlainReader):
         efforts = Expected(NAMES, ("effort",), partial=True)
         every = Expected(NAMES, FIELDS, partial=True, gaps=True)
-        readers.append(CommandReader(make(efforts), make(every)))
+        reader = CommandReader.__new__(CommandReader)
+        reader.efforts, reader.references = make(efforts), make(every)
+        readers.append(reader)
     for _ in range(2):
         for fields in MESSAGES:
             raw = command(name=list(NAMES)[::-1], **fields)

@@ -13,7 +13,7 @@ typedef struct {
   real along[2];  /* direction of sliding in the two tangents */
   real fixed;     /* 1 if it keeps that direction, 0 if the direction follows the motion */
 } contact_mode_t;
-enum { CONTACT_MODE = sizeof(contact_mode_t) / sizeof(real) }; /* its numbers */
+#define CONTACT_MODE ((int)(sizeof(contact_mode_t) / sizeof(real))) /* its numbers */
 
 /* The vector p of the generated functions. Python: Modes. */
 typedef struct {
