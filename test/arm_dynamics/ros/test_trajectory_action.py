@@ -347,6 +347,7 @@ def test_mimic_joints_may_be_named_if_they_agree(ros: Ros) -> None:
     for positions, given, words in (
         ((0.03, 0.2, 0.03), every, "right_slide is 0.03, but right_slide follows left_slide, so"),
         ((0.03, 0.2), every[:2], "right_slide follows left_slide; command that one"),
+        ((float("nan"), 0.2, 0.03), every, "joint 'right_slide', is nan; allowed: finite numbers"),
     ):
         assert not client.send(goal(trajectory(point(1.0, *positions), names=given))).accepted
         assert words in node.goals.outcome

@@ -16,7 +16,7 @@ from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.scene.urdf.joint_names import JointNames, Named
+from arm_dynamics.scene.urdf.joint_names import JointNames, Named, check_finite
 from arm_dynamics.trajectory.splines import STANDING
 
 
@@ -109,7 +109,7 @@ class TrajectoryMessage:
             yield time, point.positions, point.velocities, point.accelerations, point.effort
 
     def check_points(self) -> None:
-        """Check that times increase, and that the last velocities are zero."""
+        """Check that times increase, numbers are finite, and the last velocities are zero."""
         before = -1
         for i, point in enumerate(self._points):
             time = to_nanoseconds(point.time_from_start)
@@ -119,6 +119,8 @@ class TrajectoryMessage:
                     + (f"more than {1e-9 * before:g} s" if i else "at least 0 s")
                 )
             before = time
+            for field in ("positions", "velocities", "accelerations", "effort"):
+                check_finite(f"{field} of point {i}", self.joint_names, getattr(point, field))
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
             if abs(v) > STANDING:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")

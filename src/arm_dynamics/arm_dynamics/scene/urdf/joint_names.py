@@ -107,6 +107,13 @@ class JointNames(tuple[str, ...]):
         ]
 
 
+def check_finite(title: str, names: Iterable[str], values: Iterable[float]) -> None:
+    """Refuse by ``InvalidInput`` a value of a named joint that is not finite."""
+    for name, x in zip(names, values, strict=False):
+        if not math.isfinite(x):
+            raise InvalidInput(f"{title}, joint '{name}', is {x}; allowed: finite numbers")
+
+
 class Named:
     """The joints that a message names: those of the arm, and mimic joints that agree with them.
 
@@ -142,10 +149,7 @@ class Named:
         """
         if len(values) != len(self._names):
             raise InvalidInput(f"{title} has {len(values)} numbers; allowed: {len(self._names)}")
-        for i in self._own:
-            if not math.isfinite(x := values[i]):
-                joint = f"joint '{self._names[i]}'"
-                raise InvalidInput(f"{title}, {joint}, is {x}; allowed: finite numbers")
+        check_finite(title, [self._names[i] for i in self._own], [values[i] for i in self._own])
         for follower in self._followers:
             follower.check(title, field, values)
         full = np.array(rest)
