@@ -31,7 +31,7 @@ from arm_dynamics.trajectory import Reference
 from arm_sim import Recording, Simulator
 from arm_studies.identification import JointRecord, identify
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.samples import HELD_OUT
+from arm_studies.identification.regression.rows.samples import HELD_OUT
 from benchmarks.identification.lagrange import LagrangeArm, Link
 from benchmarks.reporting.markdown import table
 

@@ -10,9 +10,9 @@ from ctypes import CFUNCTYPE, byref, c_int64, c_void_p, cast
 from typing import Any
 
 from arm_dynamics.ros.joint_state import FAILED, NONE
-from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.inputs.inputs import Inputs
+from arm_sim.ros.inputs.polled_commands import AT_ONCE
 from arm_sim.ros.node_library import library
-from arm_sim.ros.polled_commands import AT_ONCE
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import Due
 

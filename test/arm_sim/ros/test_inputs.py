@@ -17,8 +17,8 @@ from std_msgs.msg import Float64MultiArray
 import models
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.joint_state.serialization import parsed
-from arm_sim.ros import command_reader
-from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.inputs import command_reader
+from arm_sim.ros.inputs.inputs import Inputs
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
 

@@ -15,7 +15,7 @@ import models
 from arm_dynamics.ros.interfaces import STEP
 from arm_dynamics.ros.joint_state import Expected, JointStateReader
 from arm_sim.ros import SimNode
-from arm_sim.ros.command_reader import CommandReader
+from arm_sim.ros.inputs.command_reader import CommandReader
 
 pytestmark = pytest.mark.ros
 
@@ -165,10 +165,9 @@ def test_in_c_messages_mean_what_they_mean_in_python() -> None:
     """Each kind twice: the first goes the long way, the second is known."""
     readers = []
     for make in (JointStateReader, PlainReader):
-        efforts = Expected(NAMES, ("effort",), partial=True)
-        every = Expected(NAMES, FIELDS, partial=True, gaps=True)
         reader = CommandReader.__new__(CommandReader)
-        reader.efforts, reader.references = make(efforts), make(every)
+        reader.efforts = make(Expected(NAMES, ("effort",), partial=True))
+        reader.references = make(Expected(NAMES, FIELDS, partial=True, gaps=True))
         readers.append(reader)
     for _ in range(2):
         for fields in MESSAGES:

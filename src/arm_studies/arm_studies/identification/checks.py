@@ -18,7 +18,7 @@ from arm_studies.identification.identified_scene import REPLACED
 from arm_studies.identification.names import joint_records
 from arm_studies.identification.regression.estimation import Problem
 from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
-from arm_studies.identification.regression.samples import Samples
+from arm_studies.identification.regression.rows.samples import Samples
 
 BEYOND = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
 MOVED = 1e-3  # Range in [rad] or [m] below which a joint has not moved.

@@ -23,7 +23,7 @@ from arm_studies.identification.identified_scene import central_inertia
 from arm_studies.identification.regression import bodies, estimation, uncertainty
 from arm_studies.identification.regression.bandwidth import noise_above
 from arm_studies.identification.regression.efforts import with_age
-from arm_studies.identification.regression.rows import Rows, Sampled, nominal_efforts
+from arm_studies.identification.regression.rows.rows import Rows, Sampled, nominal_efforts
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))

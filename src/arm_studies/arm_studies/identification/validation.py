@@ -13,7 +13,7 @@ from arm_dynamics.exceptions import known_names
 from arm_studies.identification import checks
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
-from arm_studies.identification.regression.rows import Rows, nominal_efforts
+from arm_studies.identification.regression.rows.rows import Rows, nominal_efforts
 
 # Fraction of the part held out in which a joint has to move for its prediction to be judged.
 MOVING_FRACTION = 0.2

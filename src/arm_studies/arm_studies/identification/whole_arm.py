@@ -30,8 +30,8 @@ from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
 from arm_studies.identification.regression.matching import SIMPLE
 from arm_studies.identification.regression.regressor import PER_BODY, RigidRegressor
-from arm_studies.identification.regression.rows import Rows, Sampled
-from arm_studies.identification.regression.samples import HELD_OUT
+from arm_studies.identification.regression.rows.rows import Rows, Sampled
+from arm_studies.identification.regression.rows.samples import HELD_OUT
 from arm_studies.identification.regression.selection import selected
 from arm_studies.identification.regression.tables import tabled
 from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, added_coefficients

@@ -14,8 +14,8 @@ from arm_studies.identification.regression.fit import fitted
 from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit, Shape
 from arm_studies.identification.regression.irregularities import without_outliers
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows import Rows
-from arm_studies.identification.regression.samples import Samples
+from arm_studies.identification.regression.rows.rows import Rows
+from arm_studies.identification.regression.rows.samples import Samples
 
 MODEL = ArmModel(load_scene("two_link"))
 

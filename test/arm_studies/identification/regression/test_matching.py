@@ -12,8 +12,8 @@ from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.matching import Match, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows import Rows
-from arm_studies.identification.regression.samples import Samples
+from arm_studies.identification.regression.rows.rows import Rows
+from arm_studies.identification.regression.rows.samples import Samples
 
 
 def recorded(scene: str, heavier: float, change, moving=None):

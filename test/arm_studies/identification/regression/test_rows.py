@@ -15,8 +15,8 @@ from arm_studies.identification.regression.friction import (
 )
 from arm_studies.identification.regression.irregularities import sticking
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows import Rows
-from arm_studies.identification.regression.samples import Samples
+from arm_studies.identification.regression.rows.rows import Rows
+from arm_studies.identification.regression.rows.samples import Samples
 
 STRIDE = 10
 

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.common.convert import as_bytes
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
-from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.inputs.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, ENERGY, MULTIPLIERS, WRENCH
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.record.definitions import definition_of, kind_of

@@ -17,10 +17,10 @@ from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.common.threads.scheduling import MiddlewareThreads
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
 from arm_sim.ros.commands.latest import in_force
-from arm_sim.ros.competing_publishers import CompetingPublishers
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.display import Display
-from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.inputs.competing_publishers import CompetingPublishers
+from arm_sim.ros.inputs.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.node_library import library

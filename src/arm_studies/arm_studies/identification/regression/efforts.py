@@ -11,7 +11,7 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Mask, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import JointFit
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.uncertainty import NORMAL_95, added_coefficients
 
 # Largest number of corrections of the age; standard errors below which one is left out; largest

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.regressor import MASSLESS_BELOW, PER_BODY
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.rows.rows import Rows
 
 Mask = NDArray[np.bool_]
 Places = NDArray[np.int_]

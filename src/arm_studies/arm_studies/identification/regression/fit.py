@@ -14,7 +14,7 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.regression import bodies, estimation, friction
 from arm_studies.identification.regression.estimation import Columns, Problem
 from arm_studies.identification.regression.friction import JointFit, Shape
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.rows.rows import Rows
 
 SIGNED = (friction.COULOMB_SKEW, friction.VISCOUS_SKEW, friction.EXCESS)
 STEPS = 25

@@ -9,7 +9,7 @@ from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.samples import Samples
+from arm_studies.identification.regression.rows.samples import Samples
 from arm_studies.identification.regression.uncertainty import added_coefficients
 
 # Angle in [rad], and standard deviations, above which a tilt of the base is reported.

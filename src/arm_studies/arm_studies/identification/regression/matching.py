@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Prior, Problem, solved
 from arm_studies.identification.regression.friction import COULOMB, COULOMB_SKEW, VISCOUS, JointFit
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.uncertainty import NORMAL_95
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))

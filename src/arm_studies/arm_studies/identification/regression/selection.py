@@ -14,7 +14,7 @@ from arm_studies.identification.regression import friction
 from arm_studies.identification.regression.estimation import Columns, Mask
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB, EXCESS, JointFit, Shape
-from arm_studies.identification.regression.samples import FOLDS
+from arm_studies.identification.regression.rows.samples import FOLDS
 
 # Stribeck velocities that are tried, relative to a joint's root mean square velocity.
 SPEEDS = np.geomspace(0.01, 1.0, 7)

@@ -12,7 +12,7 @@ from arm_studies.identification.regression import friction
 from arm_studies.identification.regression.bandwidth import mean_residual
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit
-from arm_studies.identification.regression.samples import FOLDS
+from arm_studies.identification.regression.rows.samples import FOLDS
 
 # Numbers of points that are tried; their loads, and all values but one, are fitted.
 COUNTS = (2, 3, 4)

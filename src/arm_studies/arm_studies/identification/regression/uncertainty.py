@@ -21,7 +21,7 @@ from arm_studies.identification.filtering import FLAT_NOISE
 from arm_studies.identification.regression.estimation import Mask, solved
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import LOAD, STRIBECK_VELOCITY
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.rows.rows import Rows
 
 # Singular values relative to the largest below which a direction is not determined.
 SINGULAR = 1e-7

@@ -16,10 +16,10 @@ from arm_studies.identification import filtering
 from arm_studies.identification.data import JointRecord, interpolated
 from arm_studies.identification.preparation import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
-from arm_studies.identification.regression.friction_columns import KEPT
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.samples import Samples
-from arm_studies.identification.regression.sticking import Clearing, pulses
+from arm_studies.identification.regression.rows.friction_columns import KEPT
+from arm_studies.identification.regression.rows.samples import Samples
+from arm_studies.identification.regression.rows.sticking import Clearing, pulses
 
 SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
 

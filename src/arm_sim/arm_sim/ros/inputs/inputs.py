@@ -16,11 +16,11 @@ from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import Numbers
-from arm_sim.ros.command_reader import CommandReader
 from arm_sim.ros.commands.joint_commands import JointCommands
-from arm_sim.ros.competing_publishers import CompetingPublishers
+from arm_sim.ros.inputs.command_reader import CommandReader
+from arm_sim.ros.inputs.competing_publishers import CompetingPublishers
+from arm_sim.ros.inputs.polled_commands import PolledCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
-from arm_sim.ros.polled_commands import PolledCommands
 from arm_sim.ros.tick_engine import TickEngine
 
 _UNNAMED = "~/commands"  # the source of commands without a header
