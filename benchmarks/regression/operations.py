@@ -4,7 +4,7 @@
 Times change with the machine; the number of operations that the generated code carries out does
 not. ``operations.yaml`` has it for every bundled scene and for each feature on a Panda. A test
 fails where a change makes one larger. ``./arm python -m benchmarks.regression.operations`` prints
-what has changed, ``--renew`` writes the file, for changes that are worth it or make things smaller.
+what has changed, ``--renew`` writes the file, for changes that are worth it.
 """
 
 from __future__ import annotations

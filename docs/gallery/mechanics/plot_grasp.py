@@ -34,8 +34,8 @@ use_style()
 # %%
 # The scene
 # ---------
-# The fingertips are balls, the sides of the box planes that move with it. The motors of the ready
-# scene ``lifting_gripper`` are left out: commands are forces.
+# The fingertips are balls, the sides of the box planes that move with it. The motors of the scene
+# ``lifting_gripper`` are left out: commands are forces.
 
 ready = load_scene("lifting_gripper").model_dump(exclude_unset=True)
 sim = Simulator(ready | {"joints": {}})

@@ -136,7 +136,7 @@ class DrawnArm:
         self._marks["path"].set(_pairs(np.zeros((0, 3))))
 
     def show_path(self, path: Array) -> None:
-        """Draw a complete, permanent path of the end effector, shape (k, 3), which extends the arm."""
+        """Draw the complete path of the end effector, shape (k, 3), which extends the arm."""
         self.extent = np.vstack([self.extent, self.base + path])
         self._marks["whole path"].set(_pairs(path))
 
