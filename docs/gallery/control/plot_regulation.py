@@ -73,7 +73,7 @@ def joints(x, z, elbow):
     return np.array([lift, bend])
 
 
-def tip(q):
+def position(q):
     upper, lower = q[..., 0], q[..., 0] + q[..., 1]
     x = l1 * np.cos(upper) + l2 * np.cos(lower)
     return np.stack([x, l1 * np.sin(upper) + l2 * np.sin(lower)], axis=-1)
@@ -83,7 +83,7 @@ P_f = np.array([0.45, 0.45])
 goals = {"up": joints(*P_f, -1.0), "down": joints(*P_f, 1.0)}
 for way, q in goals.items():
     print(f"elbow {way}: {np.round(q, 4)} rad")
-    assert np.abs(tip(q) - P_f).max() < 1e-12
+    assert np.abs(position(q) - P_f).max() < 1e-12
 goal = goals["down"]
 
 # %%
@@ -119,7 +119,7 @@ runs = {}
 for name, controller in controllers.items():
     sim.reset()
     runs[name] = sim.run(2.0, lambda s, c=controller: c.torque(s, reference))
-    away = 1e3 * np.linalg.norm(tip(runs[name].q) - P_f, axis=1)
+    away = 1e3 * np.linalg.norm(position(runs[name].q) - P_f, axis=1)
     print(f"{name:16s} away from the point after 0.5, 1 and 2 s: "
           + ", ".join(f"{away[round(t / sim.dt)]:9.4f} mm" for t in (0.5, 1, 2)))  # fmt: skip
 
@@ -183,8 +183,8 @@ for k, (name, run) in enumerate(runs.items()):
 
 rest = runs["PD"].q[-1]
 assert np.abs(kp * (goal - rest) - sim.dynamics.gravity(rest)).max() < 0.02
-assert np.linalg.norm(tip(rest) - P_f) > 0.05
-assert np.linalg.norm(tip(runs["computed torque"].q[-1]) - P_f) < 1e-5
+assert np.linalg.norm(position(rest) - P_f) > 0.05
+assert np.linalg.norm(position(runs["computed torque"].q[-1]) - P_f) < 1e-5
 
 
 def as_printed(state):
@@ -194,7 +194,7 @@ def as_printed(state):
 
 
 sim.reset()
-off = np.linalg.norm(tip(sim.run(2.0, as_printed).q[-1]) - P_f)
+off = np.linalg.norm(position(sim.run(2.0, as_printed).q[-1]) - P_f)
 print(f"PD with the weight as printed: {1e3 * off:.1f} mm away")
 assert off > 0.004
 
@@ -204,7 +204,7 @@ assert off > 0.004
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
 for (name, run), color in zip(runs.items(), ("0.6", "C1", "C2", "C0"), strict=True):
-    path = tip(run.q)
+    path = position(run.q)
     far = 1e3 * np.linalg.norm(path - P_f, axis=1)
     axes[0].semilogy(run.time, far, color=color, label=name)
     axes[1].plot(*path.T, color=color)
@@ -222,7 +222,7 @@ axes[1].legend()
 
 def chain(q):
     elbow = l1 * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=-1)
-    return np.stack([0 * elbow, elbow, tip(q)], axis=1)
+    return np.stack([0 * elbow, elbow, position(q)], axis=1)
 
 
 shown = runs["PD"].time <= 1.5
@@ -233,7 +233,10 @@ motion = animation(
      (chain(runs["computed torque"].q[shown]), {"label": "computed torque"}),
      (np.array([P_f, P_f]),
       {"marker": "+", "markersize": 12, "color": "k", "linestyle": "", "label": "goal"})],
-    trail=(tip(runs["computed torque"].q[shown]), {"color": "C0", "label": "path of the tip"}),
+    trail=(
+        position(runs["computed torque"].q[shown]),
+        {"color": "C0", "label": "path of the end effector"},
+    ),
     speed=0.5,
 )  # fmt: skip
 plt.show()
