@@ -6,7 +6,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
-from enum import IntFlag
 from functools import cached_property, partial
 from inspect import Parameter, Signature
 from typing import Any, Self
@@ -31,22 +30,7 @@ from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.terms import table
 from arm_dynamics.terms.answers import MANY, Answers
 from arm_dynamics.terms.compiled import calls
-from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry
-
-
-class Term(IntFlag):
-    """Terms of the equation of motion τ = M q̈ + C q̇ + G + S + F, for inverse dynamics to add up.
-
-    ``SPRING``, S, is the torque of springs and their dampers.
-    """
-
-    INERTIA = 1
-    CORIOLIS = 2
-    GRAVITY = 4
-    FRICTION = 8
-    SPRING = 16
-    ALL = 31
-
+from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry, Term
 
 _log = logging.getLogger(__name__)
 _FLOAT, _ALL = np.dtype(float), Term.ALL
