@@ -126,7 +126,7 @@ class Dynamics:
         self._alone = True  # no external torques and other active constraints
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # warns when torques are first requested
-        self._turning = np.array(self.model.joint_types) != "prismatic"
+        self._turning = self.model.turning
         self._checks_left = CHECKED_CALLS
         self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
         self._calls: dict[Entry, Any] = {x: {} if x.selectors else unanswered for x in TERMS}
