@@ -12,8 +12,9 @@ from arm_dynamics.lazy import on_demand
 if TYPE_CHECKING:
     from arm_dynamics.control.compiled_law import Compiled, CompiledComputedTorque, preparation
     from arm_dynamics.control.computed_torque import ComputedTorque
-    from arm_dynamics.control.controller import Controller, Measured, Restartable
+    from arm_dynamics.control.controller import AnyController, Controller, Measured, Restartable
     from arm_dynamics.control.custom import Watched, load_controller
+    from arm_dynamics.control.disturbance_observer import DisturbanceObserver
     from arm_dynamics.control.factory import NAMES, Settings, make_controller
     from arm_dynamics.control.friction_compensation import FrictionFeedForward
     from arm_dynamics.control.joint_space import (
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     )
     from arm_dynamics.control.law import JointLaw, Law
     from arm_dynamics.control.pole_placement import gains, held_gains
+    from arm_dynamics.control.switch import Switch
     from arm_dynamics.control.task_space import (
         AlongJoints,
         CartesianImpedance,
@@ -36,13 +38,7 @@ if TYPE_CHECKING:
         at_rest,
         task_reference,
     )
-    from arm_dynamics.control.wrappers import (
-        AnyController,
-        DisturbanceObserver,
-        HalfTickAhead,
-        Saturated,
-        Switch,
-    )
+    from arm_dynamics.control.wrappers import HalfTickAhead, Saturated
 
 __all__ = [
     "AlongJoints", "AnyController", "CartesianImpedance", "Compiled",

@@ -24,7 +24,7 @@ from arm_dynamics.dynamics.constrained import Constrained
 from arm_dynamics.dynamics.contact_torque import contact_torque
 from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import check_frame
+from arm_dynamics.model.frame_motion import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.terms import table

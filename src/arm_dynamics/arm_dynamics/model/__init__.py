@@ -6,9 +6,10 @@ Depends on the scene package and Pinocchio, and provides the equations with thei
 
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.frame_motion import FrameMotion
 from arm_dynamics.model.friction import JointFriction
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import SpringTerms, springs_of
 from arm_dynamics.model.tree_builder import (

@@ -209,6 +209,10 @@ class Robot:
         """Velocities or accelerations of all joints of Pinocchio's model, shape (…, pin.nv)."""
         return v @ self.followers.T if self.has_followers else v
 
+    def expanded(self, q: Array, *rates: Array) -> tuple[Array, ...]:
+        """Pinocchio's configuration, and velocities or accelerations of all its joints."""
+        return self.configuration(q), *map(self.spread, rates)
+
     def gather(self, tau: Array) -> Array:
         """Torques on the independent joints equivalent to torques on all, shape (…, n)."""
         return tau @ self.followers if self.has_followers else tau

@@ -48,7 +48,8 @@ from arm_dynamics.ros.joint_state import (
     JointStateSink,
     JointStateWriter,
 )
-from arm_dynamics.trajectory.reference import Limits, Reference
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Reference
 
 
 class ControllerNode(Node):
