@@ -10,7 +10,6 @@ differentiation of pseudo-inverses", SIAM J. Numer. Anal. 10(2), 1973, for full 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -71,7 +70,7 @@ class JointPath:
         return _by_time(self.along(u), du[:, None], ddu[:, None])
 
 
-def _by_time(along: Sequence[Array], du: Any, ddu: Any) -> tuple[Array, Array, Array]:
+def _by_time(along: Any, du: Any, ddu: Any) -> tuple[Array, Array, Array]:
     """Positions, velocities and accelerations at u(t), by the chain rule."""
     q, first, second = along
     return q, first * du, second * du**2 + first * ddu
