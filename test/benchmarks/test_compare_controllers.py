@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import models
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.control import load_controller
+from arm_dynamics.control.custom import load_controller
 from arm_sim import Simulator
 from benchmarks.controllers import cases, cli, measure
 from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS

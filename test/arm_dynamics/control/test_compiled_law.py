@@ -14,16 +14,14 @@ import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
 from arm_dynamics.control import (
     NAMES,
-    CompiledComputedTorque,
     ComputedTorque,
     Measured,
-    Restartable,
     Settings,
     compiled_law,
     make_controller,
-    preparation,
 )
-from arm_dynamics.control.compiled_law import build
+from arm_dynamics.control.compiled_law import CompiledComputedTorque, build, preparation
+from arm_dynamics.control.controller import Restartable
 from arm_dynamics.control.factory import IN_TASK_SPACE
 from arm_dynamics.trajectory import Reference
 from models.rotor import rotor

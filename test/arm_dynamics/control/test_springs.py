@@ -9,7 +9,6 @@ import pytest
 import models
 from arm_dynamics import Dynamics
 from arm_dynamics.control import (
-    CompiledComputedTorque,
     ComputedTorque,
     DisturbanceObserver,
     FeedForwardPD,
@@ -21,6 +20,7 @@ from arm_dynamics.control import (
     PDGravity,
     at_rest,
 )
+from arm_dynamics.control.compiled_law import CompiledComputedTorque
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
 from arm_dynamics.trajectory.time_scaling import Capacity, Strain

@@ -11,10 +11,9 @@ from arm_dynamics.client.results import (
     ModelFacts,
     NotReached,
     Postures,
-    TaskTerms,
     Terms,
 )
 
 __all__ = [
-    "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "TaskTerms", "Terms",
+    "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
 ]  # fmt: skip

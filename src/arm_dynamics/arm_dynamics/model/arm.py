@@ -18,7 +18,7 @@ from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import Range, stops_of
 from arm_dynamics.scene.schema import Joint, Scene
-from arm_dynamics.scene.urdf import Mimic
+from arm_dynamics.scene.urdf.description import Mimic
 
 
 @sealed

@@ -24,7 +24,7 @@ from arm_dynamics.exceptions import ModelError, SceneError, counted, known_names
 from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
-from arm_dynamics.scene.urdf import JOINT, LINK, Mimic, Urdf, read_urdf
+from arm_dynamics.scene.urdf.description import JOINT, LINK, Mimic, Urdf, read_urdf
 from arm_dynamics.scene.urdf.joint_names import JointNames
 
 _UNIQUE = "\0"  # which no name in XML contains

@@ -30,17 +30,15 @@ from arm_dynamics.scene.constraint import (
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.files import ready_scenes
 from arm_dynamics.scene.friction import Friction, Lugre
-from arm_dynamics.scene.imperfections import Commands, Line, Sensors
-from arm_dynamics.scene.load import SceneSource, load_scene, scene_from_urdf
+from arm_dynamics.scene.imperfections import Commands, Sensors
+from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
 from arm_dynamics.scene.spring import JointSpring, PointSpring
-from arm_dynamics.scene.text import scene_of, scene_text
 
 __all__ = [
     "Actuator", "Bilateral", "Commands", "Constraint", "Contact", "CouplingConstraint",
     "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "JointSpring",
-    "Limits", "Line", "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
-    "PointSpring", "RollingConstraint", "Scene", "SceneSource", "Sensors", "Sim",
-    "Transmission", "load_scene", "ready_scenes", "scene_from_urdf", "scene_of", "scene_text",
-    "validated",
+    "Limits", "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
+    "PointSpring", "RollingConstraint", "Scene", "Sensors", "Sim", "Transmission", "load_scene",
+    "ready_scenes", "validated",
 ]  # fmt: skip

@@ -28,7 +28,7 @@ from arm_dynamics.scene.imperfections import Commands, Sensors
 from arm_dynamics.scene.inertia import Body, LinkBody
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import Finite, Limit, NonNegative, Part, Positive, Vector3
-from arm_dynamics.scene.urdf import with_bodies
+from arm_dynamics.scene.urdf.inertial import with_bodies
 
 
 def _argument(value: object) -> object:

@@ -45,6 +45,11 @@ class Term(IntFlag):
     ALL = 31
 
 
+def always(model: Any) -> bool:
+    """True, for every model."""
+    return True
+
+
 @dataclass(frozen=True, eq=False)
 class Entry:
     """A function of the state of an arm.
@@ -76,7 +81,7 @@ class Entry:
     compared: Callable[..., Any] = comparison.relative
     fields: tuple[str, ...] = ()
     method: str = ""
-    compiles: Callable[[Any], bool] = lambda model: True
+    compiles: Callable[[Any], bool] = always
 
     @property
     def method_name(self) -> str:

@@ -38,7 +38,8 @@ from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, JointStateReader, JointStateSink
+from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader
+from arm_dynamics.ros.joint_state.sink import JointStateSink
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import Trajectory
 
