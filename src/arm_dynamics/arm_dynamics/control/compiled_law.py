@@ -16,7 +16,6 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array, all_finite
@@ -24,10 +23,8 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.computed_torque import ComputedTorque
 from arm_dynamics.control.controller import Measured, Moving, added_torques, checked, restart
 from arm_dynamics.control.law import Law, law_of, name_of
-from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.rigid_expressions import RigidExpressions
@@ -147,19 +144,6 @@ class CompiledOwn(CompiledWithMemory):
     def _kernel(self) -> Kernel | None:
         kernel = super()._kernel()
         return kernel if kernel is not None and _agrees(kernel, self.law, self.model) else None
-
-
-@sealed
-class CompiledComputedTorque(Compiled):
-    """``ComputedTorque``, compiled for the arm."""
-
-    def __init__(
-        self, dynamics: Dynamics, bandwidth: ArrayLike = 20.0, damping_ratio: ArrayLike = 1.0,
-        dt: float = 1e-3,
-    ) -> None:  # fmt: skip
-        """Choose gains, as those of ``ComputedTorque``."""
-        law = ComputedTorque(dynamics, bandwidth, damping_ratio, dt)
-        super().__init__(law, dynamics.model)
 
 
 def with_code(control: Any, model: ArmModel, own: bool = False) -> Any:

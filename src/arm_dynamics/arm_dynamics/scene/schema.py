@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.scene.complaints import complaints
+from arm_dynamics.scene.complaints import Schema, complaints
 from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, Fraction, label
 from arm_dynamics.scene.drive import Actuator, Servo, Transmission
 from arm_dynamics.scene.friction import IN_TABLE, KINDS, Friction
@@ -329,4 +329,4 @@ def _refused(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
     errors = error.errors()
     for each in errors:
         each["loc"] = (*place, *each["loc"])
-    return SceneError("\n".join(complaints(errors, Scene, SCHEMAS, KINDS)))
+    return SceneError("\n".join(complaints(errors, Schema(Scene, SCHEMAS, KINDS))))
