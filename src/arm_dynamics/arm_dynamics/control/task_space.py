@@ -297,6 +297,6 @@ class _Arm:
         force = arm.inertia @ (desired - arm.drift - arm.J @ a)
         tau = arm.M @ a + arm.bias + arm.J.T @ force
         if self._friction is not None:
-            way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
-            tau = tau + friction_feed_forward(self._friction, way, now.q, tau)
+            joint_velocity = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
+            tau = tau + friction_feed_forward(self._friction, joint_velocity, now.q, tau)
         return tau

@@ -19,7 +19,8 @@ from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.schema import Joint, RobotChoice, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.unit_remarks import unit_remarks
-from arm_dynamics.scene.urdf import Urdf, read_urdf, with_bodies
+from arm_dynamics.scene.urdf.description import Urdf, read_urdf
+from arm_dynamics.scene.urdf.inertial import with_bodies
 from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
 
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene

@@ -21,7 +21,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.dynamics.gauss import times
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms, check_moving
+from arm_dynamics.model.frame_motion import FrameMotion, check_moving
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.task_space.axes import AXES, chosen_axes, rows_of
 from arm_dynamics.task_space.inertia import (
     THRESHOLD,

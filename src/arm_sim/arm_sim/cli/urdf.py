@@ -76,7 +76,7 @@ def with_hardware(
 
     Source: README of joint_state_topic_hardware_interface (ros-controls).
     """
-    from arm_dynamics.scene.urdf import xml_root
+    from arm_dynamics.scene.urdf.xml import xml_root
 
     robot = xml_root(model.scene.description)
     for other in robot.findall("ros2_control"):  # remove the tag of the real robot's hardware

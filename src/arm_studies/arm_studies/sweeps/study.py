@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 
 from arm_dynamics.exceptions import SceneError, choices
-from arm_dynamics.scene.complaints import complaints
+from arm_dynamics.scene.complaints import Schema, complaints
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
@@ -224,7 +224,7 @@ def validated[P: Part](kind: type[P], data: Any, *place: str) -> P:
         errors = error.errors()
     for each in errors:
         each["loc"] = (*place, *each["loc"])
-    raise SceneError("\n".join(complaints(errors, Study, {}, (), _NAME)))
+    raise SceneError("\n".join(complaints(errors, Schema(Study, {}, (), _NAME))))
 
 
 def _resolved(study: Study, folder: Path) -> Study:
