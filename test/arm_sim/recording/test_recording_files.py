@@ -338,6 +338,20 @@ def test_a_bag_of_which_no_message_can_be_read_is_refused(robot_bag: Path) -> No
         Recording.load(robot_bag)
 
 
+def test_a_damaged_bag_is_read_up_to_the_damage(robot_bag: Path) -> None:
+    base = sqlite3.connect(robot_bag)
+    base.execute("CREATE INDEX timestamp_idx ON messages (timestamp)")  # as rosbag2 does
+    base.commit()
+    base.close()
+    raw = bytearray(robot_bag.read_bytes())
+    place = raw.index(np.cos(0.02 * 40).tobytes())
+    page = place // 4096 * 4096
+    raw[page : page + 4096] = bytes(4096)
+    robot_bag.write_bytes(raw)
+    run = Recording.load(robot_bag)
+    assert 0 < len(run) < 50 and "damaged from message" in run.events[0].text
+
+
 def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:
     run = Recording.load(robot_bag, models.scene("two_link"))
     dynamics = models.dynamics("two_link")
