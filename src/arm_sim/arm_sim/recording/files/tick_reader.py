@@ -20,15 +20,10 @@ from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
+from arm_sim.recording.files import tick_writer
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK
 from arm_sim.recording.files.reader import BagContents, BagMessage, read_bag
-from arm_sim.recording.files.tick_writer import (
-    FORMAT,
-    METADATA,
-    SWITCHES,
-    UNCHANGED,
-    external_end,
-)
+from arm_sim.recording.files.tick_writer import FORMAT, SWITCHES, UNCHANGED, external_end
 from arm_sim.recording.files.timeline import Timeline
 from arm_sim.recording.origin import Origin
 
@@ -43,7 +38,7 @@ def read(bag: BagContents, path: Path) -> Contents:
     Raises:
         InvalidInput: If it does not contain a complete recording.
     """
-    metadata = bag.metadata[METADATA]
+    metadata = bag.metadata[tick_writer.METADATA]
     if metadata.get("format") != FORMAT:
         raise InvalidInput(
             f"the recording is of format {metadata.get('format')!r}; this version reads {FORMAT}"
