@@ -126,7 +126,7 @@ class Page:
 
 
 @contextmanager
-def opened(url: str, *nodes: str, size: tuple[int, int] = (900, 560)) -> Iterator[Page]:
+def opened(url: str, *nodes: str, size: tuple[int, int] = (640, 360)) -> Iterator[Page]:
     """A page that is open and shows some nodes; at the end its console has said nothing bad."""
     from arm_sim.view.pictures import page_in_browser
 
