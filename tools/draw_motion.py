@@ -27,7 +27,7 @@ legend_outside(figure, below=True)
 axes[0].set_title("Torque of the drag on the joints [N m]")
 axes[1].set_title("Force of the table [N]")
 lines = [axis.axvline(0.0, color="0.4", lw=1.0, zorder=9) for axis in axes]
-axes[2].set(title="Speed of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
+axes[2].set(title="Velocity of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
 with show(run, port=0) as page, page._camera((400, 400)) as shoot:
     films = []
     for time in np.arange(0.0, END, 1.0 / RATE):
