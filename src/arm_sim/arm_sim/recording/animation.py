@@ -32,7 +32,12 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     time = np.arange(recording.time[0], recording.time[-1] + 1e-9, speed * pace)
     states = recording.q[np.searchsorted(recording.time, time - 1e-9)]
     shapes = [_shapes(recording.dynamics.model, q) for q in states]
+    tree = recording.dynamics.model.pin
     ground, arm, surfaces = map(np.array, zip(*shapes, strict=True))
+    pivots = np.array([
+        place.translation
+        for place, parent in zip(tree.jointPlacements, tree.parents, strict=True) if not parent
+    ][1:])  # fmt: skip
     points = np.hstack([ground, arm])
     low, high = np.nanmin(points, axis=(0, 1)), np.nanmax(points, axis=(0, 1))
     plane = np.sort(np.argsort(high - low, kind="stable")[1:])
@@ -41,6 +46,7 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     film = animation(
         time,
         [(ground[..., plane], {"color": "0.6"}),
+         (pivots[:, plane], {"color": "0.3", "marker": "^", "ms": 9.0, "ls": "", "label": "base"}),
          *((edge, {"color": "0.6", "marker": "", "label": "plane of contact"}) for edge in edges),
          (arm[..., plane], {"label": "arm"})],
         speed=speed, frames=len(time),
