@@ -132,7 +132,7 @@ def draw_excitation(motion: Trajectory, room: Room, path: Path) -> None:
         for axis in axes.flat[max(0, len(names) - 2) : len(names)]:
             axis.set_xlabel("time [s]")
             axis.tick_params(labelbottom=True)
-            axis.xaxis.set_in_layout(axis is axes[-1, 0])  # else above an empty place
+            axis.xaxis.set_in_layout(axis in [*axes.flat[-2:]])  # above nothing, it has room
         for axis in axes.flat[::2]:
             axis.set_ylabel("% of limit")
 
