@@ -149,7 +149,7 @@ class DrawnArm:
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
         whole_path = not self._marks["whole path"].empty
         for exists, mark, colour, text in (
-            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail, fixed to the world"),
+            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail"),
             (scene.payloads, "●", _bytes(shapes.LOAD), "payload"),
             (scene.contacts, "●", _bytes(shapes.TOUCH), "point of contact"),
             (scene.contacts, "■", _bytes(shapes.SURFACE), "plane of contact"),
