@@ -33,9 +33,9 @@ def load_scene(source: SceneSource) -> Scene:
     """Load and check a scene.
 
     Args:
-        source: Name of a ready scene such as ``panda``, path or ``package://`` URI of a scene file
-            (YAML), a URDF or xacro, URDF text, a dictionary of the same shape as a scene file, or
-            a scene, which is returned unchanged.
+        source: Name of a bundled scene such as ``panda``, path or ``package://`` URI of a scene
+            file (YAML), a URDF or xacro, URDF text, a dictionary of the same shape as a scene
+            file, or a scene, which is returned unchanged.
 
     Returns:
         The scene with the URDF's text in ``robot.urdf``.

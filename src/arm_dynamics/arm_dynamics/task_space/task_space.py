@@ -62,7 +62,7 @@ class TaskTerms:
         gravity: p = Λ J M⁻¹ G in [N] and [N m], shape (m,).
         spring: s = Λ J M⁻¹ S in [N] and [N m], shape (m,); zero without springs.
         inverse: J̄ = M⁻¹ Jᵀ Λ, the dynamically consistent inverse of J, shape (n, m).
-        null_space: N = 1 - J̄ J: velocities N z do not move the frame, torques Nᵀ z do not
+        null_space: P = 1 - J̄ J: velocities P z do not move the frame, torques Pᵀ z do not
             accelerate it, shape (n, n).
         manipulability: √det(J Jᵀ), zero at a singularity.
         condition: Ratio of the singular values of J, inf at a singularity.

@@ -40,8 +40,8 @@ def describe(
 ) -> None:
     """Show the joints of SCENE, what is computed or skipped, and the cost of a time step.
 
-    SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
-    The time is measured on this machine.
+    SCENE is the name of a bundled scene, or a scene file (YAML) or URDF: a path or a package://
+    URI. The time is measured on this machine.
 
     Args:
         integrator: Integration method, instead of the scene's, e.g. rk4, dop853.

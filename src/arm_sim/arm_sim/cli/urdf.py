@@ -37,7 +37,7 @@ def urdf(
     commands_topic: str = "/robot_joint_commands",
     states_topic: str = "/robot_joint_states",
 ) -> None:
-    """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI.
+    """Print the URDF of SCENE: the name of a bundled scene, a scene file, or a package:// URI.
 
     Args:
         interface: Add a ros2_control tag with this command interface, for the JointState-topic

@@ -183,7 +183,7 @@ class Interactive(View):
     async def _drag(self, rig: InteractiveArm, actor: DrawnArm, frame: str, event: Any) -> None:
         """Pull at a link; called in order of events, as plain functions would not be."""
         if event.phase == "end":
-            self._order(rig.release)
+            self._order(rig.mouse.release)
         else:
             ends = np.array([event.start_position, event.end_position]) - actor.base
             self._order(partial(rig.pull, frame, *ends))

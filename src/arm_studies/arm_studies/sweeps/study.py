@@ -140,7 +140,7 @@ class Study(Part):
     """A study; only the scene and the duration are required.
 
     Attributes:
-        scene: The arm: name of a ready scene, path (relative to the study), or a mapping as in a
+        scene: The arm: name of a bundled scene, path (relative to the study), or a mapping as in a
             scene file.
         changes: Changes merged into the scene, as in a scene file.
         duration: Duration of each run in [s].
@@ -244,7 +244,7 @@ def _resolved(study: Study, folder: Path) -> Study:
 
 
 def _absolute(scene: Any, folder: Path) -> Any:
-    """A scene with absolute paths; ready scenes keep their bare names."""
+    """A scene with absolute paths; bundled scenes keep their bare names."""
     if isinstance(scene, str):
         path = find_scene(scene, folder)
         return scene if "/" not in scene and not (folder / scene).is_file() else str(path)
