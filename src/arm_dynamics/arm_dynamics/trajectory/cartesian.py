@@ -58,8 +58,8 @@ class Line:
     @property
     def length(self) -> float:
         """Way of the origin in [m], or the angle in [rad] where it only turns."""
-        way = float(np.linalg.norm(self.step))
-        return way if way > 1e-9 else float(np.linalg.norm(self.turn))
+        distance = float(np.linalg.norm(self.step))
+        return distance if distance > 1e-9 else float(np.linalg.norm(self.turn))
 
     def at(self, u: float) -> Place:
         """Placement and derivatives at ``u``."""
