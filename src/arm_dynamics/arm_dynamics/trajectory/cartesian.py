@@ -165,10 +165,10 @@ class CartesianTrajectory:
 
     def sample(self, t: float) -> TaskReference:
         """Reference of the frame at the time ``t`` in [s]."""
-        u, rate, rise = self.timing.at(t)
+        u, du, ddu = self.timing.at(t)
         place = self.path.at(u)
-        first, second = place.first * rate, place.second * rate**2 + place.first * rise
-        return TaskReference(place.position, place.rotation, first, second)
+        velocity, acceleration = place.first * du, place.second * du**2 + place.first * ddu
+        return TaskReference(place.position, place.rotation, velocity, acceleration)
 
 
 def timed(
