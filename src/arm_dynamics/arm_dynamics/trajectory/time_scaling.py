@@ -145,12 +145,9 @@ class Strain:
         return self._capacity.shares(self._q, v, a, tau)
 
     def pace(
-        self,
-        allowed: float = 1.0,
-        most: float = 1.0,
-        x: ArrayLike = 1.0,
+        self, allowed: float = 1.0, most: float = 1.0, x: ArrayLike = 1.0,
         y: ArrayLike | None = None,
-    ) -> float:
+    ) -> float:  # fmt: skip
         """Factor of the speed of a timing at which no share exceeds ``allowed``.
 
         Args:
