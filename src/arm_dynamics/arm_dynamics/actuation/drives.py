@@ -33,7 +33,7 @@ def states_of(drive: JointDrive, joint: int, name: str, turning: bool) -> list[I
         states.append((position, f"motor position at the joint [{unit}]", 1.0))
         states.append((velocity, f"motor velocity at the joint [{unit}/s]", 1.0))
         if drive.coupling.hysteresis:
-            states.append((StateKind.DEFLECTION, "transmission hysteresis [1]", 1.0))
+            states.append((StateKind.HYSTERESIS, "transmission hysteresis [1]", 1.0))
     return [InternalState(joint, kind, f"{name} {title}", scale) for kind, title, scale in states]
 
 
