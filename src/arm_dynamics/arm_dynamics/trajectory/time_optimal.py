@@ -121,12 +121,12 @@ def retimed(
 
 def _timed(motion: JointPath, capacity: Capacity, points: int) -> JointPath:
     """The motion with the fastest timing on a grid."""
-    profile = _Way(motion, capacity, points).fastest()
+    profile = _LimitedPath(motion, capacity, points).fastest()
     quick = JointPath(motion.over, profile)
     return quick.slower(slowdown(capacity, quick.at, profile.times))
 
 
-class _Way:
+class _LimitedPath:
     """A path with the points at which limits are imposed, several in each interval.
 
     Within an interval y = d²u/dt² is constant and x = (du/dt)² is linear in u, so a limit at any
