@@ -19,13 +19,9 @@ from arm_dynamics.control.controller import AnyController, Measured
 from arm_dynamics.control.custom import is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.exceptions import choices
-from arm_dynamics.scene import Scene
+from arm_dynamics.scene import Scene, Sensors
 from arm_dynamics.scene.effect import has_chance
-from arm_dynamics.scene.imperfections import Sensors
-from arm_dynamics.trajectory import JointTrajectory
-from arm_dynamics.trajectory.limits import Limits
-from arm_dynamics.trajectory.reference import Reference, Waypoint
-from arm_dynamics.trajectory.trajectory import Trajectory, hold
+from arm_dynamics.trajectory import JointTrajectory, Limits, Reference, Trajectory, Waypoint, hold
 from arm_dynamics.trajectory.waypoints import quintic
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import tick_count
