@@ -58,14 +58,14 @@ class Commands(click.Group):
 
 
 class SceneType(click.ParamType):
-    """The name of a ready scene, a path, or a package:// URI; completed as such."""
+    """The name of a bundled scene, a path, or a package:// URI; completed as such."""
 
     name = "scene"
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Ready scenes, and scene files and URDFs in this folder; else any file."""
+        """Bundled scenes, and scene files and URDFs in this folder; else any file."""
         from arm_dynamics.scene.files import ready_scenes
 
         files = (path.name for path in Path.cwd().glob("*") if path.suffix in (".yaml", ".urdf"))

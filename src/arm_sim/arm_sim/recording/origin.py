@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio
 
 from arm_dynamics import InvalidInput, Scene
-from arm_dynamics.scene import scene_of, scene_text
+from arm_dynamics.scene.text import scene_of, scene_text
 from arm_sim.integrators.methods import METHODS
 
 SCENE_FILE, URDF_FILE = "scene.yaml", "robot.urdf"

@@ -161,7 +161,7 @@ class Interactive(View):
         model, sliders = rig.simulation.model, []
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
             for i, name in enumerate(model.joint_names):
-                label = f"{name} [m]" if model.joint_types[i] == "prismatic" else name
+                label = name if model.turning[i] else f"{name} [m]"
                 scale = slider_scale(model, i, rig.simulation.state.q[i])
                 sliders.append(self._server.gui.add_slider(label, *scale))
                 self._on_change(sliders[i], partial(self.slide, rig, i))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import viser
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
-WAY_POINTS = 1500  # points of the path of a hand
+WAY_POINTS = 1500  # points of the path of the end effector
 POINTS = 4000  # points of curves of energies
 FIGURES = (
     "<style>body {display: flex} #root {flex: 3; min-width: 0} #figures {order: -1; flex: 2; "
