@@ -17,6 +17,7 @@ from arm_sim.derivatives.tangents import TangentFunctions
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
+from arm_sim.plant.parameters import CONSTRAINTS
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
@@ -171,7 +172,7 @@ def _numbers(plant: Plant) -> list[_Number]:
     return [
         _Number(f"{item.name}[{i}]", least, most)
         for item in plant.parameters.items
-        if item.name != "constraints"
+        if item.name != CONSTRAINTS
         for i, (least, most) in enumerate(
             zip(item.least.tolist(), item.most.tolist(), strict=True)
         )

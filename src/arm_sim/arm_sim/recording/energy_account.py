@@ -21,7 +21,7 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.energy_flows import FLOWS
-from arm_sim.plant.parameters import EXTERNAL
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
@@ -128,7 +128,7 @@ class EnergyAccount:
             self._present.at(p[run.start]).constrained.without_sticking(
                 q[run], v[run], tau[run], holding(self._plant, p[run.start])
             )[1]
-            for run in self._present.runs(p, "constraints")
+            for run in self._present.runs(p, CONSTRAINTS)
         ]
         return np.concatenate(parts) if parts else np.zeros((0, 0))
 

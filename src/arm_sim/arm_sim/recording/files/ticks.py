@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.scene import Scene
-from arm_dynamics.scene.constraint import switches
-from arm_dynamics.scene.schema import Tunable
 from arm_sim.imperfections import Measured
-from arm_sim.plant.parameters import EXTERNAL
+from arm_sim.plant.parameters import (
+    CONSTRAINTS,
+    EXTERNAL,
+    names_of,
+    with_external,
+    without_external,
+)
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
@@ -29,7 +33,6 @@ from arm_sim.recording.files.writer import McapWriter, Place
 from arm_sim.recording.origin import URDF_FILE, Origin
 
 FACTS, FORMAT = "arm_sim", "1"
-SWITCHES = "constraints"
 UNCHANGED = -1.0
 """Sub-step of a change of external torques only."""
 _INFO = 20
@@ -161,7 +164,7 @@ def _changes(contents: Contents) -> Iterator[tuple[int, bytes]]:
     assert contents.origin is not None
     x, scene, n = contents.x, contents.origin.scene, contents.q.shape[1]
     jumps = {jump.row: i for i, jump in enumerate(contents.jumps, 1)}
-    tunable = [*(jump.tunable for jump in contents.jumps), tunable_names(scene)]  # until each
+    tunable = [*(jump.tunable for jump in contents.jumps), names_of(scene)]  # until each
     changed = np.any(contents.p[1:] != contents.p[:-1], axis=1).nonzero()[0] + 1
     passed = 0
     for row in sorted({0, *jumps, *contents.gaps, *changed.tolist()}):
@@ -171,24 +174,12 @@ def _changes(contents: Contents) -> Iterator[tuple[int, bytes]]:
             substep = contents.jumps[passed - 1].substep
         p = contents.p[row]
         if EXTERNAL not in tunable[passed] and EXTERNAL in tunable[-1]:
-            place = _external_place(scene, p)
-            p = np.delete(p, np.s_[place - n : place])
+            p = without_external(p, scene, n)
         yield row, msg.written(
             CHANGE, stamp=round(1e9 * contents.time[row]), text="changed" if row else "start",
             tunable=tunable[passed], parameters=p, state=x[row], substep=substep,
             error=contents.local_error[row], time_stepped=contents.time_stepped[row],
         )  # fmt: skip
-
-
-def tunable_names(scene: Scene) -> tuple[str, ...]:
-    """Names of the tunable quantities, in the order of p."""
-    names = [name for name in get_args(Tunable) if name in scene.tunable]
-    return (*names, *([SWITCHES] if switches(scene.constraints).size else []))
-
-
-def _external_place(scene: Scene, p: Array) -> int:
-    """End of the external torques in p."""
-    return len(p) - switches(scene.constraints).size
 
 
 def read(bag: BagContents, path: Path) -> Contents:
@@ -216,7 +207,7 @@ def read(bag: BagContents, path: Path) -> Contents:
         raise InvalidInput("the recording is truncated before its first state")
     tunable = msg.read(CHANGE, changes[-1].data).tunable
     scene = origin.scene.model_copy(
-        update={"tunable": tuple(name for name in tunable if name != SWITCHES)}
+        update={"tunable": tuple(name for name in tunable if name != CONSTRAINTS)}
     )
     ticks = [tick for tick in _only(bag, TICK) if tick.place > changes[0].place]
     contents, timeline = _joined(replace(origin, scene=scene), names, changes, ticks)
@@ -335,7 +326,7 @@ def _complete(change: Any, scene: Scene, n: int) -> Array:
     p: Array = change.parameters
     if EXTERNAL in change.tunable or EXTERNAL not in scene.tunable:
         return p
-    return np.insert(p, _external_place(scene, p), np.zeros(n))
+    return with_external(p, scene, n)
 
 
 def _measured(path: Path, motion: Contents, timeline: _Timeline) -> Measured | None:
