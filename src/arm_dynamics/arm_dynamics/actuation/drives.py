@@ -172,7 +172,7 @@ class Drives:
     def __init__(self, model: ArmModel) -> None:
         self._n = model.n
         self._joints = [(i, drive) for i, drive in enumerate(model.drives) if drive is not None]
-        turning = [kind != "prismatic" for kind in model.joint_types]
+        turning = model.turning.tolist()
         states = [states_of(d, i, model.joint_names[i], turning[i]) for i, d in self._joints]
         self.states: tuple[InternalState, ...] = tuple(chain(*states))
         self.replaces_command: NDArray[np.bool_] = np.array([bool(d) for d in model.drives])

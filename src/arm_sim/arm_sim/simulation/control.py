@@ -8,7 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from arm_dynamics import Dynamics, InvalidInput
-from arm_dynamics.trajectory.reference import Motion, hold
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from arm_sim.state import State
 
 Control = Callable[[State], Any]

@@ -48,7 +48,7 @@ from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from arm_dynamics.control.wrappers import AnyController
+    from arm_dynamics.control.controller import AnyController
     from arm_sim.derivatives import Derivatives
 
 FIRST_SLICE, TICKS_PER_PART = 10, 2000  # of a controller in Python, and of a recording
