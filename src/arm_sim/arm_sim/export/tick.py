@@ -77,7 +77,7 @@ def tick_of(
     if derivatives and choice.tolerance is None:
         tangents = TangentFunctions(plant, choice, range(len(numbers)), plant.eventful)
         members, names = tangents.members, {function.name() for function in functions}
-        functions += [each for each in tangents.of_states if each.name() not in names]
+        functions += [f for f in tangents.of_states if f.name() not in names]
     engine = "\n".join([
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
         "#define EXPORTED static",

@@ -58,7 +58,7 @@ class SimulatedArm:
         n: Degrees of freedom.
         joint_names: Order of every vector.
         dt: Length of a tick in [s].
-        source: As given.
+        source: Name or path of the scene.
         compiled: Equations and compiled ticks, see ``use``.
         x: The current state (q, v, z), shape (nx,): a read-only view that ticks change.
         acted: The effective command of the last tick, limits applied, shape (n,), likewise.

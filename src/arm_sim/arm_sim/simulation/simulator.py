@@ -389,8 +389,8 @@ class Simulator:
             sent = table[at + first : at + end] if table.ndim == 2 else table
             if arm.line is None:
                 return sent
-            each = np.broadcast_to(sent, (end - first, n)).tolist()
-            return np.array([arm.arrived(row, k) for k, row in enumerate(each)])
+            rows = np.broadcast_to(sent, (end - first, n)).tolist()
+            return np.array([arm.arrived(row, k) for k, row in enumerate(rows)])
 
         trace.roll(self._stepper, commands)
 
