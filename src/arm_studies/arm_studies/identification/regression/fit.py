@@ -140,8 +140,8 @@ def _converged(
     problem: Problem, laws: Sequence[JointFit], load: Array, weights: Array, tolerance: float
 ) -> Fit:
     """The fit of these laws, possible or not."""
-    rows, best, damping = problem.rows, np.inf, 1.0
-    kept: Fit | None = None
+    rows, least, damping = problem.rows, np.inf, 1.0
+    best: Fit | None = None
     for step in range(STEPS):
         own = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
         columns = Columns.of(problem.common, own)
@@ -149,14 +149,14 @@ def _converged(
         now = Fit(problem, x, _with_coefficients(laws, x, columns.size), columns, weights, load)
         deviation = estimation.deviations(problem.target, columns.predicted(x), problem.use)
         cost = float(np.log(deviation).sum())
-        gain = best - cost
-        if step > 4 and gain < -1e-12 and kept is not None:
+        gain = least - cost
+        if step > 4 and gain < -1e-12 and best is not None:
             damping *= 0.3
             if -gain < tolerance or damping < 1e-2:
                 break
-            laws = _stepped(kept, damping)
+            laws = _stepped(best, damping)
             continue
-        best, kept, laws = cost, now, now.friction
+        least, best, laws = cost, now, now.friction
         weights, load = 1.0 / deviation, now.drives
         nonlinear = any(law.nonlinear for law in laws)
         if step >= 3 and (not nonlinear or abs(gain) < tolerance):
@@ -164,8 +164,8 @@ def _converged(
         if nonlinear:
             damping = min(1.0, 2.0 * damping)
             laws = _stepped(replace(now, weights=weights, load=load), damping)
-    assert kept is not None
-    return kept
+    assert best is not None
+    return best
 
 
 def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
