@@ -161,12 +161,7 @@ def _spread(values: Iterable[float | None]) -> str:
 
 
 def draw(results: Sequence[Result], path: Path) -> None:
-    """Draw what was found with fixed steps and without dry friction.
-
-    Args:
-        results: all runs.
-        path: of the picture.
-    """
+    """Draw survival and errors with fixed steps and without dry friction."""
     points = fixed(results)
     with figure(path, 1, 2, (WIDTH, 3.4)) as axes:
         shares, errors = axes

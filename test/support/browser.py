@@ -47,6 +47,12 @@ _PLACES = """names => names.map(name => {
   return Array.from(node.matrixWorld.elements);
 })"""
 
+# Ten pictures a second: without a graphics card, sixty take all processors while a page is open.
+_SLOWLY = """
+  window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 100);
+  window.cancelAnimationFrame = clearTimeout;
+"""
+
 # Pixels of points of the world, as three.js has it.
 _PIXELS = """points => {
   const {camera, canvas} = window.viewer;
@@ -126,11 +132,12 @@ class Page:
 
 
 @contextmanager
-def opened(url: str, *nodes: str, size: tuple[int, int] = (900, 560)) -> Iterator[Page]:
+def opened(url: str, *nodes: str, size: tuple[int, int] = (640, 360)) -> Iterator[Page]:
     """A page that is open and shows some nodes; at the end its console has said nothing bad."""
     from arm_sim.view.pictures import page_in_browser
 
     with page_in_browser("about:blank", size) as handle:
+        handle.add_init_script(_SLOWLY)
         page = Page(handle)
         page.open(url, *nodes)
         yield page

@@ -9,9 +9,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices
-from arm_dynamics.trajectory import JointTrajectory
-from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint, hold
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.trajectory import JointTrajectory, Limits, Trajectory, Waypoint, hold, quintic
 from arm_sim.simulation.simulator import Simulator
 from arm_studies.sweeps.study import MotionChoice
 
