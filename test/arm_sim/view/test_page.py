@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Page, needed, opened
+from browser import Page, needed, opened, slow_page
 from PIL import Image
 
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.view import show
+from arm_sim.view import pictures, show
 from arm_sim.view.interactive import Interactive
 from arm_sim.view.interactive_arm import Mode
 from arm_sim.view.player import Player
@@ -64,7 +64,7 @@ def test_a_scene_runs_pauses_steps_and_resets() -> None:
         height = f"{arm.dynamics.energy(arm.model.q0, arm.model.v0)[1]:.4g}"
         page.until(lambda: page.handle.get_by_text(height).count(), "its energy in the legend")
         fall = arm.state.time
-        let_fall(view)
+        page.choose("controller", "nothing")
         page.until(lambda: arm.state.time > fall + 0.2, "time to pass")
         page.click("Pause")
         page.until(lambda: page.handle.get_by_text("paused").is_visible(), "the pause")
@@ -168,7 +168,10 @@ def test_the_file_of_a_recording_is_shown(tmp_path: Path) -> None:
         assert isinstance(page, Player)
 
 
-def test_a_picture_shows_the_arm_before_the_sky(tmp_path: Path) -> None:
+def test_a_picture_shows_the_arm_before_the_sky(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pictures, "page_in_browser", slow_page)
     sim = Simulator("two_link")
     sim.set_state(q=[1.2, 0.8])  # upwards
     with (
