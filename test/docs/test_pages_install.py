@@ -91,7 +91,7 @@ def test_everything_that_pip_installs(project: Path) -> None:
     (project / "settings/jupyter_server_config.json").write_text(json.dumps(settings))
     shutil.copytree(pages.ROOT / "docs/gallery", project / "docs/gallery")
     run = [f"python {page}" for page in sorted((project / "docs/gallery").glob("*/plot_*.py"))]
-    assert 'pip install ".[gallery]"' in (project / "docs/gallery/GALLERY_HEADER.rst").read_text()
+    assert 'pip install ".[gallery]"' in (project / "docs/gallery/README.rst").read_text()
     gallery = ['pip install ".[gallery]"', *run]
     more = {"MPLBACKEND": "Agg", "JUPYTER_CONFIG_DIR": str(project / "settings")}
     said = typed([*lines(BY_PIP), "arm describe panda", *gallery], project, **more)

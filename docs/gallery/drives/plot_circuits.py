@@ -14,7 +14,7 @@ capacitor stores energy as a spring does, a resistance loses it as a damper does
    + \underbrace{q / C}_{k x} = \underbrace{V}_{F}, \qquad
    \text{LR: } L \frac{di}{dt} + R i = V, \qquad \text{RC: } R \dot q + \frac{q}{C} = V .
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
    The potential energy of a capacitor is printed as :math:`V = \tfrac12 C V^2`: one letter for
    energy and voltage, and a formula that must not be put into Lagrange's equation. With the charge

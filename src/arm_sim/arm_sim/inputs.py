@@ -23,7 +23,8 @@ from arm_dynamics.arrays import (
     vector,
     without_number,
 )
-from arm_dynamics.trajectory.reference import Motion, hold
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 
 if TYPE_CHECKING:
     from arm_sim.state import State

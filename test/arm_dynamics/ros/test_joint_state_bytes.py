@@ -13,8 +13,10 @@ from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import HEADER, Clip, Expected, JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
+from arm_dynamics.ros.joint_state.expected import Expected
+from arm_dynamics.ros.joint_state.joint_state_library import HEADER
+from arm_dynamics.ros.joint_state.reader import Clip, JointStateReader
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
     JointStateWriter,

@@ -18,7 +18,7 @@ from exported import (
 from samples import always
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.model.frame_motion import FrameMotion
 from arm_sim.export import DERIVATIVES, TERMS, export
 from arm_sim.export.terms import terms_of
 from tolerances import EXPORT, EXPORT_FORWARD, FINITE_DIFF, assert_close
@@ -136,10 +136,10 @@ def test_the_test_program_passes_and_notices_a_wrong_number(case: Case, tmp_path
     text = source.read_text()
     first = re.search(r"double gravity_0\[\d+\] = \{([^,}]+)", text)
     assert first is not None
-    number = repr(float(first[1]) + 1e-9)
-    wrong.write_text(text[: first.start(1)] + number + text[first.end(1) :])
-    status, said = run_test_program(case.library, wrong, tmp_path / "program")
-    assert status == 1 and re.search(r"gravity +\S+ WRONG", said)
+    for number in (repr(float(first[1]) + 1e-9), "NAN"):
+        wrong.write_text(text[: first.start(1)] + number + text[first.end(1) :])
+        status, said = run_test_program(case.library, wrong, tmp_path / "program")
+        assert status == 1 and re.search(r"gravity +\S+ WRONG", said)
 
 
 @pytest.mark.parametrize("case", always(SCENES, "four_bar"), indirect=True)

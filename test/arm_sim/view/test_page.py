@@ -104,18 +104,18 @@ def test_a_link_is_pulled_until_released(panda: Simulator) -> None:
             mouse.down()
             mouse.move(beside, y, steps=8)
             page.handle.wait_for_timeout(200)
-            return rig._pull is not None
+            return rig.mouse.frame is not None
 
         page.until(pulled, "the pull")
         page.click("Step")
         page.until(lambda: panda.state.step == 1, "a tick")
         q, v = panda.model.q0, panda.model.v0
-        frame, *_ = rig._pull
+        frame = rig.mouse.frame
         task = TaskSpace(alone, frame, "local_world_aligned")
         gained = panda.state.v / panda.dt - alone.forward(q, v, np.zeros(7))
         assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the mouse is, in m/s²
         mouse.up()
-        page.until(lambda: rig._pull is None, "its end")
+        page.until(lambda: rig.mouse.frame is None, "its end")
 
 
 @pytest.mark.nightly  # test_view.py plays without a browser

@@ -5,9 +5,8 @@ Depends on the interfaces and the service caller of ``ros``, so importing it nee
 built workspace. It contains no equations.
 """
 
-from arm_dynamics.client.client import (
-    ALL_TERMS,
-    ArmClient,
+from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client.results import (
     ConstrainedMotion,
     ModelFacts,
     NotReached,
@@ -16,5 +15,5 @@ from arm_dynamics.client.client import (
 )
 
 __all__ = [
-    "ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
+    "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
 ]  # fmt: skip

@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.dynamics import Dynamics, Term
+from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.terms.arm import NumericArm
-from arm_dynamics.terms.table import FORWARD, torque_size
+from arm_dynamics.terms.comparison import torque_size
+from arm_dynamics.terms.table import FORWARD, Term
 from arm_dynamics.terms.verify import CHECK_STATES, CHECK_TOLERANCE, compare, random_states, verify
 
 WELL_CONDITIONED = 1e4

@@ -18,8 +18,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.trajectory.joint_paths import JointPath
-from arm_dynamics.trajectory.reference import Trajectory
 from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, moving, slowdown
+from arm_dynamics.trajectory.trajectory import Trajectory
 
 _WITHIN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of an interval: where limits are imposed
 _SHARE = 1.0 - 2.0 * BETWEEN  # of each limit, so that nothing between them exceeds it

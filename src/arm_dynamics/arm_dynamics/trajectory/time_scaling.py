@@ -20,7 +20,7 @@ from arm_dynamics.arrays import Array, each, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.reference import Limits
+from arm_dynamics.trajectory.limits import Limits
 
 BETWEEN = 1e-5
 """Fraction of a limit by which a quantity may exceed its largest value at the points found by

@@ -53,10 +53,7 @@ class _Command(click.Command):
 
 
 def command(
-    *lines: str,
-    name: str | None = None,
-    first: Sequence[click.Parameter] = (),
-    **settings: Any,
+    *lines: str, name: str | None = None, first: Sequence[click.Parameter] = (), **settings: Any
 ) -> Callable[[Callable[..., Any]], click.Command]:
     """Make a command of a function.
 

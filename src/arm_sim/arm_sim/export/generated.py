@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_dynamics.codegen import generate
+from arm_dynamics.codegen.kernel import generate
 
 # int f(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
 _FUNCTION = re.compile(

@@ -141,11 +141,11 @@ def _energies(recordings: Sequence[RecordedMotion]) -> list[list[_Curve]]:
     """
     rows = np.hstack([_account(one) for one in recordings])
     rows[1:3] -= np.min(rows[1], where=~np.isnan(rows[1]), initial=np.inf)
-    known, curves = np.nan_to_num(rows), list[_Curve]()
-    apart = _APART * np.ptp(known, axis=1).max()
-    rest = [i for i in range(len(rows)) if abs(known[i]).max() > apart]
+    numbers, curves = np.nan_to_num(rows), list[_Curve]()
+    apart = _APART * np.ptp(numbers, axis=1).max()
+    rest = [i for i in range(len(rows)) if abs(numbers[i]).max() > apart]
     while rest:
-        alike = [i for i in rest if abs(known[i] - known[rest[0]]).max() <= apart]
+        alike = [i for i in rest if abs(numbers[i] - numbers[rest[0]]).max() <= apart]
         label = " = ".join(_ACCOUNT[i] for i in alike)
         curves.append((label, rows[rest[0]], _ENERGY_COLORS[rest[0]]))
         rest = [i for i in rest if i not in alike]
@@ -163,7 +163,7 @@ def _account(recording: RecordedMotion) -> Array:
         return rows
     rest = recording.energy - recording.kinetic
     rows[:3] = recording.kinetic, rest, recording.kinetic + rest
-    if not recording.account.makes_ticks_again(recording.x) or len(recording) <= LONG:
+    if not recording.account.repeats(recording.x) or len(recording) <= LONG:
         rows[3:] = recording.supplied, recording.lost, recording.balance
     return rows
 

@@ -46,7 +46,7 @@ from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from arm_dynamics.control.wrappers import AnyController
+    from arm_dynamics.control.controller import AnyController
     from arm_sim.derivatives import Derivatives
 
 Control = Callable[[State], Any]

@@ -126,7 +126,7 @@ class Trace:
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
         n, measured = arm.n, self._measured
-        origin = replace(arm.origin, given=open_loop)
+        origin = replace(arm.origin, open_loop=open_loop)
         return Recording(
             time=time, q=x[:, :n], v=x[:, n : 2 * n], z=x[:, 2 * n :], command=command,
             local_error=notes[:, 0], time_stepped=notes[:, 1], joint_names=arm.joint_names,

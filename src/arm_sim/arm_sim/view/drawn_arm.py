@@ -37,7 +37,7 @@ type Row = tuple[str, tuple[int, ...], str]
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
 LEAST = 3e-3  # force, relative to the arm's weight, whose arrow is long enough to be seen
-KEPT = 300  # points of the path behind a moving hand
+KEPT = 300  # points of the path behind the end effector
 _POSTURES = 300  # among which the lowest point of an arm is found
 _TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 _CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN), 0.0 * _TURN])
@@ -131,12 +131,12 @@ class DrawnArm:
         return marks
 
     def clear_path(self) -> None:
-        """Restart the hand's path."""
+        """Restart the path of the end effector."""
         self._path = []
         self._marks["path"].set(_pairs(np.zeros((0, 3))))
 
     def show_path(self, path: Array) -> None:
-        """Draw a complete, permanent path of the hand, shape (k, 3), which extends the arm."""
+        """Draw the complete path of the end effector, shape (k, 3), which extends the arm."""
         self.extent = np.vstack([self.extent, self.base + path])
         self._marks["whole path"].set(_pairs(path))
 
@@ -155,8 +155,8 @@ class DrawnArm:
             (scene.bilateral, "➔", TIE, "force of a constraint"),
             (springs, "≈", SPRING, "spring"),
             (np.isfinite(stops).any(), "●", STOP, "joint at its end stop"),
-            (True, "━", PATH, "path of the hand"),
-            (whole_path, "━", WHOLE, "whole path of the hand"),
+            (True, "━", PATH, "path of the end effector"),
+            (whole_path, "━", WHOLE, "whole path of the end effector"),
         ):
             if exists:
                 yield mark, colour, text

@@ -16,7 +16,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.scene.files import find_file
-from arm_dynamics.scene.urdf import xml_root
+from arm_dynamics.scene.urdf.xml import xml_root
 
 _log = logging.getLogger(__name__)
 

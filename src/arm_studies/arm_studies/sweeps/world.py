@@ -15,16 +15,17 @@ import numpy as np
 from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.control.controller import Measured
+from arm_dynamics.control.controller import AnyController, Measured
 from arm_dynamics.control.custom import is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
-from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import choices
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene.effect import has_chance
 from arm_dynamics.scene.imperfections import Sensors
 from arm_dynamics.trajectory import JointTrajectory
-from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Reference, Waypoint
+from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import quintic
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import tick_count

@@ -25,7 +25,8 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
-from arm_dynamics.control.wrappers import AnyController, Switch
+from arm_dynamics.control.controller import AnyController
+from arm_dynamics.control.switch import Switch
 from arm_dynamics.ros.common.endpoints import guarded
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.controller.answer_log import AnswerLog
@@ -37,8 +38,10 @@ from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, JointStateReader, JointStateSink
-from arm_dynamics.trajectory.reference import Motion, Trajectory
+from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader
+from arm_dynamics.ros.joint_state.sink import JointStateSink
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import Trajectory
 
 _ENDED = HEADER.constants["ENDED"]
 _NEVER = 2**63 - 1

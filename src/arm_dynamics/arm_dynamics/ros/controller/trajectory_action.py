@@ -40,8 +40,10 @@ from arm_dynamics.ros.controller.tolerances import Tolerances, Verdict
 from arm_dynamics.ros.interfaces import FOLLOW_JOINT_TRAJECTORY as ACTION
 from arm_dynamics.trajectory.excess import Bounds
 from arm_dynamics.trajectory.follower import Follower, Outset
-from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Waypoint, hold
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Motion, Reference, Waypoint
 from arm_dynamics.trajectory.splines import spline, stretched_spline
+from arm_dynamics.trajectory.trajectory import hold
 
 _KIND = "action goal"
 _KEPT = 60  # [s] for which results are kept for late clients

@@ -42,13 +42,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import (
-    Expected,
-    JointStateReader,
-    JointStateSink,
-    JointStateWriter,
-)
-from arm_dynamics.trajectory.reference import Limits, Reference
+from arm_dynamics.ros.joint_state.expected import Expected
+from arm_dynamics.ros.joint_state.reader import JointStateReader
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
+from arm_dynamics.ros.joint_state.sink import JointStateSink
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Reference
 
 
 class ControllerNode(Node):

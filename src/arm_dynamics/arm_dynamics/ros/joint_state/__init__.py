@@ -3,14 +3,3 @@
 
 Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes.
 """
-
-from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.joint_state_library import HEADER, SOURCE
-from arm_dynamics.ros.joint_state.reader import FAILED, NONE, Clip, JointStateReader, Numbers, Read
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter, parsed
-from arm_dynamics.ros.joint_state.sink import JointStateSink, Sink
-
-__all__ = [
-    "FAILED", "HEADER", "NONE", "SOURCE", "Clip", "Expected", "JointStateReader",
-    "JointStateSink", "JointStateWriter", "Numbers", "Read", "Sink", "parsed",
-]  # fmt: skip

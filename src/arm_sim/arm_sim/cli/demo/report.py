@@ -61,9 +61,9 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
         "error_rms": float(np.sqrt(np.mean(error**2))), "error_max": float(abs(error).max()),
         "goal_distance": _largest(observed.position[-1] - np.asarray(motion.waypoints[-1].q)),
         "effort_share": motion.effort_share,
-        "energy_moved": float(abs(np.diff(observed.energy[:, 3])).sum()),
-        "energy_dissipated": float(observed.energy[:, 4].max(initial=0.0)),
-        "energy_balance": _largest(observed.energy[:, 5]),
+        "energy_moved": float(abs(np.diff(observed.work)).sum()),
+        "energy_dissipated": float(np.diff(observed.heat).sum()),
+        "energy_balance": _largest(observed.residual - observed.residual[:1]),
     }  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def get(
 
         with Listener() as listener:
             listener.until(lambda: bool(listener.nodes()), timeout)
-            listener.until(lambda: False, _DISCOVERY)
+            listener.spin_for(_DISCOVERY)
             nodes = [name for name in listener.nodes() if "/_" not in name]
             place = listener.where()
         if not (nodes or as_json):

@@ -75,7 +75,7 @@ def watch(
                 f"sim SCENE; --topic selects another topic\n  {listener.where()}"
             )
         listener.until(lambda: arm.measured, 0.3)
-        listener.until(lambda: False, _WAIT if once else 0.0)  # warnings come once a second
+        listener.spin_for(_WAIT if once else 0.0)  # warnings come once a second
         try:
             _show(listener, arm, once, 1.0 / rate, as_json)
         except BrokenPipeError:  # the pipe was closed
@@ -163,7 +163,7 @@ def _show(listener: Listener, arm: WatchedArm, once: bool, period: float, as_jso
         line = _json if as_json else _line
         click.echo(line(arm))
         while not once:
-            listener.until(lambda: False, period)
+            listener.spin_for(period)
             click.echo(line(arm))
         return
     if once:
@@ -173,7 +173,7 @@ def _show(listener: Listener, arm: WatchedArm, once: bool, period: float, as_jso
 
     with Live(_picture(arm), console=console(), auto_refresh=False) as live:
         while True:
-            listener.until(lambda: False, period)
+            listener.spin_for(period)
             live.update(_picture(arm), refresh=True)
 
 

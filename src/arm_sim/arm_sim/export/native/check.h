@@ -7,16 +7,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* Compare `count` numbers; prints the difference, relative to the largest of the expected numbers or 1, and returns 1 if it is
- * more than `most`, else 0. */
-static int differs(const char* what, const double* got, const double* expected, int count, double most) {
-  double largest = 1.0, difference = 0.0;
+/* Compare `count` results; prints the largest error, relative to the largest of the expected numbers or 1, and returns 1 if it
+ * is more than `tolerance` or NaN, else 0. */
+static int differs(const char* name, const double* results, const double* expected, int count, double tolerance) {
+  double scale = 1.0, worst = 0.0;
   for (int i = 0; i < count; ++i) {
-    if (fabs(expected[i]) > largest) largest = fabs(expected[i]);
-    const double apart = fabs(got[i] - expected[i]);
-    if (!(apart <= difference)) difference = apart;
+    const double error = fabs(results[i] - expected[i]);
+    if (fabs(expected[i]) > scale) scale = fabs(expected[i]);
+    if (error > worst || isnan(error)) worst = error; /* nothing is larger than NaN, which so remains */
   }
-  const int wrong = !(difference <= most * largest);
-  printf("%-32s %.1e %s\n", what, difference / largest, wrong ? "WRONG" : "right");
+  const int wrong = !(worst <= tolerance * scale);
+  printf("%-32s %.1e %s\n", name, worst / scale, wrong ? "WRONG" : "right");
   return wrong;
 }

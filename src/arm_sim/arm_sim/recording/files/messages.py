@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import GIGA, HEADER, NATIVE, CdrReader, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
 
@@ -107,6 +108,22 @@ def read(kind: str, raw: bytes) -> Any:
     """
     reader, fields = CdrReader(raw), _fields(kind).items()
     return SimpleNamespace(**{name: _KINDS[type_].read(reader) for name, type_ in fields})
+
+
+class JointState(NamedTuple):
+    """A joint state, as far as recordings need it; its stamp is in [ns]."""
+
+    stamp: int
+    name: tuple[str, ...]
+    position: Array
+    velocity: Array
+    effort: Array
+
+
+def read_joint_state(raw: bytes) -> JointState:
+    """As ``read``."""
+    fields = vars(read(JOINT_STATE, raw))
+    return JointState(**{name: fields[name] for name in JointState._fields})
 
 
 @dataclass(frozen=True)

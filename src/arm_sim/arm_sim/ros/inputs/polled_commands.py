@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state import FAILED, JointStateReader
+from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader
 from arm_sim.ros.tick_engine import TickEngine
 
 AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
@@ -53,7 +53,7 @@ class PolledCommands:
         """
         self._reader.open(subscription)
         self._take_again = take_again
-        self._engine.ticks.read_from(*self._reader.places)
+        self._engine.ticks.source, self._engine.ticks.reader = self._reader.places
 
     def close(self) -> None:
         """End the subscription."""

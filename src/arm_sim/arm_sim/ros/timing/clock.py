@@ -10,7 +10,7 @@ from arm_dynamics.codegen.addresses import address
 from arm_dynamics.ros.common.conflicts import Alarm
 from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.joint_state import Sink
+from arm_dynamics.ros.joint_state.sink import Sink
 from arm_sim.ros.interfaces import CLOCK
 
 _PERIOD = 1.0  # [s] between checks for other publishers

@@ -13,7 +13,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model import gravity_of, tree_of
+from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
 from arm_sim.inputs import whole
 from arm_studies._renaming import renamed_argument

@@ -108,8 +108,7 @@ def ripples(fit: Fit) -> list[str]:
     """
     rows = fit.rows
     waves = np.zeros((*rows.samples.q.shape, 2 * rows.samples.n))
-    turns = [kind != "prismatic" for kind in rows.samples.regressor.model.joint_types]
-    for j in np.flatnonzero(turns):
+    for j in np.flatnonzero(rows.samples.regressor.model.turning):
         q, sign = rows.samples.q[:, j], np.sign(rows.samples.v[:, j])
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
     coefficients, doubt = added_coefficients(fit, rows.of_joints(waves))
