@@ -162,9 +162,14 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
             along, across = max(float(moments[0]), 0.0), float(moments[1:].mean())
             radius = np.sqrt(2 * along / body.mass)
             length = np.sqrt(max(12 * across / body.mass - 3 * radius**2, 0.0))
-            if length < thin:
-                radius = max(_ball(body.mass), 3 * thin)
-            add(joint, axes[:, 0], body.lever, float(np.clip(radius, thin, THICK * size)), length)
+            if max(radius, length) < thin:
+                wide = 2 * float(np.clip(_ball(body.mass), 3 * thin, THICK * size))
+                place = pin.SE3(np.eye(3), body.lever)
+                ball = Visual(model.names[joint], joint, place, "sphere", 3 * (wide,), METAL)
+                visuals.append(ball)
+            else:
+                radius = float(np.clip(radius, thin, THICK * size))
+                add(joint, axes[:, 0], body.lever, radius, length)
         ways = [
             model.jointPlacements[child].translation
             for child in range(1, model.njoints)
