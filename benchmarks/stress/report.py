@@ -165,7 +165,7 @@ def _spread(values: Iterable[float | None]) -> str:
 
 
 def draw(results: Sequence[Result], path: Path) -> None:
-    """Draw what was found with fixed steps and without dry friction into a PNG file."""
+    """Draw survival and errors with fixed steps and without dry friction."""
     points = fixed(results)
     names = {key: name for key, name in METHODS.items() if any(r.name == key for _, r in points)}
     groups = {key: _grouped([point for point in points if point[1].name == key]) for key in names}

@@ -48,7 +48,7 @@ print((files("arm_sim") / "scenes/lectures/cart_pendulum.yaml").read_text())
 
 # %%
 # Falling, and an independent solution
-# ----------------------------------------
+# ------------------------------------
 # The equations above, solved by SciPy, and the simulator, which knows nothing but the robot
 # description.
 

@@ -24,16 +24,15 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
+# Colours of contact forces, friction cones, constraint forces, springs, stops, the path, the whole
+# path of a recording, and the library's arrow of a drag.
 CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE, MOUSE = (
     (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20),
     (150, 150, 150), (255, 140, 66),
 )  # fmt: skip
-"""Colours of contact forces, friction cones, constraint forces, springs, stops, the path, the
-whole path of a recording, and the library's arrow of a drag.
-"""
 
+# Of a legend: mark, colour and meaning
 type Row = tuple[str, tuple[int, ...], str]
-"""Of a legend: mark, colour and meaning."""
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
 LEAST = 3e-3  # force, relative to the arm's weight, whose arrow is long enough to be seen

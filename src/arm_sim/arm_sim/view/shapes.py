@@ -20,8 +20,8 @@ from arm_dynamics.scene.urdf.xml import xml_root
 
 _log = logging.getLogger(__name__)
 
+# Red, green, blue and opacity, 0 to 1
 type Colour = tuple[float, ...]
-"""Red, green, blue and opacity, 0 to 1."""
 
 METAL: Colour = (0.36, 0.47, 0.6, 1.0)
 LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
@@ -73,9 +73,8 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
 
 def _described(robot: Robot, folder: Path) -> Iterable[Visual]:
     root = xml_root(robot.scene.robot.urdf)
-    colours = {
-        material.get("name"): _colour(material, {}) for material in root.findall("material")
-    }
+    materials = root.findall("material")
+    colours = {material.get("name"): _colour(material, {}) for material in materials}
     for link in root.findall("link"):
         name = str(link.get("name"))
         frame = robot.frame(name)
