@@ -79,7 +79,7 @@ class NonsmoothPoints:
     def __init__(self, plant: Plant) -> None:
         self._nx, self._n = plant.nx, plant.model.n
         self._of_commands, self._at_rest = _command_kinks(plant), _rest_kinks(plant)
-        self._kinks = (*self._of_commands, *self._at_rest)
+        self._kinks: tuple[CommandKink | RestKink, ...] = *self._of_commands, *self._at_rest
         self._compensation: ca.Function | None = None
         if gravity_compensated(plant.model.scene):
             q = ca.SX.sym("q", self._n)
@@ -95,7 +95,8 @@ class NonsmoothPoints:
         """Commands with the arm's gravity compensation, of the shape of ``r``."""
         if self._compensation is None:
             return r
-        return r + np.array(self._compensation(x[..., : self._n].T)).T.reshape(r.shape)
+        compensation = np.array(self._compensation(x[..., : self._n].T))
+        return np.asarray(r + compensation.T.reshape(r.shape))
 
     def reason(self, x: Array, r: Array) -> str:
         """Why the tick from a state under a command has no derivative; empty if it may have one.

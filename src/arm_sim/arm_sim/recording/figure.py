@@ -50,6 +50,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
                 [
                     (word, array[:, one.joint_names.index(name)], color)
                     for name, word, color in drawn
+                    if part == "position" or array[:, one.joint_names.index(name)].any()
                 ]
                 for one, array in zip(recordings, arrays, strict=True)
             ]

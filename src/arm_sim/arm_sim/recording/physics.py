@@ -13,6 +13,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.parameters import CONSTRAINTS
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
@@ -76,7 +77,7 @@ class Physics:
             self.present.at(p[run.start]).constrained.without_sticking(
                 q[run], v[run], tau[run], holding(self.plant, p[run.start])
             )[1]
-            for run in self.present.runs(p, "constraints")
+            for run in self.present.runs(p, CONSTRAINTS)
         ]
         return np.concatenate(parts) if parts else np.zeros((0, 0))
 

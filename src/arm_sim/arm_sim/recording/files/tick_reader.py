@@ -16,14 +16,14 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.scene import Scene
 from arm_sim.imperfections import Measured
-from arm_sim.plant.parameters import EXTERNAL
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL, with_external
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
 from arm_sim.recording.files import tick_writer
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK
 from arm_sim.recording.files.reader import BagContents, BagMessage, read_bag
-from arm_sim.recording.files.tick_writer import FORMAT, SWITCHES, UNCHANGED, external_end
+from arm_sim.recording.files.tick_writer import FORMAT, UNCHANGED
 from arm_sim.recording.files.timeline import Timeline
 from arm_sim.recording.origin import Origin
 
@@ -52,7 +52,7 @@ def read(bag: BagContents, path: Path) -> Contents:
     if not changes:
         raise InvalidInput("the recording is truncated before its first state")
     last = msg.read(CHANGE, changes[-1].data)
-    tunable = tuple(name for name in last.tunable if name != SWITCHES)
+    tunable = tuple(name for name in last.tunable if name != CONSTRAINTS)
     scene = origin.scene.model_copy(update={"tunable": tunable})
     ticks = [tick for tick in _messages(bag, TICK) if tick.place > changes[0].place]
     contents, timeline = _motion(replace(origin, scene=scene), names, changes, ticks)
@@ -122,7 +122,7 @@ def _complete(change: Any, scene: Scene, n: int) -> Array:
     p: Array = change.parameters
     if EXTERNAL in change.tunable or EXTERNAL not in scene.tunable:
         return p
-    return np.insert(p, external_end(scene, p), np.zeros(n))
+    return with_external(p, scene, n)
 
 
 def _jumps(states: Sequence[Any], p: Array, x: Array, timeline: Timeline) -> tuple[Jump, ...]:

@@ -5,18 +5,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.scene import Scene
-from arm_dynamics.scene.constraint import switches
-from arm_dynamics.scene.schema import Tunable
 from arm_sim.imperfections import Measured
-from arm_sim.plant.parameters import EXTERNAL
+from arm_sim.plant.parameters import EXTERNAL, names_of, without_external
 from arm_sim.recording.contents import FREE, Contents
 from arm_sim.recording.files import messages as msg
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK
@@ -24,7 +21,6 @@ from arm_sim.recording.files.writer import McapWriter, Place
 from arm_sim.recording.origin import URDF_FILE, Origin
 
 METADATA, FORMAT = "arm_sim", "1"
-SWITCHES = "constraints"
 # Sub-step of a change of external torques only
 UNCHANGED = -1.0
 _INFO = 20
@@ -157,7 +153,7 @@ def _changes(contents: Contents, stamps: NDArray[np.int64]) -> Iterator[tuple[in
     assert contents.origin is not None
     x, scene, n = contents.x, contents.origin.scene, contents.q.shape[1]
     jumps = {jump.row: i for i, jump in enumerate(contents.jumps, 1)}
-    tunable = [*(jump.tunable for jump in contents.jumps), tunable_names(scene)]  # until each
+    tunable = [*(jump.tunable for jump in contents.jumps), names_of(scene)]  # until each
     changed = np.any(contents.p[1:] != contents.p[:-1], axis=1).nonzero()[0] + 1
     passed = 0
     for row in sorted({0, *jumps, *contents.gaps, *changed.tolist()}):
@@ -167,24 +163,12 @@ def _changes(contents: Contents, stamps: NDArray[np.int64]) -> Iterator[tuple[in
             substep = contents.jumps[passed - 1].substep
         p = contents.p[row]
         if EXTERNAL not in tunable[passed] and EXTERNAL in tunable[-1]:
-            end = external_end(scene, p)
-            p = np.delete(p, np.s_[end - n : end])
+            p = without_external(p, scene, n)
         yield row, msg.written(
             CHANGE, stamp=int(stamps[row]), text="changed" if row else "start",
             tunable=tunable[passed], parameters=p, state=x[row], substep=substep,
             error=contents.local_error[row], time_stepped=contents.time_stepped[row],
         )  # fmt: skip
-
-
-def tunable_names(scene: Scene) -> tuple[str, ...]:
-    """Names of the tunable quantities, in the order of p."""
-    names = [name for name in get_args(Tunable) if name in scene.tunable]
-    return (*names, *([SWITCHES] if switches(scene.constraints).size else []))
-
-
-def external_end(scene: Scene, p: Array) -> int:
-    """End of the external torques in p."""
-    return len(p) - switches(scene.constraints).size
 
 
 def _nanoseconds(time: Any) -> Any:

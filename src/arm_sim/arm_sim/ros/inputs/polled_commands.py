@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader
+from arm_dynamics.ros.joint_state import FAILED, JointStateReader
 from arm_sim.ros.tick_engine import TickEngine
 
 # A message and its arrival in [ns], if there is one
