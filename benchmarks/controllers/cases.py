@@ -91,8 +91,7 @@ class Arm:
         way = np.linspace(self.nominal.model.q0, self.goal, 100)
         weight = abs(self.nominal.gravity(np.vstack([q, way]))).max(axis=0)
         moving = abs(self.nominal.inverse(q, v, a, Term.INERTIA | Term.CORIOLIS)).max(axis=0)
-        least = 0.05 * self.nominal.model.effort_limit
-        return np.maximum(1.1 * weight + 0.6 * moving, least)
+        return np.maximum(1.1 * weight + 0.6 * moving, 0.05 * self.nominal.model.effort_limit)
 
     def plant(self, name: str) -> ArmModel:
         """Model of one of ``PLANTS``."""

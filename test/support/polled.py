@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from ctypes import CFUNCTYPE, byref, c_int64, c_void_p, cast
 from typing import Any
 
-from arm_dynamics.ros.joint_state.reader import FAILED, NONE
+from arm_dynamics.ros.joint_state import FAILED, NONE
 from arm_sim.ros.inputs.inputs import Inputs
 from arm_sim.ros.inputs.polled_commands import AT_ONCE
 from arm_sim.ros.node_library import library

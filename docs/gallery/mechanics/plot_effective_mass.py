@@ -52,7 +52,7 @@ m1, m2, l1, l2 = 1.3, 0.7, 0.6, 0.4
 
 # %%
 # The mass matrix of the end effector
-# ---------------------------
+# -----------------------------------
 # In axes of the world, by ``TaskSpace`` and by the formulas above. ``TaskSpace`` computes
 # :math:`(J M^{-1} J^T)^{-1}`. This is the same if J is square and regular, and is defined for arms
 # with more joints, too, whose J has no inverse.

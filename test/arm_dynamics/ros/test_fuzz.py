@@ -21,8 +21,7 @@ from arm_dynamics import load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.dynamics import compiled_services
-from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.reader import JointStateReader
+from arm_dynamics.ros.joint_state import Expected, JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]

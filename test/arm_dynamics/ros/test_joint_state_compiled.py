@@ -14,10 +14,8 @@ from sensor_msgs.msg import JointState
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
-from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.reader import NONE, JointStateReader, Read
+from arm_dynamics.ros.joint_state import NONE, Expected, JointStateReader, JointStateSink, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_dynamics.ros.joint_state.sink import JointStateSink
 
 pytestmark = pytest.mark.ros
 

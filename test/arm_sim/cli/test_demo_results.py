@@ -88,15 +88,15 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
     for k in range(2):
         np.testing.assert_array_equal(position.lines[k].get_ydata(), observed.position[:, k])
         np.testing.assert_array_equal(position.lines[2 + k].get_ydata(), observed.reference[:, k])
-        np.testing.assert_array_equal(error.lines[k].get_ydata(), observed.error[:, k])
-        np.testing.assert_array_equal(torque.lines[k].get_ydata(), observed.effort[:, k])
-        circles = torque.lines[2 + k]
+        np.testing.assert_array_equal(error.lines[k].get_ydata(), 1e3 * observed.error[:, k])
+        curve, circles = torque.lines[2 * k : 2 * k + 2]
+        np.testing.assert_array_equal(curve.get_ydata(), observed.effort[:, k])
         assert set(circles.get_ydata()) < set(observed.query_effort[:, k])
-        assert 45 <= len(circles.get_xdata()) < 2 * 45 + 1
-        colors = {axis.lines[k].get_color() for axis in figure.axes}
+        assert 30 <= len(circles.get_xdata()) < 2 * 30 + 1
+        colors = {line.get_color() for line in (position.lines[k], error.lines[k], curve)}
         assert colors == {circles.get_markeredgecolor()}  # of one joint
     assert position.get_ylabel() == "position [rad]"
-    assert error.get_ylabel() == "tracking error" and torque.get_ylabel() == "torque [N m]"
+    assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
     assert position.lines[2].get_zorder() < position.lines[0].get_zorder()
     assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
     assert [text.get_text() for text in figure.legends[0].texts][:2] == ["shoulder", "elbow"]

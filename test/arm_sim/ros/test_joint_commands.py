@@ -13,8 +13,7 @@ from sim_by_hand import NAMES, by_hand, command, ticks
 
 import models
 from arm_dynamics.ros.interfaces import STEP
-from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.reader import JointStateReader
+from arm_dynamics.ros.joint_state import Expected, JointStateReader
 from arm_sim.ros import SimNode
 from arm_sim.ros.inputs.command_reader import CommandReader
 

@@ -6,12 +6,6 @@ dissipates. The package depends on the equations and the model, and on no integr
 """
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.actuation.drives import Drives
 from arm_dynamics.actuation.internal_state import Flow, FrictionLaw, InternalState, StateKind
-from arm_dynamics.actuation.joint_laws import FRICTION
-from arm_dynamics.actuation.lugre_joints import LugreFriction
 
-__all__ = [
-    "Drives", "FRICTION", "Flow", "FrictionLaw", "InternalState", "LugreFriction", "StateKind",
-    "rigid_twin",
-]  # fmt: skip
+__all__ = ["Flow", "FrictionLaw", "InternalState", "StateKind", "rigid_twin"]

@@ -246,11 +246,9 @@ class ArmClient:
         return float(_accepted(self._response(self._sim, interfaces.STEP, fields, once=True)).time)
 
     def set_joint_state(
-        self,
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
+        self, q: ArrayLike | None = None, v: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Set joint positions and velocities at once.
 
         Args:

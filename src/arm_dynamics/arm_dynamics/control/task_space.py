@@ -230,8 +230,9 @@ def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) ->
         reference: Joint positions, velocities and accelerations, each of shape (n,).
         force: Force along the controller's direction in [N].
     """
-    q = reference.q
-    return TaskReference(*task.motion.accelerated(q, reference.v, reference.a), force, q)
+    q, v, a = reference.q, reference.v, reference.a
+    position, rotation, velocity, acceleration = task.motion.accelerated(q, v, a)
+    return TaskReference(position, rotation, velocity, acceleration, force, posture=q)
 
 
 def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:

@@ -416,7 +416,8 @@ class Dynamics:
         state = q, self._still if v is None else v
         if (result := call(*state)) is not None:
             return result
-        return self._answer(table.SPRING, state, (), call, None if self.model.springs else _zero)
+        none = None if self.model.springs else lambda q, v: np.zeros(np.broadcast(q, v).shape)
+        return self._answer(table.SPRING, state, (), call, none)
 
     def friction(
         self,
@@ -493,10 +494,6 @@ def _factors(terms: Term | int) -> Array:
             "FRICTION 8, SPRING 16"
         )
     return np.array([float(bool(terms & term)) for term in Term])
-
-
-def _zero(q: Array, v: Array) -> Array:
-    return np.zeros(np.broadcast(q, v).shape)
 
 
 def model_of(dynamics: Any) -> ArmModel:

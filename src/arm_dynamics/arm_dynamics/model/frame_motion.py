@@ -15,11 +15,8 @@ from arm_dynamics.exceptions import InvalidInput, choices, known_names, plain
 from arm_dynamics.model.robot import Robot
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-_REFERENCES = {
-    "local": pin.ReferenceFrame.LOCAL,
-    "world": pin.ReferenceFrame.WORLD,
-    "local_world_aligned": _ALIGNED,
-}
+_NAMES = "local", "world", "local_world_aligned"
+_REFERENCES = {name: getattr(pin.ReferenceFrame, name.upper()) for name in _NAMES}
 
 
 class MovingFrame(NamedTuple):

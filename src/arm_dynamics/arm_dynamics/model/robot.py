@@ -55,7 +55,7 @@ class Robot:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         urdf = read_urdf(scene.description, scene.robot.lock)
-        self.doubtful = urdf.doubtful
+        self.doubtful, self._limited = urdf.doubtful, urdf.limited
         try:
             self.whole = pin.buildModelFromXML(urdf.text)
         except (ValueError, RuntimeError) as error:
@@ -122,12 +122,7 @@ class Robot:
 
     def described_range(self, name: str) -> tuple[float, float]:
         """Position limits of any joint in the URDF; infinite where its <limit> gives none."""
-        whole = self.whole
-        joint = whole.joints[whole.getJointId(name)]
-        if joint.nq != 1:
-            return -np.inf, np.inf
-        lower, upper = whole.lowerPositionLimit[joint.idx_q], whole.upperPositionLimit[joint.idx_q]
-        return (float(lower), float(upper)) if lower != upper else (-np.inf, np.inf)
+        return self._limited.get(name, (-np.inf, np.inf))
 
     @property
     def frame_names(self) -> tuple[str, ...]:

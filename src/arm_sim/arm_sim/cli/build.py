@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from arm_dynamics import Dynamics
     from arm_sim import Simulator
 
+# What is compiled, by name, each with the function that compiles it
 Parts = Iterator[tuple[str, Callable[[], object]]]
-"""What is compiled, by name, each with the function that compiles it."""
 
 
 @command(

@@ -27,10 +27,10 @@ from arm_sim.plant.present import PresentDynamics
 from arm_sim.plant.state_space import split
 from arm_sim.stepping.stepper import Stepper
 
+# Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop
 MARGIN = 2.0
-"""Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop."""
+# Part of an energy that counts as rounding, not as motion
 ROUNDING = 1e-9
-"""Part of an energy that counts as rounding, not as motion."""
 
 
 @sealed

@@ -15,10 +15,10 @@ from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_sim import figures
 from arm_sim.recording.motion import RecordedMotion
 
+# Of joints: attribute of a recording, and units of revolute and of prismatic ones
 QUANTITIES = {
     "position": ("q", "rad", "m"), "velocity": ("v", "rad/s", "m/s"), "effort": ("tau", "N m", "N")
 }  # fmt: skip
-"""Of joints: attribute of a recording, and units of revolute and of prismatic ones."""
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
@@ -50,6 +50,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
                 [
                     (word, array[:, one.joint_names.index(name)], color)
                     for name, word, color in drawn
+                    if part == "position" or array[:, one.joint_names.index(name)].any()
                 ]
                 for one, array in zip(recordings, arrays, strict=True)
             ]
@@ -99,9 +100,8 @@ def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> l
         joints = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
         raise InvalidInput(f"the recordings share no joint: {joints}")
     if unknown := [name for name in requested if name not in shared]:
-        raise InvalidInput(
-            f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
-        )
+        allowed = choices(unknown[0], shared)
+        raise InvalidInput(f"unknown joint {known_names(unknown)}; allowed: {allowed}")
     if requested:
         return list(requested)
     columns = [recordings[0].joint_names.index(name) for name in shared]

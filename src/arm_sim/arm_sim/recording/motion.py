@@ -26,8 +26,8 @@ from arm_sim.recording.witness import NUDGE, WINDOWS, Control, SecondRun, doubt
 
 _log = logging.getLogger(__name__)
 
+# Recorded states that a controller is given again
 SAMPLES = 16
-"""Recorded states that a controller is given again."""
 
 
 @sealed

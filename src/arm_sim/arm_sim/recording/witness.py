@@ -29,28 +29,28 @@ from arm_sim.recording.contents import FREE, Contents
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.trial import lasting
 
+# Ticks of the second run in a tick of the first
 FINER = 4
-"""Ticks of the second run in a tick of the first."""
+# Tolerance of a sub-step, relative to the scene's accuracy: a second has up to some 1e4 of them;
+# its bounds are what rounding allows, and what was tried on random scenes.
 MARGIN, FINEST, COARSEST = 1e-4, 1e-13, 1e-10
-"""Tolerance of a sub-step, relative to the scene's accuracy: a second has up to some 1e4 of them;
-its bounds are what rounding allows, and what was tried on random scenes."""
+# Length of a window in [s]: an arm falls little in it, and rounding adds up ten times in one
 WINDOW = 0.1
-"""Length of a window in [s]: an arm falls little in it, and rounding adds up ten times in one."""
+# Length in [s] of a window whose share of the accuracy all shorter ones have
 SHORTEST = 0.01
-"""Length in [s] of a window whose share of the accuracy all shorter ones have."""
+# Ticks that are repeated in one call
 CHUNK = 1000
-"""Ticks that are repeated in one call."""
+# Change of the start by which magnification is measured, and what is called magnification
 NUDGE, MAGNIFIED = 1e-9, 1e3
-"""Change of the start by which magnification is measured, and what is called magnification."""
 
+# How the second run was made
 CLOSED, WHOLE, WINDOWS = (
     "with its controller", "under its commands",
     f"in windows of up to {WINDOW:g} s from recorded states",
 )  # fmt: skip
-"""How the second run was made."""
 
+# Effective command of a tick, from the state at its start and its row
 Control = Callable[[Array, int], Array]
-"""Effective command of a tick, from the state at its start and its row."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from arm_dynamics import ArmError, ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints, Links
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_dynamics.ros.joint_state.sink import JointStateSink
+from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.frames import Frames
 from arm_sim.ros.interfaces import ALL_JOINT_STATES
 from arm_sim.ros.sim_params import SimParams

@@ -16,8 +16,7 @@ from arm_dynamics.ros.common.convert import as_bytes, to_time
 from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_dynamics.ros.joint_state.sink import JointStateSink
+from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.display import AllJointStates
 from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic

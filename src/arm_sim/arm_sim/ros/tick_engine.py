@@ -189,10 +189,8 @@ class TickEngine:
             error, ticks.error, ticks.broken = ticks.error, None, 0
             if error is not None:
                 raise error
-            reason = self._arm.diverged()
-            self._fail(
-                f"paused, the last good state is kept; reset or set the joint state: {reason}"
-            )
+            advice = "the last good state is kept; reset or set the joint state"
+            self._fail(f"paused, {advice}: {self._arm.diverged()}")
         return result
 
     def step(self, steps: int) -> None:

@@ -22,10 +22,8 @@ from arm_dynamics.control.factory import Settings, make_controller, mismatch, ov
 from arm_dynamics.control.switch import Switch
 from arm_dynamics.exceptions import UnknownArgument, not_copied
 from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.trajectory import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.follower import Follower
-from arm_dynamics.trajectory.limits import Limits
-from arm_dynamics.trajectory.reference import Waypoint
-from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_sim.plant.placing import warn_of_degrees
 from arm_sim.recording.recording import Recording
 from arm_sim.simulation.simulator import Simulator

@@ -9,8 +9,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
+# Acceleration in [m/s²] of what the mouse holds from one reach away
 PULL = 2.0 * 9.81
-"""Acceleration in [m/s²] of what the mouse holds from one reach away."""
 
 
 class MousePull:

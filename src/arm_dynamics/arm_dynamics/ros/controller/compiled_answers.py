@@ -38,8 +38,7 @@ from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader
-from arm_dynamics.ros.joint_state.sink import JointStateSink
+from arm_dynamics.ros.joint_state import FAILED, JointStateReader, JointStateSink
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import Trajectory
 
@@ -185,21 +184,21 @@ class CompiledAnswers:
         self.obstacle = self._find_obstacle(motion, factors)
         if self.obstacle:
             return
-        law = self._law
         answers.interrupt = 0
-        parts.report.prepare(params.state_period, parts.goals)
+        law, (gain, back_emf) = self._law, factors or (None, None)
+        (inputs, _, memory), (torque, next_memory) = law.call.inputs, law.call.outputs
+        arrays = {
+            "input": inputs, "memory": memory, "torque": torque, "next_memory": next_memory,
+            "limit": law.limit, "gain": gain, "back_emf": back_emf,
+            "knots": motion.times, "polynomials": motion.polynomials, "ends": motion.ends,
+            "torques": motion.torques,
+        }  # fmt: skip
+        for field, array in arrays.items():
+            setattr(answers, field, None if array is None else array.ctypes.data)
+        answers.law, answers.remembered = addressof(law.call.entry), memory.size
+        answers.segments, answers.start = len(motion.times) - 1, start
+        answers.until = _NEVER if follower.next_begin is None else follower.next_begin
         answers.gap, answers.far = params.gap_limit, params.jump_limit
-        (inputs, _, memory), (torque, after) = law.call.inputs, law.call.outputs
-        answers.law, answers.limit = addressof(law.call.entry), _place(law.limit)
-        answers.input, answers.torque = _place(inputs), _place(torque)
-        answers.memory, answers.next_memory = _place(memory), _place(after)
-        answers.remembered = memory.size
-        answers.gain, answers.back_emf = map(_place, factors or (None, None))
-        path = motion.times, motion.polynomials, motion.ends, motion.torques
-        answers.knots, answers.polynomials, answers.ends, answers.torques = map(_place, path)
-        answers.segments = len(motion.times) - 1
-        next_begin = follower.next_begin
-        answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
         allowed = answers.path = None
         if goal is not None:
             checked = max(goal.begin, goal.next_check)  # from then on every state
@@ -207,7 +206,8 @@ class CompiledAnswers:
             if not goal.tolerances.path.is_none:
                 allowed = goal.tolerances.allowed(goal.tolerances.path)
                 answers.path = addressof(allowed)
-        self._used = factors, law, path, allowed
+        self._used = law, arrays, allowed
+        parts.report.prepare(params.state_period, parts.goals)
         answers.active = 1
 
     def _find_obstacle(self, motion: Motion, factors: object) -> str:
@@ -255,7 +255,3 @@ class CompiledAnswers:
             self._answer(self._reader.raw)
         elif message := self._newest.take():  # or it raises an error with the reason
             self._answer(message[0])
-
-
-def _place(array: Array | None) -> int | None:
-    return None if array is None else array.ctypes.data

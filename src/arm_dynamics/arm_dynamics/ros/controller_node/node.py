@@ -239,7 +239,7 @@ class ControllerNode(Node):
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
         self.send(command)
         self._log.note(raw, command)
-        self.action.watch(stamp, reference, state)
+        self.action.monitor(stamp, reference, state)
         self._report.publish(stamp, self.params.state_period, self.goals, reference, state, tau)
         return command
 

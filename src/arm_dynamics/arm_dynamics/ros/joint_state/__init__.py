@@ -3,3 +3,13 @@
 
 Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes.
 """
+
+from arm_dynamics.ros.joint_state.expected import Expected
+from arm_dynamics.ros.joint_state.reader import FAILED, NONE, Clip, JointStateReader, Numbers, Read
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter, parsed
+from arm_dynamics.ros.joint_state.sink import JointStateSink
+
+__all__ = [
+    "FAILED", "NONE", "Clip", "Expected", "JointStateReader", "JointStateSink",
+    "JointStateWriter", "Numbers", "Read", "parsed",
+]  # fmt: skip

@@ -10,9 +10,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import Initial
-from arm_dynamics.trajectory.limits import Limits
-from arm_dynamics.trajectory.reference import Waypoint
-from arm_dynamics.trajectory.trajectory import Trajectory
+from arm_dynamics.trajectory import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
 TURN, SLIDE = 0.6, 0.15  # [rad], [m]: largest excursion from the start

@@ -16,10 +16,10 @@ from arm_sim.cli.output import console, shortened, table, to_json
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
 
+# By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes
 KINDS = (
     "unset", "bool", "int", "double", "string", "list", "bool[]", "int[]", "double[]", "string[]"
 )  # fmt: skip
-"""By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes."""
 _DISCOVERY = 3.0  # [s] for two processes to discover each other
 
 

@@ -140,17 +140,16 @@ class WatchedArm:
 
     def remarks(self) -> list[str]:
         """Lines below the table."""
-        complaints = self.reports.complaints()
+        remarks = list[str]()
+        if self.age > _OLD:
+            remarks.append(f"stale: no joint state for {self.age:.1f} s")
+        if len(names := self.publishers()) > 1:
+            remarks.append(f"only the newest of the joint states of {', '.join(names)} are shown")
+        remarks += self.reports.complaints()
         for key in _CONDITIONS:
             values = self.reports.values(key).items()
-            complaints += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
-        if len(names := self.publishers()) > 1:
-            complaints.insert(
-                0, f"only the newest of the joint states of {', '.join(names)} are shown"
-            )
-        if self.age > _OLD:
-            complaints.insert(0, f"stale: no joint state for {self.age:.1f} s")
-        return complaints
+            remarks += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
+        return remarks
 
     @property
     def stamp(self) -> float:

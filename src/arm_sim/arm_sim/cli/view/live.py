@@ -30,9 +30,9 @@ from arm_sim.view.view import opened
 if TYPE_CHECKING:
     import viser
 
+# Fields of energies in messages by their names in the plot
 ENERGIES = {"kinetic": "kinetic", "potential": "potential", "total": "total", "supplied": "input",
             "dissipated": "dissipated"}  # fmt: skip
-"""Fields of energies in messages by their names in the plot."""
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
 LISTENING = 0.01  # [s] of listening before each picture

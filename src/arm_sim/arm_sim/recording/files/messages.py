@@ -17,9 +17,10 @@ from arm_dynamics.cdr import GIGA, HEADER, NATIVE, CdrReader, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
 
 JOINT_STATE, TICK = "sensor_msgs/msg/JointState", "arm_msgs/msg/Tick"
+# The quantities of a joint state
 PARTS = ("position", "velocity", "effort")
-"""The quantities of a joint state."""
 CHANGE, LOG, STRING = "arm_msgs/msg/Change", "rcl_interfaces/msg/Log", "std_msgs/msg/String"
+# Quality of service of a latched topic (transient local), as rosbag2 writes it
 LATCHED = """- history: 1
   depth: 1
   reliability: 1
@@ -30,7 +31,6 @@ LATCHED = """- history: 1
   liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
   avoid_ros_namespace_conventions: false
 """
-"""Quality of service of a latched topic (transient local), as rosbag2 writes it."""
 
 _TIME = "int32 sec\nuint32 nanosec"
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id"

@@ -28,8 +28,8 @@ except ModuleNotFoundError as error:
 
 BAGS = (".mcap", ".db3")
 SQLITE = b"SQLite format 3\0"
+# Name of the metadata with the damage that a repaired file had
 REPAIRED = "repaired"
-"""Name of the metadata with the damage that a repaired file had."""
 _HEAD = struct.Struct("<BQ")  # of a record: opcode and length
 _READ = (
     Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT,

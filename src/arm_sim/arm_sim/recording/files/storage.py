@@ -24,8 +24,8 @@ from arm_sim.recording.files.tick_writer import TickFile
 from arm_sim.recording.files.writer import Place, check_folder, complete, new_file, place_of
 
 _log = logging.getLogger(__name__)
+# Suffixes of files that ``load`` reads
 SUFFIXES = (".csv", ".npz", *BAGS)
-"""Suffixes of files that ``load`` reads."""
 
 
 def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[], Array]) -> Path:

@@ -51,10 +51,9 @@ def read(bag: BagContents, path: Path) -> Contents:
     changes = _messages(bag, CHANGE)
     if not changes:
         raise InvalidInput("the recording is truncated before its first state")
-    tunable = msg.read(CHANGE, changes[-1].data).tunable
-    scene = origin.scene.model_copy(
-        update={"tunable": tuple(name for name in tunable if name != CONSTRAINTS)}
-    )
+    last = msg.read(CHANGE, changes[-1].data)
+    tunable = tuple(name for name in last.tunable if name != CONSTRAINTS)
+    scene = origin.scene.model_copy(update={"tunable": tunable})
     ticks = [tick for tick in _messages(bag, TICK) if tick.place > changes[0].place]
     contents, timeline = _motion(replace(origin, scene=scene), names, changes, ticks)
     if scene.sensors is not None:
@@ -131,11 +130,9 @@ def _jumps(states: Sequence[Any], p: Array, x: Array, timeline: Timeline) -> tup
     jumps, places = list[Jump](), np.flatnonzero(~timeline.is_tick)[1:].tolist()
     for place, p_before, (before, change) in zip(places, p[:-1], pairwise(states), strict=True):
         if change.substep != UNCHANGED:
-            row, x_before = int(timeline.row[place]), x[place - 1].copy()
+            row, x_before = int(timeline.row[place]), read_only(x[place - 1].copy())
             substep = max(change.substep, 0.0)
-            jumps.append(
-                Jump(row, read_only(x_before), read_only(p_before), before.tunable, substep)
-            )
+            jumps.append(Jump(row, x_before, read_only(p_before), before.tunable, substep))
     return tuple(jumps)
 
 

@@ -21,8 +21,8 @@ from arm_sim.recording.files.writer import McapWriter, Place
 from arm_sim.recording.origin import URDF_FILE, Origin
 
 METADATA, FORMAT = "arm_sim", "1"
+# Sub-step of a change of external torques only
 UNCHANGED = -1.0
-"""Sub-step of a change of external torques only."""
 _INFO = 20
 _ROWS = 500  # ticks per chunk
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.ros.joint_state.reader import Numbers
+from arm_dynamics.ros.joint_state import Numbers
 from arm_sim.ros.commands.latest import Command
 from arm_sim.servo import JointCommand
 

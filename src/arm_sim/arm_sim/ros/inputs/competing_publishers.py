@@ -16,9 +16,7 @@ from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader
-from arm_dynamics.ros.joint_state.serialization import parsed
+from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS

@@ -15,7 +15,7 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state.reader import Numbers
+from arm_dynamics.ros.joint_state import Numbers
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.inputs.command_reader import CommandReader
 from arm_sim.ros.inputs.competing_publishers import CompetingPublishers

@@ -206,9 +206,8 @@ class SimNode(Node):
     def _note_competitors(self) -> None:
         self.engine.queue.ring()  # C does not check whose states commands answer
         if self.recorder is not None:
-            self.recorder.note(
-                self.competitors.alarm.message or "no other publisher of joint states"
-            )
+            message = self.competitors.alarm.message
+            self.recorder.note(message or "no other publisher of joint states")
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""

@@ -177,11 +177,9 @@ class StandardServices:
 
     def _update(self) -> int:
         """Update the entities to the current state; return its stamp in [ns]."""
-        simulator = self._engine.simulator
-        n, (stamp, x) = simulator.n, self._engine.queue.run(
-            lambda: (self._stamp(), simulator.arm.x.copy())
-        )  # fmt: skip
-        self._entities.place(x[:n], x[n : 2 * n])
+        arm = self._engine.simulator.arm
+        stamp, x = self._engine.queue.run(lambda: (self._stamp(), arm.x.copy()))
+        self._entities.place(x[: arm.n], x[arm.n : 2 * arm.n])
         return int(stamp)
 
     def _fill(self, message: Any, entity: Entity, stamp: int) -> Any:
