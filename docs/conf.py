@@ -96,6 +96,12 @@ def links_out_of_the_site(app: Sphinx, name: str, source: list[str]) -> None:
         lambda found: f"](/generated/gallery/{found[1] or 'index'}.rst)",
         source[0],
     )
+    # The first page of the gallery, which is reStructuredText.
+    source[0] = re.sub(
+        r"`([^`<]+) <(?:(\w+/plot_\w+)\.py|\.\./(concepts/\w+)\.md)>`__",
+        lambda found: f":doc:`{found[1]} </{found[3] or f'generated/gallery/{found[2]}'}>`",
+        source[0],
+    )
 
 
 def setup(app: Sphinx) -> None:

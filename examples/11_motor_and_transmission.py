@@ -37,6 +37,7 @@ with figure("motor", columns=2, size=(7.2, 2.6)) as (left, right):
     left.set_ylabel("current [A]", color="C0")
     other = left.twinx()
     other.grid(False)
+    other.spines["right"].set_visible(True)
     other.set_ylabel("speed [rad/s]", color="C1")
     other.plot(1e3 * t, step.v[:, 0], color="C1")
 

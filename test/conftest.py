@@ -116,16 +116,16 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def room(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[None]:
-    """Where several processes run tests, one that is alone waits until the others are idle."""
+    """Where several processes run tests, one that is alone waits until the others are idle, and
+    keeps none of them waiting for that.
+    """
     if "PYTEST_XDIST_WORKER" not in os.environ:
         yield
         return
     alone = scope(request.node.nodeid) == "alone"
     folder = tmp_path_factory.getbasetemp().parent  # what the processes of a run share
-    with (folder / "gate").open("w") as gate, (folder / "room").open("w") as inside:
-        fcntl.flock(gate, fcntl.LOCK_EX)  # nobody goes in while one waits for the room to empty
+    with (folder / "room").open("w") as inside:
         fcntl.flock(inside, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        fcntl.flock(gate, fcntl.LOCK_UN)
         yield
 
 

@@ -182,8 +182,10 @@ def _draw_steps(axis: Any, results: Results, name: str) -> None:
         line = [r for r in results["fixed"] if (r["problem"], r["method"]) == (name, method)]
         line = [r for r in line if r["error"]]
         axis.plot([r["step_s"] for r in line], [r["error"] for r in line], marker=mark,
-                  color=color, ms=3.0, lw=1.0, label=METHODS[method])  # fmt: skip
-    axis.axhline(problem["gate"], color="0.4", lw=0.8, ls=":")
+                  color=color, ms=3.0, lw=1.0, label=METHODS[method],
+                  ls="--" if method == "implicit" else "-")  # it coincides with RK4  # fmt: skip
+    axis.plot(1e-3, problem["gate"], "_", color="0.3", ms=16.0, mew=1.8, zorder=3,
+              label="limit of the tests at 1 ms")  # fmt: skip
     axis.set(xscale="log", yscale="log", ylim=(1e-16, 10), xlabel="step [s]",
              title=f"{name}, {problem['duration_s']:g} s")  # fmt: skip
 
@@ -200,5 +202,6 @@ def _draw_controlled(axis: Any, results: Results) -> None:
         axis.plot(TOLERANCES, [np.median(e) for e in errors], marker=mark, color=color, ms=3.0,
                   lw=1.0)  # fmt: skip
     ends = np.array([TOLERANCES[-1], TOLERANCES[0]])
-    axis.plot(ends, ends, color="0.4", lw=0.8, ls=":")
-    axis.set(xscale="log", yscale="log", xlabel="tolerance", title="error control")
+    axis.plot(ends, ends, color="0.3", lw=1.2, ls=":", label="error = tolerance")
+    axis.fill_between([], [], color="0.4", alpha=0.2, lw=0, label="range over all problems")
+    axis.set(xscale="log", yscale="log", xlabel="tolerance", title="error control (medians)")

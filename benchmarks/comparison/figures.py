@@ -100,12 +100,18 @@ def _cost(results: Record, out: Path) -> Iterator[str]:
 def _features(results: Record, out: Path) -> Iterator[str]:
     bare = results["features"]["rows"][0]["ns"] / 1e3
     rows = sorted(results["features"]["rows"], key=lambda r: -r["ns"])
-    with figure(out / "features.png", 1, 1, (WIDTH, 0.21 * len(rows) + 0.7)) as axis:
-        axis.hlines(range(len(rows)), bare, [r["ns"] / 1e3 for r in rows], COLORS[0], lw=2.5)
-        axis.plot([r["ns"] / 1e3 for r in rows], range(len(rows)), "o", color=COLORS[0], ms=6)
-        axis.axvline(bare, color="0.4", lw=1.0)
-        axis.set_yticks(range(len(rows)), [r["scene"] for r in rows])
-        axis.set(xscale="log", xlabel="processor time of one step of RK4 [µs]")
+    implicit = [", implicit" in r["scene"] for r in rows]
+    with figure(out / "features.png", 1, 1, (WIDTH, 0.21 * len(rows) + 1.0)) as axis:
+        for i, label, color, mark in (
+            (False, "RK4", COLORS[0], "o"), (True, "implicit, error control", COLORS[1], "D")
+        ):  # fmt: skip
+            y = [row for row in range(len(rows)) if implicit[row] is i]
+            ns = [rows[row]["ns"] / 1e3 for row in y]
+            axis.hlines(y, bare, ns, color, lw=2.5)
+            axis.plot(ns, y, mark, color=color, ms=6, label=label)
+        axis.axvline(bare, color="0.4", lw=1.0, label="bare arm")
+        axis.set_yticks(range(len(rows)), [r["scene"].split(", implicit")[0] for r in rows])
+        axis.set(xscale="log", xlabel="processor time of a time step of 1 ms [µs]")
         axis.xaxis.set_major_formatter("{x:g}")
         axis.grid(axis="y", visible=False)
     yield "features"

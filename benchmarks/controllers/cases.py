@@ -86,12 +86,12 @@ class Arm:
 
         No joint gets less than 5 % of its real limit.
         """
-        _, q, v, a = self.lines["fast"].table(200)
+        fast = self.lines["fast"]
+        q, v, a = fast.at(np.linspace(1e-9, 1.0 - 1e-9, 200) * fast.duration)
         way = np.linspace(self.nominal.model.q0, self.goal, 100)
         weight = abs(self.nominal.gravity(np.vstack([q, way]))).max(axis=0)
         moving = abs(self.nominal.inverse(q, v, a, Term.INERTIA | Term.CORIOLIS)).max(axis=0)
-        least = 0.05 * self.nominal.model.effort_limit
-        return np.maximum(1.1 * weight + 0.6 * moving, least)
+        return np.maximum(1.1 * weight + 0.6 * moving, 0.05 * self.nominal.model.effort_limit)
 
     def plant(self, name: str) -> ArmModel:
         """Model of one of ``PLANTS``."""

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control import AnyController, Settings, load_controller, make_controller
-from arm_dynamics.control.custom import Maker
+from arm_dynamics.control import AnyController, Settings, make_controller
+from arm_dynamics.control.custom import Maker, load_controller
 from benchmarks.controllers.cases import Arm
 
 OMEGA = 15.0  # [rad/s], critically damped

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -18,19 +19,12 @@ from benchmarks.controllers.measure import Result
 _MARKS = ("o", "s", "^", "D")
 _LEAST = 1e-3  # [mm] where the logarithmic axes begin
 _ALIKE = ("PD", "PID", "operational space", "joint impedance")  # of no course of their own
+_LINES = ("-", "-", "-", (0, (4, 4)), "-")  # of courses: where some coincide, all are seen
 _WINDOW = 0.1  # [s] of which a course shows the largest error
 
 
 def draw(results: Sequence[Result], folder: Path) -> list[Path]:
-    """Draw two figures for each arm.
-
-    Args:
-        results: What was measured.
-        folder: Where to write them; it is made if need be.
-
-    Returns:
-        The files.
-    """
+    """Draw two figures for each arm into a folder, and return their files."""
     written = []
     for arm in dict.fromkeys(r.arm for r in results):
         mine = [r for r in results if r.arm == arm]
@@ -67,7 +61,7 @@ def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> Non
             axis.plot([max(x, _LEAST) for _, x in rows], y, _MARKS[i], color=color, ms=4.0,
                       mfc="white" if mine else color, clip_on=not rows, zorder=3,
                       label=None if mine else PLANTS[plant])  # fmt: skip
-    axis.plot([], [], "o", color="0.4", mfc="white", ms=4.0, label=f"below {_LEAST:g} mm")
+    axis.plot([], [], "o", color="0.4", mfc="white", ms=4.0, label=f"open: below {_LEAST:g} mm")
     axis.set(xscale="log", xlim=(_LEAST, 2e3), ylim=(len(names) - 0.5, -0.5))
     axis.set_yticks(range(len(names)), names)
     axis.grid(visible=False, axis="y")
@@ -81,11 +75,12 @@ def _courses(results: Sequence[Result], path: Path) -> None:
     names = names[: len(COLORS)] or _names(results)[: len(COLORS)]
     with figure(path, 2, 2, (WIDTH, 5.2), sharex=True, sharey=True) as axes:
         for axis, plant in zip(np.ravel(axes), PLANTS, strict=True):
-            for controller in names:
+            for controller, dashes in zip(names, cycle(_LINES), strict=False):
                 key = (plant, "line", "fast", controller)
                 mine = next(r for r in results if (r.plant, r.task, r.pace, r.controller) == key)
                 width = max(1, round(_WINDOW / np.diff(mine.time[:2])[0]))
-                axis.plot(mine.time, maximum_filter1d(mine.course, width), label=controller)
+                distance = maximum_filter1d(mine.course, width)
+                axis.plot(mine.time, distance, ls=dashes, label=controller)
             axis.set(yscale="log", ylim=(_LEAST, 2e2), title=PLANTS[plant])
         for axis in axes[1]:
             axis.set_xlabel("time [s]")

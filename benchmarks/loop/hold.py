@@ -140,17 +140,9 @@ def lockstep(ticks: int, older: str, folder: Path) -> list[Line]:
 def measure(
     seconds: float, trees: Sequence[str], folder: Path, *more: str, period: int = PERIOD
 ) -> list[Record]:
-    """Run loops of trees at once, and a bare thread beside them; print what was measured.
+    """Run loops of trees at once, and a bare thread beside them; print and return the results.
 
-    Args:
-        seconds: How long.
-        trees: Folders.
-        folder: For logs.
-        more: Arguments of the sims.
-        period: Time between deadlines in [ns].
-
-    Returns:
-        What was measured of each tree, and of the bare thread.
+    ``more`` are arguments of the sims, ``period`` is the time between deadlines in [ns].
     """
     with ExitStack() as stack:
         loops, watchers = [], []

@@ -15,14 +15,7 @@ UNKNOWN = ("MIDPHASE", "AUTORESET")  # switches of MuJoCo that it refuses
 
 
 class World:
-    """Arms side by side, without contacts and constraints.
-
-    Args:
-        robot: Their model.
-        arms: How many.
-        device: Of Warp.
-        length: Of a step [s].
-    """
+    """Arms side by side, without contacts and constraints, with steps of ``length`` in [s]."""
 
     def __init__(self, robot: Robot, arms: int, device: str, length: float) -> None:
         model = compile_model(robot, "Euler", length)

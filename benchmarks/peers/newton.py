@@ -25,11 +25,7 @@ def contestants() -> list[Contestant]:
 class World:
     """Arms side by side, without contacts, limits and what Newton adds to joints.
 
-    Args:
-        robot: Their model.
-        arms: How many.
-        device: Of Warp: ``cpu`` or a graphics processor.
-        length: Of a step [s].
+    ``length`` is that of a step in [s], ``device`` one of Warp's.
     """
 
     def __init__(self, robot: Robot, arms: int, device: str, length: float) -> None:

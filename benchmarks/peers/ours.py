@@ -13,8 +13,8 @@ from functools import lru_cache, partial
 import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.codegen import Kernel
 from arm_dynamics.codegen.compiler import compiler_version, find_compiler
+from arm_dynamics.codegen.kernel import Kernel
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.integrators.methods import METHODS
 from arm_sim.plant.plant import Plant

@@ -38,14 +38,7 @@ def fleet_maker(
 
 
 class WarpFleet:
-    """Worlds by their number of arms.
-
-    Args:
-        make: Makes a world of so many arms.
-        device: Of Warp.
-        n: Joints of an arm.
-        steps: In a call.
-    """
+    """Worlds by their number of arms, of ``n`` joints each; a call makes ``steps``."""
 
     def __init__(self, make: Callable[[int], World], device: str, n: int, steps: int) -> None:
         self.make, self.device, self.n, self.steps = make, device, n, steps

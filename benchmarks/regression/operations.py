@@ -2,9 +2,9 @@
 """What an evaluation of each scene costs in arithmetic operations: a gate that no host can turn.
 
 Times change with the machine; the number of operations that the generated code carries out does
-not. ``operations.yaml`` has it for every ready scene and for each feature on a Panda. A test fails
-where a change makes one larger. ``./arm python -m benchmarks.regression.operations`` prints what
-has changed, ``--renew`` writes the file, for changes that are worth it or make things smaller.
+not. ``operations.yaml`` has it for every bundled scene and for each feature on a Panda. A test
+fails where a change makes one larger. ``./arm python -m benchmarks.regression.operations`` prints
+what has changed, ``--renew`` writes the file, for changes that are worth it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FILE = Path(__file__).with_name("operations.yaml")
 
 
 def scenes() -> dict[str, Any]:
-    """Ready scenes by name, and the Panda with one feature added or taken away."""
+    """Bundled scenes by name, and the Panda with one feature added or taken away."""
     return {name: name for name in ready_scenes()} | {
         f"Panda: {label}": scene for label, scene in features.scenes().items()
     }

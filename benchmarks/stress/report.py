@@ -6,7 +6,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,8 @@ from benchmarks.stress.judge import (
 )
 
 Point = tuple[float, Result]
+Groups = dict[float, list[Result]]
+STEP = "step × fastest rate of the arm"
 HALF_DECADES = 10.0 ** np.arange(-4.0, 2.1, 0.5)
 FEWEST = 4  # runs that make a point
 ROUNDING = 1e-16  # nothing below it is drawn
@@ -161,40 +165,50 @@ def _spread(values: Iterable[float | None]) -> str:
 
 
 def draw(results: Sequence[Result], path: Path) -> None:
-    """Draw what was found with fixed steps and without dry friction.
-
-    Args:
-        results: all runs.
-        path: of the picture.
-    """
+    """Draw survival and errors with fixed steps and without dry friction."""
     points = fixed(results)
-    with figure(path, 1, 2, (WIDTH, 3.4)) as axes:
-        shares, errors = axes
-        for mark, (key, name) in zip(MARKS, METHODS.items(), strict=False):
-            mine = [point for point in points if point[1].name == key]
-            shares.plot(*_share(mine), marker=mark, label=name)
-            errors.plot(*_error(mine), marker=mark)
-        for axis in (shares, errors):
-            axis.set(xscale="log", xlabel="step × fastest rate of the arm")
-        shares.set(ylim=(-3, 103), ylabel="stable runs [%]")
-        errors.set(yscale="log", ylim=(ROUNDING / 2, 10), ylabel="median error of q / (1 + |q|)")
+    names = {key: name for key, name in METHODS.items() if any(r.name == key for _, r in points)}
+    groups = {key: _grouped([point for point in points if point[1].name == key]) for key in names}
+    with figure(path, 1, 2, (WIDTH, 3.4), width_ratios=(1.0, 1.1)) as (shares, errors):
+        _shares(shares, [*groups.values()], [*names.values()])
+        for mark, (key, name) in zip(MARKS, names.items(), strict=False):
+            errors.plot(*_errors(groups[key]), marker=mark, label=name)
+        errors.set(xscale="log", yscale="log", ylim=(ROUNDING / 2, 10), xlabel=STEP,
+                   ylabel="median error of q / (1 + |q|)")  # fmt: skip
 
 
-def _share(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    groups = _grouped(points)
-    return list(groups), [100 * _survival(some) for some in groups.values()]
+def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:
+    """A table of the percentages of stable runs: methods as rows, steps as columns."""
+    steps = sorted({step for some in groups for step in some})
+    if not steps:
+        return
+    table = np.array([[100 * _survival(some.get(step, ())) for step in steps] for some in groups])
+    ends = np.log10([steps[0], steps[-1]]) + [-0.25, 0.25]
+    rows = np.arange(len(names))
+    axis.imshow(table, "Blues", aspect="auto", vmin=0, vmax=160,
+                extent=(*ends, len(names) - 0.5, -0.5))  # fmt: skip
+    for (row, column), share in np.ndenumerate(table):
+        text = "–" if np.isnan(share) else f"{share:.0f}"
+        axis.text(np.log10(steps[column]), row, text, ha="center", va="center", fontsize=8.5)
+    decades = np.arange(np.ceil(ends[0]), ends[1])
+    axis.set_xticks(decades, [f"$10^{{{decade:.0f}}}$" for decade in decades])
+    axis.set_yticks(rows, names)
+    axis.grid(visible=False)
+    axis.set(xlabel=STEP, title="stable runs [%]")
 
 
-def _error(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    groups = _grouped([(x, r) for x, r in points if r.outcome == SURVIVED])
-    middle = [np.median([r.error for r in some if r.error is not None])
-              for some in groups.values()]  # fmt: skip
-    return list(groups), [max(float(error), ROUNDING) for error in middle]
+def _errors(groups: Groups) -> tuple[list[float], list[float]]:
+    """Steps, and medians of the errors of stable runs."""
+    errors = {step: [r.error for r in some if r.outcome == SURVIVED and r.error is not None]
+              for step, some in groups.items()}  # fmt: skip
+    errors = {step: some for step, some in errors.items() if len(some) >= FEWEST}
+    return list(errors), [max(float(np.median(some)), ROUNDING) for some in errors.values()]
 
 
-def _grouped(points: Sequence[Point]) -> dict[float, list[Result]]:
+def _grouped(points: Sequence[Point]) -> Groups:
+    """Runs by the geometric mean of their half decade of steps, of those with enough runs."""
     groups = {}
-    for low, high in zip(HALF_DECADES[:-1], HALF_DECADES[1:], strict=True):
+    for low, high in pairwise(HALF_DECADES):
         some = [r for x, r in points if low <= x < high]
         if len(some) >= FEWEST:
             groups[float(np.sqrt(low * high))] = some

@@ -47,7 +47,7 @@ def _section(words: str, command: click.Command) -> str:
     context = click.Context(command, info_name=f"./arm {words}")
     usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
     rows = [row for parameter in command.params for row in _row(parameter, context)]
-    table = ["| option | |", "|---|---|", *rows] if rows else []
+    table = ["| option | meaning |", "|---|---|", *rows] if rows else []
     examples = _plain(command.epilog)
     return "\n".join(
         [

@@ -77,7 +77,7 @@ def sections() -> dict[str, str]:
 
 
 def titles() -> dict[str, str]:
-    """The courses by their short names, titled as on the page of their misprints."""
+    """The courses by their short names, titled as on the page of their errata."""
     found = re.findall(r"^## (.*)$", (DOCS / "concepts/errata.md").read_text(), re.M)
     named = {key: title for key in COURSES for title in found if key in title}
     return named | {"textbooks": "Textbooks"}

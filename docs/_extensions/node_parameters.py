@@ -23,7 +23,7 @@ def kinds() -> dict[str, type]:
 def markdown(node: str) -> str:
     """The parameters of a node as a Markdown table."""
     rows = [
-        "| parameter | type | default | may change | |",
+        "| parameter | type | default | may change | meaning |",
         "|---|---|---|---|---|",
     ]
     for name, default, about in listed(kinds()[node]):

@@ -100,7 +100,7 @@ def is_constant(thing: Any) -> bool:
 
 def summary(package: str) -> str:
     """A table of the names of a package with the first sentence about each, in Markdown."""
-    module, rows = importlib.import_module(package), ["| name | |", "|---|---|"]
+    module, rows = importlib.import_module(package), ["| name | meaning |", "|---|---|"]
     for name in packages()[package]:
         thing = getattr(module, name)
         about = constant_words(package, name) if is_constant(thing) else inspect.getdoc(thing)

@@ -57,7 +57,7 @@ def terms() -> str:
         f"| {' × '.join(map(str, entry.shape))} | {entry.unit} | {entry.about} |"
         for entry in TERMS
     )
-    heads = "in `Dynamics`", "in C, services and commands", "of", "shape", "unit", ""
+    heads = "in `Dynamics`", "in C, services and commands", "of", "shape", "unit", "meaning"
     return "\n".join([f"| {' | '.join(heads)} |", "|" + "---|" * len(heads), *rows])
 
 

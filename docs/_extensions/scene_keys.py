@@ -72,7 +72,7 @@ def table(part: type[BaseModel]) -> str:
         if issubclass(kind, BaseModel)
         for name, text in section(kind, "Attributes").items()
     }
-    rows = ["| key | type | default | |", "|---|---|---|---|"]
+    rows = ["| key | type | default | meaning |", "|---|---|---|---|"]
     for name, field in part.model_fields.items():
         if name == "type":
             continue

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, Dynamics, SceneError
-from arm_dynamics.model import contact_points
+from arm_dynamics.model.tree_builder import contact_points
 from arm_dynamics.scene.constraint import SCHEMAS
 from arm_dynamics.scene.friction import Sides
 from arm_dynamics.scene.schema import Scene

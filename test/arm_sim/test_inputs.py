@@ -10,7 +10,8 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, InvalidInput
-from arm_sim.inputs import SaturationNotice, tick_count
+from arm_sim.inputs import tick_count
+from arm_sim.simulation.saturation import SaturationNotice
 
 NAN, INF = float("nan"), float("inf")
 
@@ -86,9 +87,10 @@ def test_a_cut_is_told_once_with_the_joint_and_its_farthest_command(
 def test_a_servo_at_its_limit_is_told_apart_from_commands(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    notice = SaturationNotice(limited(2.0, 5.0, 7.0))
+    model = limited(2.0, 5.0, 7.0)
+    notice, of_servos = SaturationNotice(model), SaturationNotice(model, "servo's command")
     for _ in range(2):
-        notice.check(np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), servo=True)
+        of_servos.check(np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]))
     assert not notice.logged
     notice.check(np.array([4.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]))
     words = "N m of joint 'joint1' exceeds its limit of 2 N m and is clipped to it; reported once"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics.codegen import generate
+from arm_dynamics.codegen.kernel import generate
 from arm_sim import Simulator
 
 PANDA = models.scene("panda").model_dump(exclude_unset=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ready scenes of industrial arms: their data are the published ones, and they stand still."""
+"""Bundled scenes of industrial arms: their data are the published ones, and they stand still."""
 
 from itertools import pairwise, product
 from typing import Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ready scenes that combine features, each against a closed form."""
+"""Bundled scenes that combine features, each against a closed form."""
 
 import numpy as np
 import pytest

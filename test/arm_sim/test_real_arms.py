@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ready arms with the drives that their robots have: published numbers, and what they do."""
+"""Bundled arms with the drives that their robots have: published numbers, and what they do."""
 
 import numpy as np
 import pytest

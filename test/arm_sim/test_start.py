@@ -54,7 +54,7 @@ def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch, joi
 
 def steppers(sim: Simulator, run: Recording) -> tuple[Stepper, ...]:
     """Of the simulator, of a recording's states, and of its energy account."""
-    return sim.arm.compiled.stepper, run.account.stepper, run.account._ledger
+    return sim.arm.compiled.stepper, run.physics.replay_stepper, run.account._ledger
 
 
 def test_the_energy_account_has_code_of_its_own(unwritten: pytest.MonkeyPatch) -> None:

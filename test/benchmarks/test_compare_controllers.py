@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import models
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.control import load_controller
+from arm_dynamics.control.custom import load_controller
 from arm_sim import Simulator
 from benchmarks.controllers import cases, cli, measure
 from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS
@@ -37,17 +37,17 @@ def test_plants_differ_as_they_say() -> None:
     np.testing.assert_allclose(exact.total_mass, arm.nominal.model.total_mass)
     np.testing.assert_allclose(heavy.total_mass - exact.total_mass, 0.2 * arm.payload)
     assert arm.plant("friction").friction.coulomb.mean.tolist() == list(arm.coulomb)
-    _, q, v, a = arm.lines["fast"].table(200)
+    q, v, a = arm.lines["fast"].at(np.linspace(0.0, arm.lines["fast"].duration, 200))
     share = abs(arm.nominal.inverse(q, v, a)) / arm.plant("limits").effort_limit
     assert share.max() > 1.0
-    _, q, v, a = arm.lines["slow"].table(200)
+    q, v, a = arm.lines["slow"].at(np.linspace(0.0, arm.lines["slow"].duration, 200))
     assert (abs(arm.nominal.inverse(q, v, a)) < arm.limits).all()
 
 
 def test_lines_have_the_speeds_they_say() -> None:
     for arm in ARMS.values():
         for pace, speed in zip(PACES, arm.speeds, strict=True):
-            _, q, v, _ = arm.lines[pace].table(401)
+            q, v, _ = arm.lines[pace].at(np.linspace(0.0, arm.lines[pace].duration, 401))
             J = arm.task.jacobian(q)
             linear = np.linalg.norm((J @ v[..., None])[:, : arm.task.linear, 0], axis=1)
             np.testing.assert_allclose(linear.max(), speed, rtol=1e-3)
@@ -109,7 +109,7 @@ def test_figures_and_tables_are_made(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_any_arm_gets_a_line_that_it_can_follow(scene: str, axes: object) -> None:
     arm = arm_of(scene)
     assert (arm.axes, arm.key) == (axes, scene)
-    _, q, _, _ = arm.lines["fast"].table(50)
+    q, _, _ = arm.lines["fast"].at(np.linspace(0.0, arm.lines["fast"].duration, 50))
     hand = arm.task.pose(q).position
     linear = [i for i, axis in enumerate("xyz") if axis in axes or axes == "pose"]
     np.testing.assert_allclose((hand[-1] - hand[0])[linear], np.array(arm.step)[linear], atol=1e-6)

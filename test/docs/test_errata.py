@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests that the table of misprints names exist, and its rows are whole."""
+"""The tests that the table of errata names exist, and its rows are whole."""
 
 import re
 from pathlib import Path

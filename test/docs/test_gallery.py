@@ -112,6 +112,10 @@ def test_every_page_says_which_lectures_and_equations_it_is_about() -> None:
     text = lectures.markdown()
     assert all(f"[{page.title}]({page.link})" in text and page.shows in text for page in found)
     assert set(lectures.titles()) == set(lectures.COURSES)
+    first_page = (GALLERY / "README.rst").read_text()
+    for page in found:
+        script = page.link.removeprefix("/generated/gallery/").replace(".rst", ".py")
+        assert f"   * - `{page.title} <{script}>`__\n     - {page.shows}\n" in first_page
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import ast
 import re
 import tomllib
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -30,6 +31,7 @@ def declared(package: str) -> list[str]:
     return [part.text or "" for part in manifest(package) if part.tag.endswith("depend")]
 
 
+@cache
 def imported(package: str) -> set[str]:
     found = set()
     for path in (SRC / package / package).rglob("*.py"):

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from browser import needed
 
+from arm_sim.view.pictures import page_in_browser
+
 SITE = Path(__file__).parents[2] / "reports/site"
 PAGES = 15  # that are drawn
 LONG, LONGEST = 8_000, 40_000  # bytes of text of a page with contents, and of the longest
@@ -83,8 +85,6 @@ def test_every_page_fits_a_telephone_and_needs_no_network() -> None:
 def troubles_of(pages: Iterable[Path]) -> dict[str, list[str]]:
     """What is wrong with pages in a browser, by page."""
     needed()
-    from arm_sim.view.pictures import page_in_browser
-
     found = dict[str, list[str]]()
     with page_in_browser("about:blank", (WIDTH, 800)) as browser:
         asked = list[str]()

@@ -30,7 +30,7 @@ TOUCHING = (
     "flexible_arm_wall",
     "lifting_gripper",
 )  # with constraints and contacts: a torque is not all that acts there
-ARMS = ("fr3", "ur5e", "xarm7")  # further ready arms, like REAL to all features
+ARMS = ("fr3", "ur5e", "xarm7")  # further bundled arms, like REAL to all features
 REAL_DRIVES = ("real_panda", "real_fr3", "real_ur10", "real_ur5e", "real_xarm7")  # with rotors
 ROBOTS = (*REAL, *OWN, *MADE)
 

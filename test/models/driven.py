@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.actuation import Drives
+from arm_dynamics.actuation.drives import Drives
 from models.rotor import rotor
 
 # The motor of the reference values.

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from arm_dynamics import ArmModel, Scene
-from arm_dynamics.scene.urdf import xml_root
+from arm_dynamics.scene.urdf.xml import xml_root
 
 
 @dataclass(frozen=True)

@@ -49,14 +49,13 @@ EXECUTABLES = [
 
 @pytest.mark.parametrize(("package", "name"), EXECUTABLES, ids=str)
 def test_installed_executables_start(package: str, name: str) -> None:
-    """As ros2 run and ros2 launch start them, by their path; also outside the environment."""
+    """As ros2 run and ros2 launch start them, by their path; outside the environment, whose
+    variables they set themselves.
+    """
     path = Path(sys.prefix) / "workspace/install/lib" / package / name
     plain = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")}
-    for environment in (dict(os.environ), plain):
-        done = subprocess.run(
-            [path, "--help"], env=environment, capture_output=True, text=True, timeout=60
-        )
-        assert done.returncode == 0 and "usage" in done.stdout.lower(), done.stderr
+    done = subprocess.run([path, "--help"], env=plain, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and "usage" in done.stdout.lower(), done.stderr
 
 
 def test_every_installed_executable_is_tested() -> None:

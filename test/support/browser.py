@@ -13,6 +13,7 @@ import pytest
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
 from arm_sim.exceptions import ViewError
+from arm_sim.view.pictures import browser, page_in_browser
 
 PATIENCE = 60.0  # [s] on a machine that others use, without a graphics card
 NOISE = (
@@ -47,6 +48,12 @@ _PLACES = """names => names.map(name => {
   return Array.from(node.matrixWorld.elements);
 })"""
 
+# Ten pictures a second: without a graphics card, sixty take all processors while a page is open.
+_SLOWLY = """
+  window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 100);
+  window.cancelAnimationFrame = clearTimeout;
+"""
+
 # Pixels of points of the world, as three.js has it.
 _PIXELS = """points => {
   const {camera, canvas} = window.viewer;
@@ -61,8 +68,6 @@ _PIXELS = """points => {
 
 def needed() -> None:
     """Skip the test where there is no browser."""
-    from arm_sim.view.pictures import browser
-
     try:
         browser()
     except ViewError as error:
@@ -96,6 +101,11 @@ class Page:
         """Press a button, wherever it is; a slow machine is not waited for to stop drawing."""
         self.handle.get_by_role("button", name=name, exact=True).dispatch_event("click")
 
+    def choose(self, menu: str, option: str) -> None:
+        """Choose from a menu."""
+        self.handle.get_by_label(menu).dispatch_event("click")
+        self.handle.get_by_role("option", name=option).dispatch_event("click")
+
     def places(self, *nodes: str) -> Array:
         """Where the scene that is rendered has nodes, all at once: matrices, shape (k, 4, 4)."""
         elements = np.array(self.handle.evaluate(_PLACES, nodes), dtype=float)
@@ -126,11 +136,18 @@ class Page:
 
 
 @contextmanager
-def opened(url: str, *nodes: str, size: tuple[int, int] = (900, 560)) -> Iterator[Page]:
-    """A page that is open and shows some nodes; at the end its console has said nothing bad."""
-    from arm_sim.view.pictures import page_in_browser
-
+def slow_page(url: str, size: tuple[int, int]) -> Iterator[Any]:
+    """As ``page_in_browser``, drawn slowly."""
     with page_in_browser("about:blank", size) as handle:
+        handle.add_init_script(_SLOWLY)
+        handle.goto(url)
+        yield handle
+
+
+@contextmanager
+def opened(url: str, *nodes: str, size: tuple[int, int] = (640, 360)) -> Iterator[Page]:
+    """A page that is open and shows some nodes; at the end its console has said nothing bad."""
+    with slow_page("about:blank", size) as handle:
         page = Page(handle)
         page.open(url, *nodes)
         yield page

@@ -3,7 +3,8 @@
 
 A start of Python with Pinocchio, CasADi and rclpy takes a second and more of a processor, and the
 pages have many lines. The server imports everything once and forks for each. ``forge.py SOCKET
-WORDS…`` hands over its folder, environment and files, passes Ctrl-C on, and ends like the child.
+WORDS…`` hands over its folder, environment and files, passes Ctrl-C and SIGTERM on, and ends like
+the child, whose process it names in the file ``FORGED`` if there is this variable.
 """
 
 import array
@@ -31,7 +32,11 @@ def ask(path: str, words: list[str]) -> int:
         server.sendall(text)
         answers = server.makefile()
         child = int(answers.readline())
-        signal.signal(signal.SIGINT, lambda *_: os.kill(child, signal.SIGINT))
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda number, _: os.kill(child, number))
+        if named := os.environ.get("FORGED"):
+            with open(named, "w") as file:
+                file.write(str(child))
         return int(answers.readline())
 
 

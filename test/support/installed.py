@@ -7,6 +7,9 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 ROOT = Path(__file__).parents[2]
 PARTS = ("src", "examples", "pyproject.toml", "MANIFEST.in", "README.md", "LICENSE")
@@ -27,6 +30,13 @@ OFFLINE = {
 KEPT = ("HOME", "XDG_CACHE_HOME", "ARM_CACHE", "TMPDIR", "LANG")
 
 Run = Callable[..., str]
+
+WORKFLOW: dict[Any, Any] = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
+
+
+def steps(job: str) -> list[str]:
+    """Commands of a job of the workflow."""
+    return [step["run"] for step in WORKFLOW["jobs"][job]["steps"] if "run" in step]
 
 
 def copied(folder: Path) -> Path:

@@ -23,14 +23,14 @@ with :math:`h = -m_2 l_1 l_{c2} \sin q_2` and
    d_{11} &= m_1 l_{c1}^2 + m_2 (l_1^2 + l_{c2}^2 + 2 l_1 l_{c2} \cos q_2) + I_1 + I_2 \\
    d_{12} &= m_2 (l_{c2}^2 + l_1 l_{c2} \cos q_2) + I_2, \qquad d_{22} = m_2 l_{c2}^2 + I_2
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
    The weight on the second joint is printed without :math:`g`. It is
 
    .. math:: \frac{\partial V}{\partial q_2} = m_2\,l_{c2}\,g \cos(q_1 + q_2) .
 
-   A controller that carries the weight as printed leaves the hand millimetres from its goal, as
-   seen at the end of the comparison.
+   A controller that carries the weight as printed leaves the end effector millimetres from its
+   goal, as seen at the end of the comparison.
 
 :Lectures: ME 6102, task 1: regulation
 :Equations: 1; 13; 16
@@ -73,7 +73,7 @@ def joints(x, z, elbow):
     return np.array([lift, bend])
 
 
-def hand(q):
+def position(q):
     upper, lower = q[..., 0], q[..., 0] + q[..., 1]
     x = l1 * np.cos(upper) + l2 * np.cos(lower)
     return np.stack([x, l1 * np.sin(upper) + l2 * np.sin(lower)], axis=-1)
@@ -83,7 +83,7 @@ P_f = np.array([0.45, 0.45])
 goals = {"up": joints(*P_f, -1.0), "down": joints(*P_f, 1.0)}
 for way, q in goals.items():
     print(f"elbow {way}: {np.round(q, 4)} rad")
-    assert np.abs(hand(q) - P_f).max() < 1e-12
+    assert np.abs(position(q) - P_f).max() < 1e-12
 goal = goals["down"]
 
 # %%
@@ -119,8 +119,8 @@ runs = {}
 for name, controller in controllers.items():
     sim.reset()
     runs[name] = sim.run(2.0, lambda s, c=controller: c.torque(s, reference))
-    away = 1e3 * np.linalg.norm(hand(runs[name].q) - P_f, axis=1)
-    print(f"{name:16s} hand away from the point after 0.5, 1 and 2 s: "
+    away = 1e3 * np.linalg.norm(position(runs[name].q) - P_f, axis=1)
+    print(f"{name:16s} away from the point after 0.5, 1 and 2 s: "
           + ", ".join(f"{away[round(t / sim.dt)]:9.4f} mm" for t in (0.5, 1, 2)))  # fmt: skip
 
 # %%
@@ -183,8 +183,8 @@ for k, (name, run) in enumerate(runs.items()):
 
 rest = runs["PD"].q[-1]
 assert np.abs(kp * (goal - rest) - sim.dynamics.gravity(rest)).max() < 0.02
-assert np.linalg.norm(hand(rest) - P_f) > 0.05
-assert np.linalg.norm(hand(runs["computed torque"].q[-1]) - P_f) < 1e-5
+assert np.linalg.norm(position(rest) - P_f) > 0.05
+assert np.linalg.norm(position(runs["computed torque"].q[-1]) - P_f) < 1e-5
 
 
 def as_printed(state):
@@ -194,8 +194,8 @@ def as_printed(state):
 
 
 sim.reset()
-off = np.linalg.norm(hand(sim.run(2.0, as_printed).q[-1]) - P_f)
-print(f"PD with the weight as printed: hand {1e3 * off:.1f} mm away")
+off = np.linalg.norm(position(sim.run(2.0, as_printed).q[-1]) - P_f)
+print(f"PD with the weight as printed: {1e3 * off:.1f} mm away")
 assert off > 0.004
 
 # %%
@@ -204,14 +204,14 @@ assert off > 0.004
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
 for (name, run), color in zip(runs.items(), ("0.6", "C1", "C2", "C0"), strict=True):
-    path = hand(run.q)
+    path = position(run.q)
     far = 1e3 * np.linalg.norm(path - P_f, axis=1)
     axes[0].semilogy(run.time, far, color=color, label=name)
     axes[1].plot(*path.T, color=color)
 axes[0].set(xlabel="time [s]", ylabel="distance from the goal [mm]", title="Convergence")
 axes[0].legend()
 axes[1].plot(*P_f, "k+", ms=12, label="goal")
-axes[1].set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the hand")
+axes[1].set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the end effector")
 axes[1].legend()
 
 # %%
@@ -222,7 +222,7 @@ axes[1].legend()
 
 def chain(q):
     elbow = l1 * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=-1)
-    return np.stack([0 * elbow, elbow, hand(q)], axis=1)
+    return np.stack([0 * elbow, elbow, position(q)], axis=1)
 
 
 shown = runs["PD"].time <= 1.5
@@ -233,7 +233,10 @@ motion = animation(
      (chain(runs["computed torque"].q[shown]), {"label": "computed torque"}),
      (np.array([P_f, P_f]),
       {"marker": "+", "markersize": 12, "color": "k", "linestyle": "", "label": "goal"})],
-    trail=(hand(runs["computed torque"].q[shown]), {"color": "C0", "label": "path of its hand"}),
+    trail=(
+        position(runs["computed torque"].q[shown]),
+        {"color": "C0", "label": "path of the end effector"},
+    ),
     speed=0.5,
 )  # fmt: skip
 plt.show()

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 r"""
-Tracking: lead the hand along a straight line
-=============================================
+Tracking: the end effector follows a straight line
+==================================================
 
 Task 2 of ME 6102: move P from :math:`P_s` to :math:`P_f` in a straight line, with
 :math:`\theta_i^d(t)` from inverse kinematics. The notes ask: "What would be the best controller to
 do this job? PID, Feed forward etc." and "How much deviation from the straight line will occur?"
 This page measures it.
 
-On the line the hand keeps to
+On the line the end effector keeps to
 :math:`P(t) = P_s + s(t)\,(P_f - P_s)` with :math:`s = 10\sigma^3 - 15\sigma^4 + 6\sigma^5`,
 :math:`\sigma = t / T`, at rest at both ends. The joints follow from the Jacobian,
 
@@ -30,7 +30,7 @@ The arm and its equations are those of :doc:`plot_regulation`.
 
 :Lectures: ME 6102, task 2: tracking
 :Equations: 13; 14; 16
-:Shows: how far the hand leaves a line, by pace and by model
+:Shows: how far the end effector leaves a line, by pace and by model
 """
 
 import matplotlib.pyplot as plt
@@ -48,7 +48,8 @@ use_style()
 # %%
 # The scene
 # ---------
-# ``two_link``, and the same arm with 0.3 kg in its hand, of which the controllers are not told.
+# ``two_link``, and the same arm with 0.3 kg at its end effector, of which the controllers are not
+# told.
 
 exact = Simulator("two_link", dt=2e-3, tolerance=1e-11)
 loaded = Simulator(
@@ -67,7 +68,7 @@ P_s, P_f = np.array([0.65, -0.2]), np.array([0.3, 0.5])
 # ---------------------------------
 
 
-def hand(q):
+def position(q):
     upper, lower = q[..., 0], q[..., 0] + q[..., 1]
     x = l1 * np.cos(upper) + l2 * np.cos(lower)
     return np.stack([x, l1 * np.sin(upper) + l2 * np.sin(lower)], axis=-1)
@@ -98,7 +99,7 @@ for t in (0.1, 0.3, 0.7):
     (q0, v0, _), (q1, v1, a1), (q2, v2, _) = (desired(t + k * step, T) for k in (-1, 0, 1))
     assert np.abs((q2 - q0) / (2 * step) - v1).max() < 1e-6
     assert np.abs((v2 - v0) / (2 * step) - a1).max() < 1e-6
-    assert abs(np.linalg.det(np.column_stack([hand(q1) - P_s, P_f - P_s]))) < 1e-12
+    assert abs(np.linalg.det(np.column_stack([position(q1) - P_s, P_f - P_s]))) < 1e-12
 
 # %%
 # The run
@@ -122,11 +123,11 @@ def follow(sim, controller, T):
 
 
 def off_line(run):
-    """Distance of the hand from the line in [m], and from where it should be on it."""
+    """Distance of the end effector from the line in [m], and from where it should be on it."""
     along = (P_f - P_s) / np.linalg.norm(P_f - P_s)
-    aside = (hand(run.q) - P_s) @ np.array([-along[1], along[0]])
-    asked = hand(np.array([desired(t, run.time[-1])[0] for t in run.time]))
-    return np.abs(aside), np.linalg.norm(hand(run.q) - asked, axis=1)
+    aside = (position(run.q) - P_s) @ np.array([-along[1], along[0]])
+    asked = position(np.array([desired(t, run.time[-1])[0] for t in run.time]))
+    return np.abs(aside), np.linalg.norm(position(run.q) - asked, axis=1)
 
 
 runs = {name: follow(exact, c, T) for name, c in controllers(exact.dynamics).items()}
@@ -207,12 +208,13 @@ assert (np.diff(table["exact model", "computed torque"]) < 0).all()
 # In a figure
 # -----------
 
-# The hand of the two controllers with a model is on the line, within the width of the drawing.
+# The end effector of the two controllers with a model is on the line, within the width of the
+# drawing.
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.8), width_ratios=[1.0, 1.9])
 colours = {"PID": "C1", "feed-forward": "C2", "computed torque": "C0"}
 axes[0].plot(*np.array([P_s, P_f]).T, "k:", label="line")
-axes[0].plot(*hand(runs["PID"].q).T, color=colours["PID"])
+axes[0].plot(*position(runs["PID"].q).T, color=colours["PID"])
 axes[0].set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="0.78 m in 0.8 s")
 for (plant, name), values in table.items():
     style = "o-" if plant == "exact model" else "s--"
@@ -234,7 +236,7 @@ legend_outside(figure)
 
 def chain(q):
     elbow = l1 * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=-1)
-    return np.stack([0 * elbow, elbow, hand(q)], axis=1)
+    return np.stack([0 * elbow, elbow, position(q)], axis=1)
 
 
 # sphinx_gallery_thumbnail_number = 2
@@ -243,7 +245,7 @@ motion = animation(
     [(np.array([P_s, P_f]), {"label": "line"}),
      (chain(runs["PID"].q), {"color": "C1", "label": "PID, and its path"}),
      (chain(runs["computed torque"].q), {"label": "computed torque"})],
-    trail=hand(runs["PID"].q),
+    trail=position(runs["PID"].q),
     speed=0.5,
 )  # fmt: skip
 plt.show()

@@ -18,7 +18,7 @@ coordinate, and equal energies give the equivalent inertia at the motor's shaft,
 
 A belt that stretches lets the angles differ. Of its two pre-tensioned runs, each a spring
 :math:`k` with a damper :math:`c`, one lengthens by :math:`x = r_1\theta_m - r_2\theta_l` and the
-other shortens, so that :math:`P = 2 \cdot \tfrac12 k x^2`:
+other shortens, so that :math:`V = 2 \cdot \tfrac12 k x^2`:
 
 .. math::
 

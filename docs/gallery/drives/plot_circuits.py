@@ -14,7 +14,7 @@ capacitor stores energy as a spring does, a resistance loses it as a damper does
    + \underbrace{q / C}_{k x} = \underbrace{V}_{F}, \qquad
    \text{LR: } L \frac{di}{dt} + R i = V, \qquad \text{RC: } R \dot q + \frac{q}{C} = V .
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
    The potential energy of a capacitor is printed as :math:`V = \tfrac12 C V^2`: one letter for
    energy and voltage, and a formula that must not be put into Lagrange's equation. With the charge
@@ -142,6 +142,7 @@ axes[2].set(title="RLC: the whole motor", ylim=(-1.75, 1.75))
 axes[2].set_ylabel("current [A]", color="C0")
 other = axes[2].twinx()
 other.grid(False)
+other.spines["right"].set_visible(True)
 other.set_ylabel("voltage of the capacitor [V]", color="C1")
 other.plot(ms, E[:, 2], color="C1")
 other.set_ylim(-7.0, 7.0)

@@ -136,6 +136,7 @@ axes[0].set(xlabel="time [s]", title="12 V, and a load from 0.3 s on")
 axes[0].set_ylabel("current [A]", color="C0")
 other = axes[0].twinx()
 other.grid(False)
+other.spines["right"].set_visible(True)
 other.set_ylabel("speed of the flywheel [rad/s]", color="C1")
 other.plot(time, speed, color="C1")
 

@@ -7,33 +7,33 @@ One motor, one gear, one link: the smallest robot. It is in "Introduction to Rob
 (single link, single motor coupled by a drive shaft), and in ME 6102 (single link manipulator with
 gear box).
 
-The motor turns :math:`r` times for one turn of the link, :math:`\theta_m = r\,\theta_l`, so the
-two angles are one coordinate. Session 17 writes everything at the link, a uniform rod of mass
-:math:`M` and length :math:`L` that hangs down at :math:`\theta_l = 0`:
+The motor turns :math:`N` times for one turn of the link, :math:`\theta_m = N\theta_l`, so the two
+angles are one coordinate. Session 17, where the ratio is :math:`r`, writes everything at the link,
+a uniform rod of mass :math:`M` and length :math:`L` that hangs down at :math:`\theta_l = 0`:
 
 .. math::
 
-   K = \tfrac12 \left(r^2 J_m + J_l\right) \dot\theta_l^2, \qquad
-   P = \frac{M g L}{2}\,(1 - \cos\theta_l), \qquad
-   J \ddot\theta_l + B \dot\theta_l + \frac{M g L}{2} \sin\theta_l = r\,\tau_m
+   T = \tfrac12 \left(N^2 J_m + J_l\right) \dot\theta_l^2, \qquad
+   V = \frac{M g L}{2}\,(1 - \cos\theta_l), \qquad
+   J \ddot\theta_l + B \dot\theta_l + \frac{M g L}{2} \sin\theta_l = N \tau_m
 
-with :math:`J = r^2 J_m + J_l`. ME 6102 writes the same at the motor, with :math:`n = r` and the
-centre of mass at the distance :math:`l = L/2`:
+with :math:`J = N^2 J_m + J_l`. ME 6102 writes the same at the motor, with :math:`n` for the
+ratio and the centre of mass at the distance :math:`l = L/2`:
 
 .. math::
 
-   \left(J_m + \frac{J_l}{n^2}\right) \ddot\theta_m + \left(B_m + \frac{B_l}{n^2}\right)
-   \dot\theta_m + \frac{M g l}{n} \sin\frac{\theta_m}{n} = \tau_m
+   \left(J_m + \frac{J_l}{N^2}\right) \ddot\theta_m + \left(B_m + \frac{B_l}{N^2}\right)
+   \dot\theta_m + \frac{M g l}{N} \sin\frac{\theta_m}{N} = \tau_m
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
-   Session 17 has the damping as :math:`B = r B_m + B_l`. The power that is lost must be the same
+   Session 17 has the damping as :math:`B = N B_m + B_l`. The power that is lost must be the same
    on both sides of the gear, :math:`B \dot\theta_l^2 = B_m \dot\theta_m^2 + B_l \dot\theta_l^2`,
    so
 
-   .. math:: B = r^2 B_m + B_l ,
+   .. math:: B = N^2 B_m + B_l ,
 
-   as in ME 6102, whose equation is the one above divided by :math:`r`. Three smaller slips there:
+   as in ME 6102, whose equation is the one above divided by :math:`N`. Three smaller slips there:
    :math:`\theta_m = r\,\theta_1` should be :math:`r\,\theta_l`; :math:`B` is called a damping
    torque, which is :math:`-B\dot\theta_l`; and :math:`J_l` is the inertia about the hinge,
    :math:`M L^2 / 3`, not about the centre of mass.
@@ -58,9 +58,9 @@ use_style()
 # The scene
 # ---------
 # The rod's inertia in the URDF is about its centre of mass, :math:`M L^2 / 12 = 0.025` kg m². The
-# rotor's inertia and damping are those of the motor; that they count :math:`r^2`-fold at the link
+# rotor's inertia and damping are those of the motor; that they count :math:`N^2`-fold at the link
 # is left to the simulator. The command of the joint is a torque *at the joint*,
-# :math:`u = r\,\tau_m`.
+# :math:`u = N \tau_m`.
 
 print((files("arm_sim") / "scenes/lectures/geared_link.yaml").read_text())
 
@@ -70,9 +70,9 @@ print((files("arm_sim") / "scenes/lectures/geared_link.yaml").read_text())
 # The motor pulls with 0.1 N m for two seconds, then it is switched off.
 
 sim = Simulator("geared_link", tolerance=1e-12)
-r, pull, until, end = 20.0, 0.1, 2.0, 5.0
+N, pull, until, end = 20.0, 0.1, 2.0, 5.0
 motor_torque = np.where(np.arange(round(end / sim.dt)) * sim.dt < until, pull, 0.0)
-run = sim.run(end, r * motor_torque[:, None])
+run = sim.run(end, N * motor_torque[:, None])
 
 # %%
 # Both equations are integrated by DOP853 of SciPy, each with the numbers of the scene in its own
@@ -95,12 +95,12 @@ def solve(J, B, weight, ratio, torque):
     return np.hstack([up, down[:, 1:]])[0]
 
 
-at_link = solve(r**2 * J_m + J_l, r**2 * B_m + B_l, M * g * L / 2, 1.0, r * pull)
-at_motor = solve(J_m + J_l / r**2, B_m + B_l / r**2, M * g * L / 2 / r, r, pull)
-misprinted = solve(r**2 * J_m + J_l, r * B_m + B_l, M * g * L / 2, 1.0, r * pull)
+at_link = solve(N**2 * J_m + J_l, N**2 * B_m + B_l, M * g * L / 2, 1.0, N * pull)
+at_motor = solve(J_m + J_l / N**2, B_m + B_l / N**2, M * g * L / 2 / N, N, pull)
+misprinted = solve(N**2 * J_m + J_l, N * B_m + B_l, M * g * L / 2, 1.0, N * pull)
 
 angle = run.q[:, 0]
-for name, solution in (("session 17", at_link), ("ME 6102", at_motor / r)):
+for name, solution in (("session 17", at_link), ("ME 6102", at_motor / N)):
     error = np.abs(angle - solution).max()
     print(f"largest difference to {name}, corrected: {error:.1e} rad")
     assert error <= 1e-8
@@ -114,7 +114,7 @@ assert wrong > 0.1
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
 axes[0].plot(run.time, angle, label="simulated")
-axes[0].plot(run.time, misprinted, "--", label=r"with $B = r B_m + B_l$, as printed")
+axes[0].plot(run.time, misprinted, "--", label=r"with $B = N B_m + B_l$, as printed")
 axes[0].axvline(until, color="0.7", lw=0.8)
 axes[0].set(xlabel="time [s]", ylabel="angle of the link [rad]", ylim=(-1.3, 2.6),
             title="Pulled up and released")  # fmt: skip
@@ -126,7 +126,7 @@ for inertia, label in ((J_m, "this rotor"), (J_m / 4, "one with a quarter of its
     best = np.sqrt(J_l / inertia)
     axes[1].plot(best, pull / (2 * np.sqrt(inertia * J_l)), "ko", ms=4)
 axes[1].plot([], [], "ko", ms=4, label="largest")
-axes[1].set(xlabel="gear ratio r", ylabel="acceleration [rad/s²]", ylim=(0, None),
+axes[1].set(xlabel="gear ratio N", ylabel="acceleration [rad/s²]", ylim=(0, None),
             title="First acceleration under 0.1 N m")  # fmt: skip
 axes[1].legend()
 
@@ -140,15 +140,15 @@ q = angle[first]
 rod = np.stack([np.zeros((len(q), 2)), L * np.column_stack([np.sin(q), -np.cos(q)])], axis=1)
 turn = np.linspace(0.0, 2 * np.pi, 61)
 rotor = np.array([-0.35, 0.0]) + 0.12 * np.column_stack([np.cos(turn), np.sin(turn)])
-mark = 0.12 * np.column_stack([np.sin(r * q), -np.cos(r * q)])
-hand = (
+mark = 0.12 * np.column_stack([np.sin(N * q), -np.cos(N * q)])
+pointer = (
     np.stack([-mark, mark], axis=1) + np.array([-0.35, 0.0]),
     {"marker": "", "color": "C2", "label": "rotor"},
 )
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     run.time[first],
-    [(rod, {"label": "link"}), rotor, hand],
+    [(rod, {"label": "link"}), rotor, pointer],
     trail=(rod[:, 1], {"label": "path of its end"}),
     speed=0.2,
     title="A link and the rotor",
@@ -159,7 +159,7 @@ plt.show()
 # Questions
 # ---------
 # 1. Which gear ratio accelerates the link most, for a given torque of the motor and without
-#    weight? *Hint:* differentiate :math:`r\,\tau_m / (r^2 J_m + J_l)`; at the optimum the rotor,
+#    weight? *Hint:* differentiate :math:`N \tau_m / (N^2 J_m + J_l)`; at the optimum the rotor,
 #    seen at the link, is as heavy as the link itself. The dots in the figure are there.
 # 2. With the same motor and twice the gear ratio, how long does the link swing after the motor
 #    is switched off? *Hint:* of the time constant :math:`2 J / B` both parts change.

@@ -15,7 +15,7 @@ with the bristles' deflection :math:`\chi`:
 
 .. math:: \sigma_0\,g(\dot\theta_m) = F_c + (F_s - F_c)\,e^{-(\dot\theta_m / v_s)^2}
 
-.. admonition:: Misprints
+.. admonition:: Errata
 
    * The notes put this :math:`\tau_f` into
      :math:`J_m \ddot\theta_m + B_m \dot\theta_m + \tau_f + \tau_l = \tau_m`. But

@@ -48,7 +48,7 @@ print((files("arm_sim") / "scenes/lectures/cart_pendulum.yaml").read_text())
 
 # %%
 # Falling, and an independent solution
-# ----------------------------------------
+# ------------------------------------
 # The equations above, solved by SciPy, and the simulator, which knows nothing but the robot
 # description.
 
@@ -129,6 +129,7 @@ left.set(xlabel="time [s]", title="Balanced from 0.5 rad", ylim=(-0.8, 0.6))
 left.set_ylabel("cart [m]", color="C0")
 other = left.twinx()
 other.grid(False)
+other.spines["right"].set_visible(True)
 other.set_ylabel("pendulum [rad]", color="C1")
 other.plot(run.time, run.q[:, 1], color="C1")
 other.set_ylim(-0.8, 0.6)

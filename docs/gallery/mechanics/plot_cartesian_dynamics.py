@@ -3,8 +3,8 @@ r"""
 Dynamics in Cartesian space
 ===========================
 
-*Introduction to Robotics* (session 17) writes the equation of motion for the hand instead of the
-joints. With :math:`\tau = J^T f` and :math:`\dot X = J \dot\theta`,
+*Introduction to Robotics* (session 17) writes the equation of motion for the end effector instead
+of the joints. With :math:`\tau = J^T f` and :math:`\dot X = J \dot\theta`,
 
 .. math::
 
@@ -22,7 +22,7 @@ and works it out for the :ref:`ideal 2R arm
     M_x = \begin{bmatrix} m_2 + m_1 / s_2^2 & 0 \\ 0 & m_2 \end{bmatrix}, \qquad
     G_x = \begin{bmatrix} m_1 g\, c_1 / s_2 + m_2 g\, s_{12} \\ m_2 g\, c_{12} \end{bmatrix} .
 
-.. admonition:: Misprints
+.. admonition:: Errata
 
     * :math:`(M_x)_{11}` is printed as :math:`m_2 + m_1 / s_2`. It has :math:`s_2^2`; as printed,
       the mass would be negative for :math:`\theta_2 < 0`.
@@ -40,7 +40,7 @@ and works it out for the :ref:`ideal 2R arm
 
 :Lectures: session 17, Cartesian space
 :Equations: 15
-:Shows: M, V and G of the hand, and a pull along the link
+:Shows: M, V and G of the end effector, and a pull along the link
 """
 
 from importlib.resources import files
@@ -64,7 +64,7 @@ m1, m2, l1, l2, g = 1.3, 0.7, 0.6, 0.4, 9.81
 
 
 def jacobian(q: np.ndarray) -> np.ndarray:
-    """Speeds of the hand along and across the second link, per joint speed."""
+    """Speeds of the end effector along and across the second link, per joint speed."""
     s2, c2 = np.sin(q[1]), np.cos(q[1])
     return np.array([[l1 * s2, 0.0], [l1 * c2 + l2, l2]])
 
@@ -88,9 +88,9 @@ def terms(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 # ``TaskSpace`` computes them for any arm; ``local`` are the axes of the frame.
 
 sim = Simulator("two_mass_arm", dt=5e-3, tolerance=1e-13)
-hand = TaskSpace(sim.dynamics, "tip", reference="local", selection=("x", "z"))
+space = TaskSpace(sim.dynamics, "tip", reference="local", selection=("x", "z"))
 q, v = np.array([0.4, -1.1]), np.array([-1.5, 2.0])
-computed = hand.terms(q, v)
+computed = space.terms(q, v)
 M_x, V_x, G_x = terms(q, v)
 for name, ours, theirs in (
     ("J", computed.jacobian, jacobian(q)), ("M_x", computed.inertia, M_x),
@@ -105,22 +105,22 @@ assert abs(printed - computed.inertia[0, 0]) > 1.0
 # %%
 # The run and an independent solution
 # -----------------------------------
-# A constant force pulls the hand back along the second link, the weight being carried,
-# :math:`f = G_x - (2\,\mathrm{N}, 0)`. The simulator gets it as joint torques
-# :math:`\tau = J^T f`, held for a step of 5 ms. The reference integrates the equation in Cartesian
-# space: its state is the angles, and the velocity :math:`w` of the hand in the axes of the link.
+# A constant force pulls the end effector back along the second link, the weight being carried,
+# :math:`f = G_x - (2\,\mathrm{N}, 0)`. The simulator gets it as joint torques :math:`\tau = J^T
+# f`, held for a step of 5 ms. The reference integrates the equation in Cartesian space: its state
+# is the angles, and the velocity :math:`w` of the end effector in the axes of the link.
 
 PULL = np.array([-2.0, 0.0])  # [N]
 
 
 def pulled(state) -> np.ndarray:
-    """Joint torques that carry the arm and pull the hand."""
+    """Joint torques that carry the arm and pull the end effector."""
     q = np.asarray(state.q)
     return jacobian(q).T @ (terms(q, np.zeros(2))[2] + PULL)
 
 
 def rates(time: float, x: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Rates of the angles, and of the components of the hand's velocity."""
+    """Rates of the angles, and of the components of the end effector's velocity."""
     J = jacobian(x[:2])
     v = np.linalg.solve(J, x[2:])
     M, V, G = terms(x[:2], v)
@@ -141,21 +141,21 @@ print(f"the elbow stays between {elbow_angle.min():.2f} and {elbow_angle.max():.
 # %%
 # In a figure
 # -----------
-# Along the second link the hand feels both masses, the first one through a lever that locks as the
-# arm straightens; across the link it feels the load alone.
+# Along the second link the end effector feels both masses, the first one through a lever that
+# locks as the arm straightens; across the link it feels the load alone.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 bend = np.linspace(0.15, np.pi - 0.15, 200)
 left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend) ** 2, label="along the link")
 left.semilogy(np.degrees(bend), m2 + 0 * bend, label="across the link")
 left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend), "C2--", label="along, as printed")
-left.set(xlabel="elbow [°]", ylabel="mass at the hand [kg]", title="Mass $M_x$ by posture")
+left.set(xlabel="elbow [°]", ylabel="mass at the end effector [kg]", title="Mass $M_x$ by posture")
 left.legend(loc="upper center")
 along, across = np.transpose([jacobian(a) @ b for a, b in zip(run.q, run.v, strict=True)])
 right.plot(run.time, along, label="along the link")
 right.plot(run.time, across, label="across the link")
 right.set(
-    xlabel="time [s]", ylabel="speed of the hand [m/s]", title="Pulled along the link by 2 N"
+    xlabel="time [s]", ylabel="end-effector speed [m/s]", title="Pulled along the link by 2 N"
 )
 right.legend()
 
@@ -177,7 +177,7 @@ motion = animation(
         (np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"}),
         (arrow, {"color": "C3", "marker": "", "linewidth": 2.0, "label": "force"}),
     ],
-    trail=(tip, {"label": "path of the hand"}),
+    trail=(tip, {"label": "path of the end effector"}),
     speed=0.5,
 )
 plt.show()
@@ -187,5 +187,5 @@ plt.show()
 # ---------
 # 1. Which joint torques does a force along the second link need when the arm is stretched? *Hint:*
 #    look at :math:`J^T` for :math:`s_2 = 0`, and at the mass along the link.
-# 2. Is :math:`\ddot X` of the equation the acceleration of the hand? *Hint:* compare it with
-#    :math:`J\ddot\theta + \dot J\dot\theta` in axes that do not turn.
+# 2. Is :math:`\ddot X` of the equation the acceleration of the end effector? *Hint:* compare it
+#    with :math:`J\ddot\theta + \dot J\dot\theta` in axes that do not turn.

@@ -22,7 +22,7 @@ Runge–Kutta method takes four slopes a step, of the state :math:`x = (q, \dot 
 
 Its error falls with :math:`\Delta t^4`, that of Euler's with :math:`\Delta t`.
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
     Explicit Euler is said to be "unstable for large time steps". Where nothing damps the motion,
     it is unstable for *every* step: a small swing of frequency :math:`\omega` is multiplied by

@@ -4,14 +4,14 @@ A grasp held by friction
 ========================
 
 Two fingers press on the sides of a box of mass :math:`m` with a force :math:`F` each. Friction
-bears at most :math:`\mu F` at each finger, so the hand lifts the box with an acceleration
+bears at most :math:`\mu F` at each finger, so the gripper lifts the box with an acceleration
 :math:`a` if
 
 .. math::
 
     F \ge F_{\min} = \frac{m (g + a)}{2 \mu} .
 
-With less, the box slides down in the hand by
+With less, the box slides down in the gripper by
 
 .. math::
 
@@ -34,8 +34,8 @@ use_style()
 # %%
 # The scene
 # ---------
-# The fingertips are balls, the sides of the box planes that move with it. The motors of the ready
-# scene ``lifting_gripper`` are left out: commands are forces.
+# The fingertips are balls, the sides of the box planes that move with it. The motors of the scene
+# ``lifting_gripper`` are left out: commands are forces.
 
 ready = load_scene("lifting_gripper").model_dump(exclude_unset=True)
 sim = Simulator(ready | {"joints": {}})
@@ -48,8 +48,8 @@ closed[[lift, box]] = 0.15  # above the ground
 # %%
 # The run and its closed form
 # ---------------------------
-# The hand stays where it is, or lifts with 2 m/s², for 0.15 s with several forces of the fingers.
-# The box stays in the hand to rounding, or slides by the formula.
+# The gripper stays where it is, or lifts with 2 m/s², for 0.15 s with several forces of the
+# fingers. The box stays in the gripper to rounding, or slides by the formula.
 
 
 def grasp(force: float, a: float, duration: float = 0.15):
@@ -89,12 +89,12 @@ for a in least:
 for a in least:
     slips.plot(forces[a], 1e3 * np.array(slides[a]), "k.", label="" if a else "simulated")
 slips.set(xlabel="force of a finger [N]", ylabel="sliding after 0.15 s [mm]",
-          title="Sliding in the hand")  # fmt: skip
+          title="Sliding in the gripper")  # fmt: skip
 slips.legend()
 for share in (0.9, 1.1):
     run = grasp(share * least[a], a)
     falls.plot(run.time, 1e3 * run.q[:, box], label=f"box, {share:g} $F_{{\\min}}$")
-falls.plot(run.time, 1e3 * run.q[:, lift], "k:", label="hand")
+falls.plot(run.time, 1e3 * run.q[:, lift], "k:", label="gripper")
 falls.set(xlabel="time [s]", ylabel="height [mm]", title="Lifted with 2 m/s²")
 falls.legend()
 
@@ -114,12 +114,12 @@ def moved(points: list, by: np.ndarray) -> np.ndarray:
 
 side = 0.02
 square = [[-side, -side], [side, -side], [side, side], [-side, side], [-side, -side]]
-hand = [[-0.025, 0.0], [-0.025, 0.06], [0.025, 0.06], [0.025, 0.0]]
+gripper = [[-0.025, 0.0], [-0.025, 0.06], [0.025, 0.06], [0.025, 0.0]]
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     run.time,
     [(moved(square, height), {"marker": "", "color": "C1", "label": "box"}),
-     (moved(hand, up), {"label": "hand"})],
+     (moved(gripper, up), {"label": "gripper"})],
     speed=0.1, axes="yz",
 )  # fmt: skip
 plt.show()
@@ -129,5 +129,5 @@ plt.show()
 # ---------
 # 1. By which factor does the smallest force grow if the fingers press on the edges of a wedge with
 #    an opening angle of 20°? *Hint:* the normal force has a component along gravity, too.
-# 2. Why does a hand squeeze a cup of unknown weight until it no longer slides, and not more?
+# 2. Why does a gripper squeeze a cup of unknown weight until it no longer slides, and not more?
 #    *Hint:* :math:`F_{\min}` is proportional to the mass.

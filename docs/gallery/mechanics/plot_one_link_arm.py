@@ -9,14 +9,14 @@ about its centre of mass, and that centre at a distance :math:`l` from the joint
 
 .. math::
 
-    K = \tfrac12 I \dot\theta^2 = \tfrac12 (I_C + m l^2)\, \dot\theta^2, \qquad
+    T = \tfrac12 I \dot\theta^2 = \tfrac12 (I_C + m l^2)\, \dot\theta^2, \qquad
     V = -m g \cos\theta,
 
 .. math::
 
     Q = I \ddot\theta + c \dot\theta + m g l \sin\theta .
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
     The potential energy lacks the length, and the Lagrangian with it:
     :math:`V = -m g l \cos\theta`. Only this gives the equation of motion that follows, which is
@@ -71,15 +71,15 @@ print(f"largest difference: {error:.1e} rad")
 assert error <= 1e-8
 
 # %%
-# The energy decides about the misprint. With the corrected potential energy the sum of the
+# The energy decides about the erratum. With the corrected potential energy the sum of the
 # energies grows by exactly what the motor puts in, :math:`Q\theta`, less the heat of the friction,
 # :math:`\int c\dot\theta^2 dt`; with the printed one it does not.
 
 angle, speed = run.q[:, 0], run.v[:, 0]
-K = 0.5 * I * speed**2
+T = 0.5 * I * speed**2
 put_in = Q * angle - run.lost
 left_over = {
-    name: np.abs(K + V - (K + V)[0] - put_in).max()
+    name: np.abs(T + V - (T + V)[0] - put_in).max()
     for name, V in (("corrected", -m * g * l * np.cos(angle)), ("printed", -m * g * np.cos(angle)))
 }
 print({name: f"{value:.1e} J" for name, value in left_over.items()})
@@ -98,7 +98,7 @@ left.legend()
 left.set(xlabel="time [s]", ylabel="angle [°]", title="Lifted by 3 N m")
 right.plot(run.time, Q * angle, label="work of the motor")
 right.plot(run.time, run.lost, label="heat of the friction")
-right.plot(run.time, K - m * g * l * (np.cos(angle) - 1.0), label="energy of the arm")
+right.plot(run.time, T - m * g * l * (np.cos(angle) - 1.0), label="energy of the arm")
 right.set(xlabel="time [s]", ylabel="energy [J]", title="Where the energy goes")
 right.legend()
 

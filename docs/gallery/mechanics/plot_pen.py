@@ -16,7 +16,7 @@ height :math:`z` of the pen, and
 :math:`A^T\lambda` is the force against the constraint, as joint torques: :math:`\lambda` is the
 force on the sheet, upwards positive. Inverse dynamics computes :math:`\tau` from a wanted
 :math:`\ddot q` and a wanted :math:`\lambda`, so a motion along the sheet and a pressure onto it
-can be chosen together. For a force :math:`f_d` of the hand,
+can be chosen together. For a force :math:`f_d` of the end effector,
 :math:`\lambda = (J^{-T} A^T)^\dagger f_d`.
 
 :Lectures: CTU, "Writing with a pen (constant height)"

@@ -11,7 +11,7 @@ With the angle :math:`\theta` from the hanging position, the kinetic and potenti
 
 .. math::
 
-    K = \tfrac12 m l^2 \dot\theta^2, \qquad V = -m g l \cos\theta,
+    T = \tfrac12 m l^2 \dot\theta^2, \qquad V = -m g l \cos\theta,
 
 and Lagrange's equation :math:`\frac{d}{dt}\frac{\partial L}{\partial\dot\theta} -
 \frac{\partial L}{\partial\theta} = 0` gives
@@ -26,9 +26,10 @@ with the modulus :math:`k = \sin(\theta_0/2)` (Whittaker, *Analytical Dynamics*,
 .. math::
 
     \sin\frac{\theta}{2} = k \, \mathrm{cd}(\omega_0 t \mid k^2), \qquad
-    T = \frac{4}{\omega_0} K(k^2),
+    \tau = \frac{4}{\omega_0} K(k^2),
 
-so the period grows with the amplitude; :math:`2\pi/\omega_0` holds for small swings only.
+so the period :math:`\tau` grows with the amplitude; :math:`2\pi/\omega_0` holds for small swings
+only.
 
 :Lectures: textbooks, Whittaker, *Analytical Dynamics*, section 44
 :Equations: 1; 10

@@ -16,7 +16,7 @@ equations, with the coordinates :math:`q = (q_1, q_2, q_3)`, the third upwards:
     = m \begin{bmatrix} \ddot q_1 \\ \ddot q_2 \\ \ddot q_3 \end{bmatrix}
     - \begin{bmatrix} 0 \\ 0 \\ m g \end{bmatrix} = 0 .
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
     The sign of gravity. Since :math:`\partial L/\partial q_3 = -mg` is subtracted, the weight is
     added: :math:`m \ddot q + (0, 0, mg)^T = 0`. As printed, the mass would fall upwards.

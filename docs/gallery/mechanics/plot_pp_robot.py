@@ -5,13 +5,13 @@ PP robot
 
 Two sliding joints at right angles in a vertical plane, as in a plotter: the simplest robot, whose
 joints do not feel each other's motion. *Dynamics of open chain* (CTU) simulates it and leaves the
-equations to the reader. With the carriage :math:`m_1`, the hand :math:`m_2`, and :math:`q_2`
-upwards,
+equations to the reader. With the carriage :math:`m_1`, the end effector :math:`m_2`, and
+:math:`q_2` upwards,
 
 .. math::
 
-    \mathcal K = \tfrac12 (m_1 + m_2) \dot q_1^2 + \tfrac12 m_2 \dot q_2^2, \qquad
-    \mathcal P = m_2 g q_2,
+    T = \tfrac12 (m_1 + m_2) \dot q_1^2 + \tfrac12 m_2 \dot q_2^2, \qquad
+    V = m_2 g q_2,
 
 .. math::
 
@@ -56,9 +56,9 @@ assert np.abs(dyn.coriolis_matrix([0.2, 0.1], [1.0, -2.0])).max() <= 1e-12
 # %%
 # The run and the closed form
 # ---------------------------
-# The hand is to draw a circle of radius :math:`r`. Inverse dynamics of the circle gives the
-# forces, which are sinusoids of time. A computer holds each of them for a time step :math:`h`, so
-# in each step the acceleration is constant, and the exact solution is a sum over steps.
+# The end effector is to draw a circle of radius :math:`r`. Inverse dynamics of the circle gives
+# the forces, which are sinusoids of time. A computer holds each of them for a time step :math:`h`,
+# so in each step the acceleration is constant, and the exact solution is a sum over steps.
 
 r, turn, h = 0.3, 2.0 * np.pi, sim.dt
 ticks = h * np.arange(1000)
@@ -94,10 +94,10 @@ print(f"off the circle by {1e3 * off:.2f} mm at most")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
 left.plot(*run.q.T)
-left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the hand")
+left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the end effector")
 right.plot(ticks, forces[:, 0], label=r"$\tau_1$, across")
 right.plot(ticks, forces[:, 1], label=r"$\tau_2$, up")
-right.axhline(m2 * g, color="0.5", linestyle=":", label="weight of the hand")
+right.axhline(m2 * g, color="0.5", linestyle=":", label="weight of the end effector")
 right.set(xlabel="time [s]", ylabel="force [N]", title="Forces of the drives")
 right.legend()
 
@@ -111,15 +111,15 @@ rail = np.array([[-0.45, -0.45], [0.45, -0.45]])
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     run.time,
-    [(rail, {"label": "rail"}), (across, {"label": "carriage and hand"})],
-    trail=(run.q, {"label": "path of the hand"}),
+    [(rail, {"label": "rail"}), (across, {"label": "carriage and end effector"})],
+    trail=(run.q, {"label": "path of the end effector"}),
 )
 plt.show()
 
 # %%
 # Questions
 # ---------
-# 1. How fast may the hand go round if each drive has 100 N? *Hint:* the amplitudes of the forces
-#    grow with the square of the speed; only one of the drives carries a weight.
+# 1. How fast may the end effector go round if each drive has 100 N? *Hint:* the amplitudes of the
+#    forces grow with the square of the speed; only one of the drives carries a weight.
 # 2. Advance the forces by half a step, ``ticks + h / 2``. How much closer to the circle does the
-#    hand stay, and why? *Hint:* print ``off`` for both.
+#    end effector stay, and why? *Hint:* print ``off`` for both.

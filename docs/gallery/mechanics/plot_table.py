@@ -4,24 +4,24 @@ Pushing a table with a given force
 ==================================
 
 "How much pushing against the table with :math:`f_d`" is a task of inverse dynamics in *Dynamics of
-open chain* (CTU): in the space of the hand :math:`J^T f = A^T \lambda`, so an arm at rest pushes
-with :math:`f_d` if its torques are
+open chain* (CTU): in the space of the end effector :math:`J^T f = A^T \lambda`, so an arm at rest
+pushes with :math:`f_d` if its torques are
 
 .. math::
 
     \tau = G(q) + J^T f_d .
 
-A real table is not quite the constraint of the notes. It pushes back and never pulls, so the hand
-can leave it, and it holds the hand sideways only as far as friction goes:
+A real table is not quite the constraint of the notes. It pushes back and never pulls, so the end
+effector can leave it, and it holds the end effector sideways only as far as friction goes:
 
 .. math::
 
     0 \le \text{gap} \perp N \ge 0, \qquad |F| \le \mu N, \quad
-    F = -\mu N \operatorname{sgn} \dot x \text{ while the hand slides.}
+    F = -\mu N \operatorname{sgn} \dot x \text{ while the end effector slides.}
 
 :Lectures: CTU, "How much pushing against the table"
 :Equations: 19
-:Shows: a hand that pushes, slides and lifts off
+:Shows: an end effector that pushes, slides and lifts off
 """
 
 from importlib.resources import files
@@ -38,8 +38,8 @@ use_style()
 # %%
 # The scene
 # ---------
-# The hand of the :ref:`ideal 2R arm <sphx_glr_generated_gallery_mechanics_plot_two_mass_arm.py>`
-# begins at rest on the table.
+# The end effector of the :ref:`ideal 2R arm
+# <sphx_glr_generated_gallery_mechanics_plot_two_mass_arm.py>` begins at rest on the table.
 
 print((files("arm_sim") / "scenes/lectures/table_arm.yaml").read_text())
 m1, m2, l1, l2, g, mu = 1.3, 0.7, 0.6, 0.4, 9.81, 0.4
@@ -47,8 +47,8 @@ m1, m2, l1, l2, g, mu = 1.3, 0.7, 0.6, 0.4, 9.81, 0.4
 # %%
 # The run
 # -------
-# Three phases: the hand pushes straight down with 20 N; then also sideways with 12 N, which is
-# more than the friction of 8 N; then it is lifted with 5 N.
+# Three phases: the end effector pushes straight down with 20 N; then also sideways with 12 N,
+# which is more than the friction of 8 N; then it is lifted with 5 N.
 
 PHASES = ((0.2, (0.0, -20.0)), (0.6, (12.0, -20.0)), (0.8, (0.0, 5.0)))  # until [s], f_d [N]
 
@@ -87,13 +87,13 @@ assert np.ptp(run.q[at_rest], axis=0).max() == 0.0  # to the bit
 # %%
 # The independent solution
 # ------------------------
-# At rest nothing moves. While the hand slides the table exerts
+# At rest nothing moves. While the end effector slides the table exerts
 # :math:`J^T (-\mu N, N)` with the :math:`N` for which the tip keeps its height, a linear equation;
 # afterwards it exerts nothing. Each torque is that of the run, held for a time step.
 
 
 def normal_force(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> float:
-    """N of a hand that slides in the direction of x."""
+    """N of an end effector that slides in the direction of x."""
     M, h, _, J, rate = terms(q, v)
     free = J[1] @ np.linalg.solve(M, tau - h) + rate[1]
     return float(-free / (J[1] @ np.linalg.solve(M, J.T @ [-mu, 1.0])))
@@ -126,8 +126,8 @@ assert np.abs(sideways + mu * normal)[sliding].max() <= 1e-8
 # %%
 # In a figure
 # -----------
-# At rest the hand pushes with the commanded force. Once it slides it does not: the arm has a mass,
-# and :math:`J^T f_d` does not know the acceleration.
+# At rest the end effector pushes with the commanded force. Once it slides it does not: the arm has
+# a mass, and :math:`J^T f_d` does not know the acceleration.
 
 elbow = l1 * np.stack([np.cos(run.q[:, 0]), np.sin(run.q[:, 0])], axis=1)
 both = run.q.sum(axis=1)
@@ -139,13 +139,13 @@ left.axhline(20.0, color="0.5", linestyle=":", label="commanded")
 left.set(xlabel="time [s]", ylabel="force on the table [N]", title="Push, slide, lift")
 left.legend()
 right.plot(run.time, 1e3 * (tip - tip[0]), label=["along", "above"])
-right.set(xlabel="time [s]", ylabel="hand [mm]", title="Motion of the hand")
+right.set(xlabel="time [s]", ylabel="end effector [mm]", title="Motion of the end effector")
 right.legend()
 
 # %%
 # In motion
 # ---------
-# The pink line is the force of the table on the hand, 100 N to the metre.
+# The pink line is the force of the table on the end effector, 100 N to the metre.
 
 table = np.array([[0.2, 0.1], [1.1, 0.1]])
 force = np.stack([tip, tip + 0.01 * np.stack([sideways, normal], axis=1)], axis=1)
@@ -164,7 +164,8 @@ plt.show()
 # %%
 # Questions
 # ---------
-# 1. With which torques would the hand press with 20 N while it slides, too? *Hint:* see how the
-#    :ref:`pen <sphx_glr_generated_gallery_mechanics_plot_pen.py>` does it, and add the friction.
+# 1. With which torques would the end effector press with 20 N while it slides, too? *Hint:* see
+#    how the :ref:`pen <sphx_glr_generated_gallery_mechanics_plot_pen.py>` does it, and add the
+#    friction.
 # 2. At rest the table may answer sideways with any force up to 8 N, so the equations do not say
 #    with which. What decides? *Hint:* push sideways with 5 N in the first phase.

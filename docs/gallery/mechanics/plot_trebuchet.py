@@ -20,7 +20,7 @@ and the energies
 
 .. math::
 
-    K &= \tfrac12 m_1 \left((b^2 + c^2)\, \dot\theta^2 + c^2 \dot\gamma^2
+    T &= \tfrac12 m_1 \left((b^2 + c^2)\, \dot\theta^2 + c^2 \dot\gamma^2
         + 2 c^2 \dot\theta \dot\gamma \right)
         - m_1 b c\, \dot\theta (\dot\theta + \dot\gamma) \cos\gamma \\
       &+ \tfrac12 m_2 \left((a^2 + l^2)\, \dot\theta^2 + l^2 \dot\alpha^2
@@ -28,12 +28,12 @@ and the energies
         - m_2 a l\, \dot\theta (\dot\theta - \dot\alpha) \cos\alpha, \\
     V &= m_1 g\, y_1 + m_2 g\, y_2 .
 
-.. admonition:: Misprints
+.. admonition:: Errata
 
     * :math:`y_2 = -a\cos\theta - \dots` would put both ends of the beam on the same side of the
       pivot: the beam would have to be bent. Correct is :math:`+a\cos\theta`. The sign goes on
       into :math:`\dot y_2`, whose first term is :math:`-a\dot\theta\sin\theta`, into :math:`V`,
-      and into :math:`K`, where :math:`\cos(2\theta - \alpha)` becomes :math:`\cos\alpha`.
+      and into :math:`T`, where :math:`\cos(2\theta - \alpha)` becomes :math:`\cos\alpha`.
     * :math:`\dot y_1` ends with :math:`\sin(\theta + \gamma)`, not :math:`\cos(\theta + \gamma)`.
     * :math:`\dot x_2 = l\,(c - \dot\alpha) \cos(\alpha - \theta) - \dots` has a length :math:`c`
       where :math:`\dot\theta` belongs.
@@ -63,7 +63,7 @@ use_style()
 # ---------
 # In the simulator the stone is a free body, and the sling a constraint that keeps its distance
 # from the end of the beam. It can be switched off. The beam has a moment of inertia, :math:`J`,
-# which adds :math:`\tfrac12 J \dot\theta^2` to :math:`K`: without the stone, a weightless beam in
+# which adds :math:`\tfrac12 J \dot\theta^2` to :math:`T`: without the stone, a weightless beam in
 # line with the rod of the weight would have no inertia at all, and no definite acceleration.
 
 print((files("arm_sim") / "scenes/lectures/trebuchet.yaml").read_text())
@@ -157,7 +157,7 @@ print(f"in flight: {error:.1e} m")
 assert error <= 1e-8
 
 # %%
-# The kinetic energy of the run decides about the misprints in :math:`K` and :math:`\dot y_1`.
+# The kinetic energy of the run decides about the errata in :math:`T` and :math:`\dot y_1`.
 
 of_beam = 0.5 * J * d_theta**2
 of_weight = b**2 * d_theta**2 + c**2 * (d_theta + d_gamma) ** 2
@@ -172,9 +172,9 @@ dy1 = [
     b * d_theta * np.sin(theta) - c * (d_theta + d_gamma) * of_sum(theta + gamma)
     for of_sum in (np.sin, np.cos)
 ]
-off = [np.abs(K - throw.kinetic).max() for K in (corrected, printed)]
+off = [np.abs(T - throw.kinetic).max() for T in (corrected, printed)]
 off += [np.abs(0.5 * m1 * (dx1**2 + each**2) - of_weight).max() for each in dy1]
-print("off in K:   corrected {:.1e} J, printed {:.1e} J".format(*off[:2]))
+print("off in T:   corrected {:.1e} J, printed {:.1e} J".format(*off[:2]))
 print("off in dy1: corrected {:.1e} J, printed {:.1e} J".format(*off[2:]))
 assert max(off[0], off[2]) <= 1e-8 and min(off[1], off[3]) > 1.0
 

@@ -24,13 +24,13 @@ derives it from the Jacobians of the two centres,
 
     V = (m_1 l_{c1} + m_2 l_1)\, g \sin q_1 + m_2 l_{c2}\, g \sin(q_1 + q_2) .
 
-.. admonition:: Misprints
+.. admonition:: Errata
 
     * :math:`\partial V/\partial q_2 = m_2 l_{c2} \cos(q_1 + q_2)` lacks the :math:`g`.
     * The translational kinetic energy is :math:`\tfrac12 \dot q^T \{\dots\}\, \dot q`; the first
       factor is printed without its transpose.
 
-The arm reaches each point with two hands, so to speak: with the elbow up, or with the elbow down.
+The arm reaches each point in two postures: with the elbow up, and with the elbow down.
 
 :Lectures: ME 6102, two-link arm from the Jacobians of its centres
 :Equations: 1; 4; 5
@@ -60,34 +60,34 @@ lc1, lc2, I1, I2 = l1 / 2, l2 / 2, m1 * l1**2 / 12, m2 * l2**2 / 12
 b = np.array([0.4, 0.2])  # [N m s/rad]
 
 # %%
-# Both hands
-# ----------
+# Both postures
+# -------------
 # The law of cosines gives the angle of the elbow up to its sign, and with it the shoulder.
 
 
 def angles(x: float, z: float, elbow: float) -> np.ndarray:
-    """Joint angles that put the hand at (x, z); ``elbow`` is +1 with the elbow down, else -1."""
+    """Joint angles for the end effector at (x, z); ``elbow`` is +1 for elbow down, else -1."""
     q2 = elbow * np.arccos((x**2 + z**2 - l1**2 - l2**2) / (2 * l1 * l2))
     return np.array([np.arctan2(z, x) - np.arctan2(l2 * np.sin(q2), l1 + l2 * np.cos(q2)), q2])
 
 
 def points(q: np.ndarray) -> np.ndarray:
-    """Shoulder, elbow and hand for positions of shape (k, 2)."""
+    """Shoulder, elbow and end effector for positions of shape (k, 2)."""
     elbow = l1 * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=1)
     both = q.sum(axis=1)
-    hand = elbow + l2 * np.stack([np.cos(both), np.sin(both)], axis=1)
-    return np.stack([0.0 * elbow, elbow, hand], axis=1)
+    tip = elbow + l2 * np.stack([np.cos(both), np.sin(both)], axis=1)
+    return np.stack([0.0 * elbow, elbow, tip], axis=1)
 
 
 down, up = angles(0.6, 0.2, +1.0), angles(0.6, 0.2, -1.0)
-hands = points(np.array([down, up]))[:, 2]
-print("elbow down:", down, " elbow up:", up, " hands at", *hands)
-assert np.abs(hands - [0.6, 0.2]).max() <= 1e-12
+tips = points(np.array([down, up]))[:, 2]
+print("elbow down:", down, " elbow up:", up, " end effector at", *tips)
+assert np.abs(tips - [0.6, 0.2]).max() <= 1e-12
 
 # %%
 # The runs and an independent solution
 # ------------------------------------
-# Both arms are released from the same position of the hand.
+# Both arms are released from the same position of the end effector.
 
 
 def weight(q: np.ndarray, g_2: float = g) -> np.ndarray:
@@ -124,8 +124,8 @@ for name, q0 in (("elbow down", down), ("elbow up", up)):
 # %%
 # In a figure
 # -----------
-# The hand moves along a level line, slowly. With the elbow up or down the drives have to carry
-# different moments, although the load is the same.
+# The end effector moves along a level line, slowly. With the elbow up or down the drives have to
+# carry different moments, although the load is the same.
 
 xs = np.linspace(0.25, 0.85, 121)
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.0))
@@ -138,11 +138,11 @@ for name, sign, color in (("elbow down", 1.0, "C0"), ("elbow up", -1.0, "C1")):
     right.plot(xs, torques[:, 1], "--", color=color)
 for line, name in (("-", "shoulder"), ("--", "elbow")):
     right.plot([], [], line, color="0.5", label=name)
-left.axhline(0.2, color="0.6", linestyle=":", label="path of the hand")
+left.axhline(0.2, color="0.6", linestyle=":", label="path of the end effector")
 left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Two postures", ylim=(-0.25, 0.85))
 left.legend(loc="upper left")
 right.set(
-    xlabel="x of the hand [m]", ylabel="torque [N m]", title="To hold the arm", ylim=(-3, 20)
+    xlabel="x of end effector [m]", ylabel="torque [N m]", title="To hold the arm", ylim=(-3, 20)
 )
 right.legend(loc="upper left")
 
@@ -165,8 +165,8 @@ plt.show()
 # %%
 # Questions
 # ---------
-# 1. Why does the shoulder carry so much less with the elbow up, when the hand is near the base?
-#    *Hint:* how far from the shoulder, along x, are the two centres of mass?
+# 1. Why does the shoulder carry so much less with the elbow up, when the end effector is near the
+#    base? *Hint:* how far from the shoulder, along x, are the two centres of mass?
 # 2. At :math:`x^2 + z^2 = (l_1 + l_2)^2` both postures meet. What happens to the speed of the
-#    joints if the hand moves through this point? *Hint:* the determinant of the Jacobian is
-#    :math:`l_1 l_2 \sin q_2`.
+#    joints if the end effector moves through this point? *Hint:* the determinant of the Jacobian
+#    is :math:`l_1 l_2 \sin q_2`.

@@ -21,7 +21,7 @@ link from the first,
 
 All three sets of notes have these equations right.
 
-.. admonition:: Misprint
+.. admonition:: Erratum
 
     Applied Dynamics calls the position of the first mass :math:`(X_1, Y_2)`; it is
     :math:`(X_1, Y_1)`.
@@ -128,7 +128,7 @@ tip = elbow + l2 * np.stack([np.cos(both), np.sin(both)], axis=1)
 motion = animation(
     run.time,
     [(np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"})],
-    trail=(tip, {"label": "path of the hand"}),
+    trail=(tip, {"label": "path of the end effector"}),
 )
 plt.show()
 

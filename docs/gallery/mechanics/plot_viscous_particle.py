@@ -8,7 +8,7 @@ session 17, derives Lagrange's equation from it,
 
 .. math::
 
-    m \ddot y = f - m g, \qquad K = \tfrac12 m \dot y^2, \qquad P = m g y, \qquad
+    m \ddot y = f - m g, \qquad T = \tfrac12 m \dot y^2, \qquad V = m g y, \qquad
     \frac{d}{dt}\frac{\partial L}{\partial\dot y} - \frac{\partial L}{\partial y} = f,
 
 and gives viscous friction as :math:`\tau_f = v \dot\theta`; the particle "moving vertically in
@@ -24,9 +24,9 @@ Friction is not conservative, so it stands on the right of Lagrange's equation, 
 
 .. math::
 
-    \dot y = -v_\infty \left(1 - e^{-t/T}\right), \qquad
-    y = -v_\infty \left(t - T\,(1 - e^{-t/T})\right), \qquad
-    v_\infty = \frac{m g}{b}, \quad T = \frac{m}{b} .
+    \dot y = -v_\infty \left(1 - e^{-t/t_c}\right), \qquad
+    y = -v_\infty \left(t - t_c\,(1 - e^{-t/t_c})\right), \qquad
+    v_\infty = \frac{m g}{b}, \quad t_c = \frac{m}{b} .
 
 :Lectures: session 17, a particle that moves vertically; CTU, a particle "moving vertically in
     gravitation field"
@@ -58,9 +58,9 @@ sim = Simulator("viscous_particle", dt=0.01, tolerance=1e-12)
 run = sim.run(2.0)
 
 m, b, g = 0.2, 0.4905, 9.81
-top, T = m * g / b, m / b  # [m/s], [s]
-fall = 1.0 - np.exp(-run.time / T)
-exact = -top * (run.time - T * fall)
+top, t_c = m * g / b, m / b  # [m/s], [s]
+fall = 1.0 - np.exp(-run.time / t_c)
+exact = -top * (run.time - t_c * fall)
 
 error = np.abs(run.q[:, 0] - exact).max()
 print(f"largest difference: {error:.1e} m, in speed {np.abs(run.v[:, 0] + top * fall).max():.1e}")

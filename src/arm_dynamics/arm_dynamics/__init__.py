@@ -19,10 +19,11 @@ from arm_dynamics.exceptions import (
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
-    from arm_dynamics.dynamics.dynamics import Dynamics, Term
+    from arm_dynamics.dynamics.dynamics import Dynamics
     from arm_dynamics.model.arm import ArmModel
     from arm_dynamics.scene.load import load_scene
     from arm_dynamics.scene.schema import Scene
+    from arm_dynamics.terms.table import Term
 
 __version__ = "0.1.0"
 __all__ = [

@@ -8,6 +8,7 @@ built for another dt, without a word.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import signature
@@ -47,6 +48,13 @@ def sealed[C](cls: type[C]) -> type[C]:
     target.__init__, target.__setattr__ = initialize, _refuse_once_sealed
     target._sealed, target._parts = False, getattr(cls, "_parts", ())
     return cls
+
+
+def with_values[T](original: T, **values: object) -> T:
+    """Copy of a sealed object in which some attributes have other values."""
+    other = copy(original)
+    vars(other).update(values)
+    return other
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))

@@ -36,10 +36,7 @@ def test_the_dynamics_node_answers(context: Context, pendulum: Any) -> None:
     try:
         client = node.create_client(ModelInfo, "~/model_info")
         future = client.call_async(ModelInfo.Request())
-        for _ in range(200):
-            if future.done():
-                break
-            executor.spin_once(timeout_sec=0.05)
+        executor.spin_until_future_complete(future, timeout_sec=10.0)
         answer = future.result()
         assert answer.success
         assert list(answer.joint_names) == ["swing"]

@@ -68,16 +68,16 @@ def figure(
     path = name if isinstance(name, Path) else folder / f"{name}.png"
     with mpl.rc_context(STYLE):
         size = size or (WIDTH if columns > 1 else 5.2, 2.5 * rows + 0.4)
-        made = Figure(figsize=size, layout="constrained")
-        yield made.subplots(rows, columns, **axes)
-        for axis in made.axes:
+        fig = Figure(figsize=size, layout="constrained")
+        yield fig.subplots(rows, columns, **axes)
+        for axis in fig.axes:
             axis.set_visible(axis.has_data())
-        if not made.legends and not any(axis.get_legend() for axis in made.axes):
-            legend_outside(made)
-        made.align_ylabels()
+        if not fig.legends and not any(axis.get_legend() for axis in fig.axes):
+            legend_outside(fig)
+        fig.align_ylabels()
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            made.savefig(path)
+            fig.savefig(path)
         except ValueError as error:
             raise InvalidInput(f"'{path}': {error}") from None
     if path is not name:
@@ -97,14 +97,14 @@ def legend_outside(figure: Any, below: bool = False) -> None:
     It is above or below the axes, in as many columns as have room. Matplotlib itself makes room
     for it (``loc="outside …"``) from 3.7 on; Ubuntu 24.04 has 3.6.
     """
-    found: dict[str, Any] = {}
+    line_of: dict[str, Any] = {}
     for axis in (axis for axis in figure.axes if not axis.get_legend()):
         for line, label in zip(*axis.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, line)
-    for rows in range(1, len(found) + 1):
-        columns = -(-len(found) // rows)
+            line_of.setdefault(label, line)
+    for rows in range(1, len(line_of) + 1):
+        columns = -(-len(line_of) // rows)
         legend = figure.legend(
-            found.values(), found, loc=f"{'lower' if below else 'upper'} center", ncol=columns,
+            line_of.values(), line_of, loc=f"{'lower' if below else 'upper'} center", ncol=columns,
             columnspacing=1.3, borderaxespad=0.2,
         )  # fmt: skip
         box = legend.get_window_extent()
@@ -180,38 +180,38 @@ def animation(
     if not speed > 0.0:
         raise InvalidInput(f"speed = {speed}; allowed: more than 0")
     time = np.asarray(time, dtype=np.float64)
-    links = [_link(chain, len(time)) for chain in chains]
+    polylines = [_polyline(chain, len(time)) for chain in chains]
     path, style = trail if isinstance(trail, tuple) else (trail, {})
     path = np.full((len(time), 2), np.nan) if path is None else np.asarray(path)
-    _link(path[:, None], len(time))
+    _polyline(path[:, None], len(time))  # whose shape it checks
     frames = frames or round(RATE * (time[-1] - time[0]) / speed) + 1
-    shown = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int)
-    seen = [points.reshape(-1, 2) for points, _ in links] + [path]
+    rows = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int).tolist()
+    extent = np.vstack([*(points.reshape(-1, 2) for points, _ in polylines), path])
     plt.draw_if_interactive()  # loads the backend, which may set rcParams to stay
     with mpl.rc_context(STYLE | {"figure.constrained_layout.use": True}):
         fig, plane = plt.subplots(figsize=size, dpi=FILM_DPI)
         plane.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]", title=title)
         plane.locator_params(nbins=7)
-        behind = plane.plot([], [], **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
-        drawn = [plane.plot([], [], **properties)[0] for _, properties in links]
+        track = plane.plot([], [], **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
+        lines = [plane.plot([], [], **properties)[0] for _, properties in polylines]
         legend_outside(fig, below=True)
         clock = plane.text(1.0, 1.02, f"{time[-1]:.2f} s", transform=plane.transAxes, ha="right")
         for _ in range(2):  # limits follow from the layout, and labels of ticks from limits
-            fill_with(plane, np.vstack(seen))
+            fill_with(plane, extent)
             fig.canvas.draw()
         fig.set_layout_engine("none")  # that of this frame is that of all
-        fill_with(plane, np.vstack(seen))
+        fill_with(plane, extent)
 
     def show(k: int) -> list[Any]:
-        for line, (points, _) in zip(drawn, links, strict=True):
+        for line, (points, _) in zip(lines, polylines, strict=True):
             line.set_data(*points[k].T)
-        behind.set_data(*path[: k + 1].T)
+        track.set_data(*path[: k + 1].T)
         clock.set_text(f"{time[k]:.2f} s")
-        return [behind, *drawn, clock]
+        return [track, *lines, clock]
 
     show(0)
-    apart = 1e3 * (time[-1] - time[0]) / max(len(shown) - 1, 1) / speed  # [ms]
-    film = FuncAnimation(fig, show, frames=shown.tolist(), interval=apart)
+    interval = 1e3 * (time[-1] - time[0]) / max(len(rows) - 1, 1) / speed  # [ms]
+    film = FuncAnimation(fig, show, frames=rows, interval=interval)
     film._draw_was_started = True  # no warning if it stays unused, as in a script without a screen
     mpl.rcParams["animation.html"] = "jshtml"  # a notebook shows it as a film
     return shown_once(film, fig)
@@ -231,7 +231,7 @@ def fill_with(axes: Any, points: Array) -> None:
     axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
-def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
+def _polyline(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
     """A polyline at every time, and how it is drawn."""
     points, properties = chain if isinstance(chain, tuple) else (chain, {})
     points = np.asarray(points, dtype=np.float64)
@@ -241,5 +241,5 @@ def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
             f"a polyline of shape {points.shape} does not match {count} times; allowed: "
             f"({count}, m, 2), or (m, 2) if it does not move"
         )
-    usual = {"color": "0.6"} if still else {"color": COLORS[0], "marker": "o", "linewidth": 2.5}
-    return np.broadcast_to(points, (count, *points.shape[-2:])), usual | properties
+    style = {"color": "0.6"} if still else {"color": COLORS[0], "marker": "o", "linewidth": 2.5}
+    return np.broadcast_to(points, (count, *points.shape[-2:])), style | properties

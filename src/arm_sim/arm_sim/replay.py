@@ -119,26 +119,26 @@ def replay(
         )
     rerun = _Rerun(recording, sim, same)
     failure = rerun.run()
-    there, here = recording.ended, rerun.ended
-    columns = min(there.shape[1], here.shape[1]) if same else 2 * sim.n
-    there, here = there[:, :columns].copy(), here[:, :columns].copy()
+    columns = min(recording.ended.shape[1], rerun.ended.shape[1]) if same else 2 * sim.n
+    recorded, replayed = (x[:, :columns].copy() for x in (recording.ended, rerun.ended))
     ticks = np.ones(len(recording), bool)
     ticks[[0, *recording.gaps]] = False
-    apart = np.where(ticks, abs(there - here)[:, : sim.n].max(axis=1), 0.0)
+    apart = np.where(ticks, abs(recorded - replayed)[:, : sim.n].max(axis=1), 0.0)
     # Compares bits, not numbers: zero has a sign.
-    other = there.view(np.int64) != here.view(np.int64)
-    rows = np.flatnonzero(other.any(axis=1) & ticks & ~np.isnan(here[:, 0]))
+    differs = recorded.view(np.int64) != replayed.view(np.int64)
+    rows = np.flatnonzero(differs.any(axis=1) & ticks & ~np.isnan(replayed[:, 0]))
     difference = None
     if len(rows):
         row = int(rows[0])
-        k = int(other[row].argmax())
-        names = [f"{what} of {x}" for what in ("position", "velocity") for x in sim.joint_names]
+        k = int(differs[row].argmax())
+        kinds, joints = ("position", "velocity"), sim.joint_names
+        names = [f"{kind} of {joint}" for kind in kinds for joint in joints]
         difference = Difference(
             row, float(recording.time[row]), [*names, *sim.z_names][k],
-            float(there[row, k]), float(here[row, k]),
+            float(recorded[row, k]), float(replayed[row, k]),
         )  # fmt: skip
-    known = versions()
-    others = tuple(name for name, value in origin.versions.items() if known.get(name) != value)
+    here = versions()
+    others = tuple(name for name, value in origin.versions.items() if here.get(name) != value)
     return Replay(rerun.motion(), difference, read_only(apart), others, failure)
 
 
@@ -209,20 +209,20 @@ class _Rerun:
         hold = FREE if recording.hold is None else recording.hold[row]
         if hold == FREE:
             try:
-                made = sim.run((end - row) * sim.dt, recording.command[row:end])
+                motion = sim.run((end - row) * sim.dt, recording.command[row:end])
             except SimulationDiverged as error:
                 self._keep(row, error.recording.x[1:])
                 raise
-            self._keep(row, made.x[1:])
+            self._keep(row, motion.x[1:])
             return
         for k in range(row, end):
             if hold == BRAKES:  # nothing is computed there: the state is the recorded one
-                still = self._ended[k + 1]
+                stopped = self._ended[k + 1]
             else:
-                place = sim.arm.x[:n].copy()
+                q = sim.arm.x[:n].copy()
                 sim.arm.advance(recording.command[k].tolist())
-                still = np.concatenate([place, np.zeros(n), sim.arm.x[2 * n :]])
-            self._place(still, k, sim.arm.substep)
+                stopped = np.concatenate([q, np.zeros(n), sim.arm.x[2 * n :]])
+            self._place(stopped, k, sim.arm.substep)
             self._keep(k, sim.arm.x[None])
 
     def _keep(self, row: int, x: Array) -> None:

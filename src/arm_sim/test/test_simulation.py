@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The installed package simulates its ready scenes, in the library and as a node."""
+"""The installed package simulates its bundled scenes, in the library and as a node."""
 
 from __future__ import annotations
 

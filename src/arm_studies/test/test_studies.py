@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The installed package identifies a payload, and runs a sweep."""
+"""The installed package identifies a payload."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from arm_dynamics import Dynamics, load_scene
 from arm_sim import Simulator
 from arm_studies.identification import JointRecord, identify_payload
-from arm_studies.sweeps import sweep
 
 SCENE = "puma560"  # comes with arm_sim, robot included
 
@@ -24,9 +23,3 @@ def test_a_payload_comes_out_of_a_recording() -> None:
         dynamics.joint_names, t, q, dynamics.inverse(q, v, -(w**2) * q), v, -(w**2) * q
     )
     assert identify_payload(scene, record, hand).mass == pytest.approx(0.7, rel=1e-2)
-
-
-def test_a_sweep_runs_every_combination() -> None:
-    study = {"scene": SCENE, "duration": 0.1, "vary": {"controller": ["pd", "computed_torque"]}}
-    done = sweep(study, workers=1)
-    assert len(done.table) == 2

@@ -14,16 +14,14 @@ import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
 from arm_dynamics.control import (
     NAMES,
-    CompiledComputedTorque,
     ComputedTorque,
     Measured,
-    Restartable,
     Settings,
     compiled_law,
     make_controller,
-    preparation,
 )
-from arm_dynamics.control.compiled_law import build
+from arm_dynamics.control.compiled_law import Compiled, build, preparation
+from arm_dynamics.control.controller import Restartable
 from arm_dynamics.control.factory import IN_TASK_SPACE
 from arm_dynamics.trajectory import Reference
 from models.rotor import rotor
@@ -63,8 +61,12 @@ def states(rng: np.random.Generator, n: int) -> list[tuple[Measured, Reference]]
     ]
 
 
+def compiled(dynamics: Dynamics, *gains: Any) -> Compiled:
+    return Compiled(ComputedTorque(dynamics, *gains), dynamics.model)
+
+
 def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
-    plain, fast = ComputedTorque(dynamics, *gains), CompiledComputedTorque(dynamics, *gains)
+    plain, fast = ComputedTorque(dynamics, *gains), compiled(dynamics, *gains)
     for state, reference in states(rng, dynamics.n):
         assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
 
@@ -153,7 +155,7 @@ def test_small_torques_are_compared_as_torques_of_one_and_large_ones_by_their_si
 
 
 def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:
-    law = CompiledComputedTorque(models.dynamics("two_link"))
+    law = compiled(models.dynamics("two_link"))
     (state, reference), (other, goal), _ = states(rng, 2)
     first = law.torque(state, reference)
     kept = first.copy()
@@ -227,14 +229,14 @@ def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("bad", [np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))])
 def test_bad_states_are_refused_as_by_the_plain_law(bad: np.ndarray) -> None:
-    law, still = CompiledComputedTorque(models.dynamics("two_link")), Reference(*np.zeros((3, 2)))
+    law, still = compiled(models.dynamics("two_link")), Reference(*np.zeros((3, 2)))
     with pytest.raises(InvalidInput, match=r"state\.q"):
         law.torque(Measured(bad, np.zeros(2)), still)
 
 
 def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Generator) -> None:
     dynamics = rubbing()
-    control = CompiledComputedTorque(dynamics, 12.0, 0.8)
+    control = compiled(dynamics, 12.0, 0.8)
     law = compiled_law.compiled_law(control)
     assert law is not None and law.limit is None and law.call.entry is not None
     for state, reference in states(rng, dynamics.n):

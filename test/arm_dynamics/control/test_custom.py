@@ -21,11 +21,10 @@ from arm_dynamics.control import (
     Saturated,
     Settings,
     Switch,
-    Watched,
-    load_controller,
     make_controller,
 )
 from arm_dynamics.control.compiled_law import compiled_law
+from arm_dynamics.control.custom import Watched, load_controller
 from arm_dynamics.exceptions import ControllerFailed
 from arm_dynamics.trajectory import Reference
 

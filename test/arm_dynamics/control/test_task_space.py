@@ -8,15 +8,14 @@ import pytest
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import (
-    AlongJoints,
     CartesianImpedance,
     ComputedTorque,
     Measured,
     MotionForce,
     OperationalSpace,
     at_rest,
-    task_reference,
 )
+from arm_dynamics.control.task_space import AlongJoints, task_reference
 from arm_dynamics.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory import Reference, TaskReference, joint_path, line, timed
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close

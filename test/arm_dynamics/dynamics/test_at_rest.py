@@ -12,9 +12,9 @@ from scipy.optimize import linprog
 import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.dynamics import MANY
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.indeterminate import indeterminate_sets
+from arm_dynamics.terms.answers import MANY
 from arm_sim import Simulator
 from models.touching import rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -206,7 +206,7 @@ def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
                 assert each.holds == holds and len(each.joints) == 5
                 shared = load - A.T @ each.multipliers
                 assert not holds or (abs(shared) <= level * (1.0 + 1e-8)).all()
-                assert holds or each.way @ load > 0.0
+                assert holds or each.direction @ load > 0.0
                 seen += 1
     assert seen > 40
 
@@ -217,4 +217,4 @@ def test_sets_that_do_not_share_anything_are_apart() -> None:
     one, other = indeterminate_sets(A, np.ones(5, dtype=bool), load, level)
     assert one.joints.tolist() == [0, 1] and one.holds
     assert other.joints.tolist() == [2, 3] and not other.holds
-    np.testing.assert_array_equal(other.way, [1.0, -1.0])
+    np.testing.assert_array_equal(other.direction, [1.0, -1.0])

@@ -8,7 +8,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, ModelError
-from arm_dynamics.dynamics import MANY
+from arm_dynamics.terms.answers import MANY
 from models.asked import CALLS as EVERY
 
 CALLS = {what: EVERY[what] for what in ("inverse", "forward", "coriolis_matrix", "energy")}

@@ -10,7 +10,7 @@ from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
-from arm_dynamics.dynamics import MANY
+from arm_dynamics.terms.answers import MANY
 from tolerances import ALGEBRA, FINITE_DIFF, PINOCCHIO, assert_close
 
 WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

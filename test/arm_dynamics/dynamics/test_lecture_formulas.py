@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas of lecture notes as docs/concepts/equations.md gives them, misprints corrected.
+"""Formulas of lecture notes as docs/concepts/equations.md gives them, errata corrected.
 
 The arm is the one of most lectures: two massless links with a point mass at the end of each.
 """

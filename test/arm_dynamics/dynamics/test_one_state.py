@@ -16,9 +16,8 @@ from samples import always, sampled
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, KernelError, ModelError, Term
-from arm_dynamics.codegen import compiler, python_call
-from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.dynamics import MANY
+from arm_dynamics.codegen import Kernel, compiler, python_call
+from arm_dynamics.terms.answers import MANY
 from models.asked import CALLS, LAWS
 from models.rotor import rotor
 from tolerances import ALGEBRA, assert_close

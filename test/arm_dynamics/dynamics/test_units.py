@@ -12,8 +12,8 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics
-from arm_dynamics.scene import SceneSource
 from arm_dynamics.scene.files import ready_scenes
+from arm_dynamics.scene.load import SceneSource
 from arm_sim import ClosedLoop, Simulator
 
 URDF = (models.FOLDER / "planar_3r.urdf").read_text()

@@ -14,7 +14,9 @@ from samples import sampled
 import models
 from arm_dynamics import ConstraintError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.equations import constraint
-from arm_dynamics.model import ConstraintRows, Robot, linkage_of, tree_of
+from arm_dynamics.model import Robot
+from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.tree_builder import linkage_of, tree_of
 from arm_dynamics.task_space import TaskSpace
 from models.linkages import scene
 from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, assert_close

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, SceneError, load_scene
-from arm_dynamics.model import FrameMotion
+from arm_dynamics.model.frame_motion import FrameMotion
 from arm_sim import Simulator
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import visuals_of

@@ -10,7 +10,7 @@ import pytest
 from samples import sampled
 
 from arm_dynamics import Dynamics, ModelError, Term, load_scene
-from arm_dynamics.scene.urdf import read_urdf
+from arm_dynamics.scene.urdf.description import read_urdf
 from models.newton_euler import Robot
 from models.shapes import REFUSED, shapes
 from tolerances import INVERSE_PAIR

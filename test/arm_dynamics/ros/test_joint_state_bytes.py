@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import HEADER, Clip, Expected, JointStateReader
+from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -218,7 +218,7 @@ def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: 
     reader = JointStateReader(Expected(arm, ORDER, partial=True, gaps=True))
     names = ["left_slide", "right_slide", "swing"]
     raw = serialize_message(JointState(name=names, **fields))
-    other = HEADER.constants["OTHER"]
+    other = reading.HEADER.constants["OTHER"]
     for outcome in (other, other if words else reading.KNOWN):
         assert reader._read(raw, len(raw)) == outcome
         if words:

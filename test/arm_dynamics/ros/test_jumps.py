@@ -15,7 +15,8 @@ from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.trajectory.follower import Outset
-from arm_dynamics.trajectory.reference import Motion, hold
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from tolerances import ALGEBRA, assert_close
 
 NOW = 1_700_000_000 * 1000 * MS  # a stamp of a system's clock

@@ -18,7 +18,8 @@ from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.trajectory.follower import Outset
-from arm_dynamics.trajectory.reference import Motion, hold
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros

@@ -20,7 +20,8 @@ import models
 from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.controller import trajectory_action
 from arm_dynamics.trajectory import Reference
-from arm_dynamics.trajectory.reference import Motion, hold
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 
 import models
 from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
-from arm_dynamics.scene import scene_of, scene_text
 from arm_dynamics.scene.inertia import inertia_matrix, six_of
+from arm_dynamics.scene.text import scene_of, scene_text
 from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_studies.identification.identified_scene import scene_with

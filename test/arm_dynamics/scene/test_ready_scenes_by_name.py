@@ -65,8 +65,8 @@ def test_a_file_of_the_name_comes_first_and_folders_of_ones_own_second(
     [
         ("pandda", "no file 'pandda' .* did you mean 'panda'\\?$"),
         ("two_lnk.yaml", "did you mean 'two_link'\\?"),
-        ("my_arm.urdf", "no ready scene of that name\\.$"),
-        ("qqqqqqq", "no ready scene of that name\\. Ready scenes: .*bricard, .* z1"),
+        ("my_arm.urdf", "no bundled scene of that name\\.$"),
+        ("qqqqqqq", "no bundled scene of that name\\. Bundled scenes: .*bricard, .* z1"),
         ("./two_link", "no file './two_link'; searched: "),
         ("scenes/two_link.yaml", "searched: "),
         ("package://arm_sim/scenes/none.yaml", "searched: "),

@@ -8,7 +8,8 @@ from samples import sampled
 import models
 from arm_dynamics import ArmModel, ModelError, load_scene
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.task_space import AXES, TaskSpace
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.task_space.axes import AXES
 from arm_dynamics.task_space.instant import TaskInstant, expressions
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

@@ -205,12 +205,12 @@ def test_a_whole_circle_returns_and_keeps_its_radius() -> None:
 def test_pacing_brings_torque_to_its_limit_and_no_further() -> None:
     dyn, task = models.dynamics("panda"), task_of("panda")
     path = joint_path(task, reference_line(task, speed=1.5))
-    _, q, v, a = path.table(400)
+    q, v, a = path.at(np.linspace(0.0, path.duration, 400))
     peak, weight = abs(dyn.inverse(q, v, a)).max(axis=0), abs(dyn.gravity(q)).max(axis=0)
     limit = weight + 0.3 * np.maximum(peak - weight, 0.1)
     slower = paced(path, dyn, limit)
     assert slower.duration > 1.05 * path.duration
-    _, q, v, a = slower.table(400)
+    q, v, a = slower.at(np.linspace(0.0, slower.duration, 400))
     share = (abs(dyn.inverse(q, v, a)) / limit).max()
     speed = (abs(v) / dyn.model.velocity_limit).max()
     assert 1.0 - 4.0 * BETWEEN < max(share, speed) <= 1.0

@@ -15,7 +15,7 @@ import models
 from arm_dynamics import ArmModel, KernelError, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.model import RigidTerms
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.terms.arm import NumericArm, SymbolicArm
 from arm_dynamics.terms.compiled import Request, function, rows, verify
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, TERMS, Entry

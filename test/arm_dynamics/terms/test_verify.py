@@ -11,7 +11,7 @@ import models
 from arm_dynamics import Dynamics, KernelError, ModelError
 from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states, slack
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.terms.table import torque_size
+from arm_dynamics.terms.comparison import torque_size
 from arm_dynamics.terms.verify import compare, random_states
 from arm_sim import Simulator
 from models import loops

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from arm_dynamics.trajectory import Reference, Trajectory, Waypoint, hold, quintic, reference
+from arm_dynamics.trajectory import Reference, Trajectory, Waypoint, hold, quintic, trajectory
 
 
 def motion(rng: np.random.Generator, torques: bool = False) -> Trajectory:
@@ -29,7 +29,7 @@ def test_without_a_compiler_it_has_the_same_bits(
     assert (made.torques is None) is (kind != "with torques")
     times = [-1.0, -1e-12, *made.times, made.duration + 1.0, *rng.uniform(0.0, 2.0, 200)]
     here = [bits(made.sample(t)) for t in times]
-    monkeypatch.setattr(reference, "library", lambda: None)
+    monkeypatch.setattr(trajectory, "library", lambda: None)
     assert [bits(made.sample(t)) for t in times] == here
 
 

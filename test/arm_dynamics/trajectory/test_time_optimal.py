@@ -151,7 +151,7 @@ def test_a_motor_follows_its_torque_speed_curve() -> None:
 def test_limits_hold_and_one_is_reached(torque: float | None, acceleration: float) -> None:
     dyn, motion = models.dynamics("panda"), straight()
     quick = retimed(motion, dyn, torque, acceleration)
-    _, q, v, a = quick.table(900)
+    q, v, a = quick.at(np.linspace(1e-9, 1.0 - 1e-9, 900) * quick.duration)
     most = dyn.model.effort_limit if torque is None else np.full(7, torque)
     used = [
         (abs(dyn.inverse(q, v, a)) / most).max(),

@@ -15,7 +15,7 @@ from rich.console import Console
 
 import models
 from arm_sim.cli.demo.course import _follow, _report
-from arm_sim.cli.demo.observer import _FIELDS, Observations, Observer, _Query
+from arm_sim.cli.demo.observer import Observations, Observer, _Query
 from arm_sim.cli.demo.processes import DemoFailed
 from arm_sim.cli.demo.report import complaints, draw, numbers, remarks
 
@@ -35,12 +35,12 @@ def seen(**changed: Any) -> Observations:
     """Two joints, of which the second has the larger error; it grows after the motion."""
     error = np.column_stack([0.0 * TIME, np.where(TIME <= 1.5, 4e-3 * np.sin(20 * TIME), -0.9)])
     reference = np.column_stack([TIME, -TIME])
-    energy = np.zeros((3, 6))
-    energy[:, 3], energy[:, 4], energy[:, 5] = [0.0, 5.0, 3.0], [0.0, 1.0, 2.0], [0.0, 1e-6, -2e-6]
     parts: dict[str, Any] = {
         "time": TIME, "reference": reference, "position": reference - error, "error": error,
         "effort": TORQUE, "query_time": TIME[::2], "query_effort": TORQUE[::2] + [0.0, -0.2],
-        "query_command": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]), "energy": energy,
+        "query_command": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]),
+        "work": np.array([4.0, 9.0, 7.0]), "heat": np.array([3.0, 4.0, 5.0]),
+        "residual": np.array([0.0, 1e-6, -2e-6]),
     }  # fmt: skip
     return Observations(**parts | changed)
 
@@ -88,15 +88,15 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
     for k in range(2):
         np.testing.assert_array_equal(position.lines[k].get_ydata(), observed.position[:, k])
         np.testing.assert_array_equal(position.lines[2 + k].get_ydata(), observed.reference[:, k])
-        np.testing.assert_array_equal(error.lines[k].get_ydata(), observed.error[:, k])
-        np.testing.assert_array_equal(torque.lines[k].get_ydata(), observed.effort[:, k])
-        circles = torque.lines[2 + k]
+        np.testing.assert_array_equal(error.lines[k].get_ydata(), 1e3 * observed.error[:, k])
+        curve, circles = torque.lines[2 * k : 2 * k + 2]
+        np.testing.assert_array_equal(curve.get_ydata(), observed.effort[:, k])
         assert set(circles.get_ydata()) < set(observed.query_effort[:, k])
-        assert 45 <= len(circles.get_xdata()) < 2 * 45 + 1
-        colors = {axis.lines[k].get_color() for axis in figure.axes}
+        assert 30 <= len(circles.get_xdata()) < 2 * 30 + 1
+        colors = {line.get_color() for line in (position.lines[k], error.lines[k], curve)}
         assert colors == {circles.get_markeredgecolor()}  # of one joint
     assert position.get_ylabel() == "position [rad]"
-    assert error.get_ylabel() == "tracking error" and torque.get_ylabel() == "torque [N m]"
+    assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
     assert position.lines[2].get_zorder() < position.lines[0].get_zorder()
     assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
     assert [text.get_text() for text in figure.legends[0].texts][:2] == ["shoulder", "elbow"]
@@ -132,8 +132,11 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     """Nothing of before it began, and only answers that succeeded."""
     observer = Observer.__new__(Observer)  # in no graph
 
+    fields = ("reference_position", "feedback_position", "position_error", "effort")
+
     def state(seconds: float) -> Any:
-        numbers = {name: [seconds, k] for k, name in enumerate(_FIELDS)}
+        numbers = {name: [seconds, k] for k, name in enumerate(fields)}
+        numbers |= {"input": seconds, "dissipated": 2 * seconds, "balance": 3 * seconds}
         whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
         stamp = SimpleNamespace(sec=whole, nanosec=part)
         return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **numbers)
@@ -144,8 +147,7 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
         _Query(observer._states[k], 0.01 * k, SimpleNamespace(success=ok, effort=[k, -k]))
         for k, ok in ((1, True), (2, False), (3, True))
     ]
-    parts = "kinetic", "potential", "total", "input", "dissipated", "balance"
-    observer._energies = [SimpleNamespace(**{name: k for k, name in enumerate(parts)})]
+    observer._energies = [state(s) for s in (1.9, 2.0, 2.5)]
     found = observer.observations()
     np.testing.assert_allclose(found.time, [0.0, 0.5, 1.25])
     for k, name in enumerate(("reference", "position", "error", "effort")):
@@ -154,10 +156,11 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     np.testing.assert_array_equal(found.query_effort, [[1, -1], [3, -3]])
     np.testing.assert_array_equal(found.query_command, [[2.0, 3], [3.25, 3]])
     np.testing.assert_allclose(found.latencies, [0.01, 0.03])
-    np.testing.assert_array_equal(found.energy, [np.arange(6.0)])
+    energies = found.work, found.heat, found.residual
+    np.testing.assert_array_equal(energies, [[2.0, 2.5], [4.0, 5.0], [6.0, 7.5]])
     assert observer.now() == pytest.approx(1.25)
     observer._energies = []
-    assert observer.observations().energy.shape == (0, 6)
+    assert np.isnan(told(observer.observations())["energy_balance"])
 
 
 class Watched:

@@ -29,7 +29,7 @@ def by_events(simulator: Simulator, tuned: tuple[int, ...] = ()) -> Linearizer:
     compiled = simulator.arm.compiled
     arguments = compiled.plant, compiled.choice, compiled.stepper, compiled.backend, tuned
     linearizer = Linearizer(*arguments)
-    vars(linearizer).update(_uneventful=None, event_free=None)
+    vars(linearizer.ticks.compiled).update(smooth_ticks=None, event_free=None)
     return linearizer
 
 
@@ -68,5 +68,5 @@ def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
                 assert found == expected
             else:
                 assert_close(found, expected, ALGEBRA)
-        event_free += not fast.event_free.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
+        event_free += not fast.ticks.compiled.event_free.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
     assert event_free >= 20  # of 40

@@ -36,7 +36,7 @@ SCENES: dict[str, dict[str, Any]] = {
     },
     "driven": {"joints": {"*": {"actuator": VOLTAGE}}},
 }
-PLAIN, SLOPED = ("smooth", "dry", "tunable"), ("tunable", "dry", "driven")
+SLOPED = ("tunable", "dry", "driven")
 _LOG = {
     "3": ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p),
     "2": ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p),
@@ -50,21 +50,12 @@ def scene(kind: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folders with units that provide no derivatives."""
-    return exported(tmp_path_factory.mktemp("fmu"), PLAIN, ())
-
-
-@pytest.fixture(scope="module")
-def differentiable(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folders with units that provide derivatives."""
-    return exported(tmp_path_factory.mktemp("sloped"), SLOPED, DERIVATIVES)
-
-
-def exported(folder: Path, kinds: Sequence[str], terms: Sequence[str]) -> dict[str, Path]:
-    """Folders with units of some scenes, by their kinds."""
-    for kind in kinds:
+    """Folders with units of the scenes; all but the smooth one provide derivatives."""
+    folder = tmp_path_factory.mktemp("fmu")
+    for kind in SCENES:
+        terms = DERIVATIVES if kind in SLOPED else ()
         export(scene(kind), folder / kind, "unit", terms=terms, fmu=True)
-    return {kind: folder / kind for kind in kinds}
+    return {kind: folder / kind for kind in SCENES}
 
 
 class Importer:
@@ -167,7 +158,7 @@ def names(simulator: Simulator, kind: str) -> list[str]:
 
 
 @pytest.mark.parametrize("version", ["3", "2"])
-@pytest.mark.parametrize("kind", PLAIN)
+@pytest.mark.parametrize("kind", ["smooth", "dry", "tunable"])
 def test_a_unit_is_the_simulator_to_the_bit(
     made: dict[str, Path], kind: str, version: str, rng: np.random.Generator
 ) -> None:
@@ -245,10 +236,10 @@ def test_a_unit_that_is_reset_is_as_new(made: dict[str, Path], version: str) -> 
 
 @pytest.mark.parametrize(("kind", "version", "ticks"), covering(SLOPED, ["3", "2"], [1, 4]))
 def test_directional_derivatives_are_those_of_the_last_step(
-    differentiable: dict[str, Path], kind: str, version: str, ticks: int
+    made: dict[str, Path], kind: str, version: str, ticks: int
 ) -> None:
     """Of positions and velocities as ``Simulator.linearize`` has them, also after a restore."""
-    simulator, unit = Simulator(scene(kind)), Importer(differentiable[kind], version)
+    simulator, unit = Simulator(scene(kind)), Importer(made[kind], version)
     outputs = names(simulator, "position") + names(simulator, "velocity")
     efforts, commands, dt = names(simulator, "effort"), names(simulator, "command"), simulator.dt
     tau, begin, step = np.array([9.0, -5.0]), 20 * dt, ticks * dt
@@ -286,11 +277,9 @@ def test_directional_derivatives_are_those_of_the_last_step(
 
 
 @pytest.mark.parametrize("version", ["3", "2"])
-def test_derivatives_that_do_not_exist_are_refused(
-    differentiable: dict[str, Path], made: dict[str, Path], version: str
-) -> None:
+def test_derivatives_that_do_not_exist_are_refused(made: dict[str, Path], version: str) -> None:
     """An event in the step discards; starting values are knowns before the start alone."""
-    unit = Importer(differentiable["dry"], version)
+    unit = Importer(made["dry"], version)
     joints = [str(n).split(".")[0] for n in unit.reference if str(n).endswith(".command")]
     positions, commands = ([f"{j}.{what}" for j in joints] for what in ("position", "command"))
     starts = [f"{joint}.initial_position" for joint in joints]
@@ -303,10 +292,10 @@ def test_derivatives_that_do_not_exist_are_refused(
     assert "no derivative" in unit.texts[-1] and unit.statuses[-1] == 2
     assert unit.derivative(positions, starts, [1.0, 0.0])[0] == 3
     assert unit.derivative(commands, commands, [1.0, 0.0])[0] == 3
-    plain = Importer(made["dry"], version)
+    plain = Importer(made["smooth"], version)
     assert plain("GetDirectionalDerivative") == 3
-    for folder, provides in ((differentiable, True), (made, False)):
-        file = folder["dry"] / ("unit.fmu" if version == "3" else "unit_fmi2.fmu")
+    for kind, provides in (("dry", True), ("smooth", False)):
+        file = made[kind] / ("unit.fmu" if version == "3" else "unit_fmi2.fmu")
         description = zipfile.ZipFile(file).read("modelDescription.xml").decode()
         assert ("providesDirectionalDerivative" in description) == provides
     for one in (unit, plain):
@@ -411,14 +400,12 @@ def test_importers_may_compile_the_sources_without_a_warning(
 
 @pytest.mark.group("fmu")
 @pytest.mark.parametrize("file", ["unit.fmu", "unit_fmi2.fmu"])
-def test_fmpy_finds_nothing_wrong_and_simulates_it(
-    made: dict[str, Path], differentiable: dict[str, Path], file: str
-) -> None:
+def test_fmpy_finds_nothing_wrong_and_simulates_it(made: dict[str, Path], file: str) -> None:
     from fmpy import simulate_fmu
     from fmpy.validation import validate_fmu
 
     simulator, path = Simulator(scene("dry")), str(made["dry"] / file)
-    assert not validate_fmu(path) and not validate_fmu(str(differentiable["dry"] / file))
+    assert not validate_fmu(path) and not validate_fmu(str(made["smooth"] / file))
     position = names(simulator, "position")
     found = simulate_fmu(path, stop_time=0.2, output_interval=1e-3, output=position)
     run = simulator.run(0.2, np.zeros(2))

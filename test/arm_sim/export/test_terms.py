@@ -18,7 +18,7 @@ from exported import (
 from samples import always
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.model.frame_motion import FrameMotion
 from arm_sim.export import DERIVATIVES, TERMS, export
 from arm_sim.export.terms import terms_of
 from tolerances import EXPORT, EXPORT_FORWARD, FINITE_DIFF, assert_close

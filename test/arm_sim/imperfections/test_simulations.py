@@ -8,7 +8,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.codegen import generate
+from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop, JointCommand, SimulationDiverged, Simulator, State, computed_torque
 

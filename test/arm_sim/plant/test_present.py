@@ -9,6 +9,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, Term
 from arm_sim import Simulator
+from arm_sim.plant.present import KEPT
 from tolerances import PINOCCHIO, assert_close
 
 PUSH = np.array([2.0, -1.0])
@@ -102,3 +103,13 @@ def test_a_recording_ends_with_the_dynamics_of_its_end() -> None:
     own, expected = (arm.inverse(q, v, v) for arm in (run.dynamics, sim.dynamics))
     np.testing.assert_array_equal(own, expected)
     assert (own != Dynamics(sim.model).inverse(q, v, v)).any()
+
+
+def test_dynamics_of_as_many_numbers_are_kept_as_is_said() -> None:
+    sim = Simulator(scene())
+    present, place = sim.arm.compiled.present, sim.arm.plant.parameters.place("gravity")
+    rows = np.tile(sim.arm.parameters, (KEPT + 1, 1))
+    rows[:, place] = np.arange(KEPT + 1)[:, None]
+    first, *others = (present.at(p) for p in rows)
+    assert [present.at(p) for p in rows[1:]] == others
+    assert present.at(rows[0]) is not first

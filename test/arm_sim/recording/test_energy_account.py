@@ -83,7 +83,7 @@ def test_without_laws_it_is_the_work_of_torques() -> None:
     assert_close(run.supplied[1:], work, 1e-12)
     assert not run.stored.any()
     assert np.abs(run.balance).max() < 1e-6
-    assert not sim.arm.compiled.energy_account.makes_ticks_again(np.hstack([run.q, run.v]))
+    assert not sim.arm.compiled.energy_account.repeats(np.hstack([run.q, run.v]))
 
 
 def test_a_motor_alone_loses_what_its_resistance_does() -> None:
@@ -114,7 +114,7 @@ def test_a_stop_is_felt_only_by_ticks_near_it() -> None:
     run = Simulator(scene | {"joints": {"*": law}}).run(0.5)
     met = int(np.flatnonzero(run.plant.model.stops.touched(run.q).any(axis=1))[0])
     early, ticks = slice(met - 20), [run.x[:-1], run.x[1:], run.command[:-1], run.p[:-1]]
-    assert run.account.makes_ticks_again(run.x) and not run.account.makes_ticks_again(run.x[early])
+    assert run.account.repeats(run.x) and not run.account.repeats(run.x[early])
     alone = run.account.flows(*(rows[early] for rows in ticks))
     np.testing.assert_array_equal(run.account.flows(*ticks)[early], alone)
 

@@ -3,6 +3,7 @@
 
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
-from arm_sim.recording.files.messages import joint_state_layout
+from arm_sim.recording.files.messages import JOINT_STATE, LOG, joint_state_layout
 from arm_sim.recording.files.reader import read_bag
 from arm_sim.recording.files.writer import new_file, place_of
 from arm_sim.simulation.runtime_changes import external_change
@@ -262,20 +263,19 @@ def test_saving_says_what_it_replaces_and_what_it_cannot_write(
 
 def bag(path: Path, names: tuple[str, ...], rows: Callable[[float], Any]) -> Path:
     """A bag of ROS 2 as rosbag2_storage_sqlite3 writes it, without its metadata file."""
-    base, stamps = sqlite3.connect(path), 100 * 10**9 + 20_000_000 * np.arange(50)
+    stamps = 100 * 10**9 + 20_000_000 * np.arange(50)
     position, velocity, effort = np.array([*map(rows, 0.02 * np.arange(50))]).swapaxes(0, 1)
     messages = joint_state_layout(names).written(
         stamps, position=position, velocity=velocity, effort=effort
     )
-    base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format)")
-    base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
-    base.execute("INSERT INTO topics VALUES(1, '/joint_states', 'sensor_msgs/msg/JointState', '')")
-    base.execute("INSERT INTO topics VALUES(2, '/rosout', 'rcl_interfaces/msg/Log', '')")
-    for k, message in enumerate(messages):
-        base.execute("INSERT INTO messages VALUES(?, ?, ?, ?)", (k + 1, 1, 7 + k, message))
-    base.execute("INSERT INTO messages VALUES(99, 1, 99, ?)", (b"\0\1\0\0 cut",))
-    base.commit()
-    base.close()
+    with closing(sqlite3.connect(path)) as base, base:
+        base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, format)")
+        base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+        topics = (1, "/joint_states", JOINT_STATE, ""), (2, "/rosout", LOG, "")
+        base.executemany("INSERT INTO topics VALUES(?, ?, ?, ?)", topics)
+        entries = [(k + 1, 1, 7 + k, message) for k, message in enumerate(messages)]
+        entries.append((99, 1, 99, b"\0\1\0\0 cut"))
+        base.executemany("INSERT INTO messages VALUES(?, ?, ?, ?)", entries)
     return path
 
 
@@ -302,13 +302,11 @@ def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path) -> None:
 
 def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) -> None:
     """A robot without a clock; two of its messages arrived at the same time."""
-    base, place = sqlite3.connect(robot_bag), 4
-    for number, raw in base.execute("SELECT id, data FROM messages WHERE id < 99").fetchall():
-        unstamped = raw[:place] + bytes(8) + raw[place + 8 :]
-        base.execute("UPDATE messages SET data = ? WHERE id = ?", (unstamped, number))
-    base.execute("UPDATE messages SET timestamp = 7 WHERE id = 2")
-    base.commit()
-    base.close()
+    with closing(sqlite3.connect(robot_bag)) as base, base:
+        for number, raw in base.execute("SELECT id, data FROM messages WHERE id < 99").fetchall():
+            unstamped = raw[:4] + bytes(8) + raw[12:]
+            base.execute("UPDATE messages SET data = ? WHERE id = ?", (unstamped, number))
+        base.execute("UPDATE messages SET timestamp = 7 WHERE id = 2")
     run = Recording.load(robot_bag)
     np.testing.assert_allclose(1e9 * run.time, [0, *range(2, 50)], atol=1e-6)
     assert any("1 messages have the time of another one" in e.text for e in run.events)
@@ -316,11 +314,8 @@ def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) 
 
 def test_a_joint_that_few_messages_name_has_no_values_between_them(robot_bag: Path) -> None:
     raw = joint_state_layout(("gripper",)).raw
-    base = sqlite3.connect(robot_bag)
-    for number in (3, 4, 20):
-        base.execute("UPDATE messages SET data = ? WHERE id = ?", (raw, number))
-    base.commit()
-    base.close()
+    with closing(sqlite3.connect(robot_bag)) as base, base:
+        base.execute("UPDATE messages SET data = ? WHERE id IN (3, 4, 20)", (raw,))
     run = Recording.load(robot_bag)
     assert run.joint_names == ("tool", "elbow", "shoulder", "gripper") and len(run) == 47
     assert np.isnan(run.q[:, 3]).all()
@@ -330,12 +325,22 @@ def test_a_joint_that_few_messages_name_has_no_values_between_them(robot_bag: Pa
 
 
 def test_a_bag_of_which_no_message_can_be_read_is_refused(robot_bag: Path) -> None:
-    base = sqlite3.connect(robot_bag)
-    base.execute("DELETE FROM messages WHERE id < 99")
-    base.commit()
-    base.close()
+    with closing(sqlite3.connect(robot_bag)) as base, base:
+        base.execute("DELETE FROM messages WHERE id < 99")
     with pytest.raises(InvalidInput, match="no message on '/joint_states' that can be read"):
         Recording.load(robot_bag)
+
+
+def test_a_damaged_bag_is_read_up_to_the_damage(robot_bag: Path) -> None:
+    with closing(sqlite3.connect(robot_bag)) as base, base:
+        base.execute("CREATE INDEX timestamp_idx ON messages (timestamp)")  # as rosbag2 does
+    raw = bytearray(robot_bag.read_bytes())
+    place = raw.index(np.cos(0.02 * 40).tobytes())
+    page = place // 4096 * 4096
+    raw[page : page + 4096] = bytes(4096)
+    robot_bag.write_bytes(raw)
+    run = Recording.load(robot_bag)
+    assert 0 < len(run) < 50 and "damaged from message" in run.events[0].text
 
 
 def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from ctypes import byref
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -64,7 +65,8 @@ def engine() -> TickEngine:
 
 @pytest.fixture
 def inputs(log: Log, engine: TickEngine) -> Inputs:
-    return Inputs(log, engine)
+    alone = SimpleNamespace(alarm=SimpleNamespace(message=""), check=lambda stamp: None)
+    return Inputs(log, engine, alone)
 
 
 def command(stamp: int = 0, source: str = "", **joints: float) -> bytes:

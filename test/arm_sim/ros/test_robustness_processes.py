@@ -3,7 +3,6 @@
 
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
 from diagnostic_msgs.msg import DiagnosticArray
+from forging import asking
 from harness import Ros, segments, surroundings
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -36,8 +36,8 @@ ROS_ARGS = {
 class Loop:
     """A sim and a controller in separate processes, and an observer."""
 
-    def __init__(self, ros: Ros, logs: Path) -> None:
-        self.ros = ros
+    def __init__(self, ros: Ros, forge: Path, logs: Path) -> None:
+        self.ros, self._forge, self._logs = ros, forge, logs
         self._environment = surroundings(ROS_DOMAIN_ID=str(ros.domain), ROS_LOG_DIR=str(logs))
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self.states: list[JointState] = []
@@ -51,14 +51,18 @@ class Loop:
         streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **streams}
         for node in nodes:
             self.running[node] = subprocess.Popen(
-                [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent",
+                [*asking(self._forge), "arm", node, SCENE, "--with-parent",
                  "--ros-args", *ROS_ARGS[node], *(sim if node == "sim" else ())],
-                env=self._environment, **streams,
+                env=self._environment | {"FORGED": str(self._logs / node)}, **streams,
             )  # fmt: skip
 
     def kill(self, node: str) -> None:
         self.running[node].kill()
         self.running.pop(node).wait()
+
+    def processes(self) -> list[int]:
+        """Ids of the nodes' processes."""
+        return [int((self._logs / node).read_text()) for node in self.running]
 
     def _on_state(self, message: JointState) -> None:
         self.states.append(message)
@@ -104,13 +108,13 @@ class Loop:
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loop]:
+def shared(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[Loop]:
     """Processes in a domain of their own; none is left behind."""
     logs = tmp_path_factory.mktemp("log")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_LOG_DIR", str(logs))
         ros = Ros()
-    made = Loop(ros, logs)
+    made = Loop(ros, forge, logs)
     yield made
     made.close()
     ros.close()
@@ -126,7 +130,7 @@ def loop(shared: Loop) -> Loop:
 
 def test_a_killed_controller_is_replaced_and_the_arm_stays(loop: Loop) -> None:
     before = loop.position()
-    assert not any(segments(process.pid) for process in loop.running.values())  # whose locks stay
+    assert not any(map(segments, loop.processes()))  # whose locks stay
     loop.kill("controller")
     loop.until_said("sim: commands", "commands stopped")
     np.testing.assert_allclose(loop.position(), before, atol=1e-3)
@@ -177,9 +181,9 @@ def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> No
 
 
 @pytest.fixture
-def unstarted(ros: Ros, tmp_path: Path) -> Iterator[Loop]:
+def unstarted(ros: Ros, forge: Path, tmp_path: Path) -> Iterator[Loop]:
     """No processes yet."""
-    made = Loop(ros, tmp_path)
+    made = Loop(ros, forge, tmp_path)
     yield made
     made.close()
 

@@ -19,7 +19,8 @@ from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
 from arm_sim.ros import SimNode
 from arm_sim.ros.commands.latest import BRAKE, SERVO
-from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
+from arm_sim.ros.commands.servos import Servos
+from arm_sim.ros.commands.stopping import LONGEST, SLOW, Stopping
 from arm_sim.ros.sim_params import SimParams
 from models import features
 
@@ -136,26 +137,26 @@ def test_a_push_moves_what_servos_hold_and_not_what_brakes_hold(ros: Ros) -> Non
 def test_a_push_soon_after_it_stood_is_not_taken_for_its_motion(speed: list[float]) -> None:
     """Servos hold the place where it stood, though it has not been stopping for long."""
     arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, *speed]), step_count=0, dt=1e-3)
-    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
     stopping.release()
-    slowing = stopping.command(SERVO)
+    slowing = stopping.stop(SERVO)
     assert slowing is not None and slowing.velocity.tolist() == [0.0, 0.0]
     arm.x, arm.step_count = np.array([0.4, -0.1, 0.0, 0.0]), 1
-    held = stopping.command(SERVO)
+    held = stopping.stop(SERVO)
     assert held is not None and held.position.tolist() == [0.4, -0.1]
     arm.x, arm.step_count = np.array([0.5, 0.0, *speed]), 2
-    assert stopping.command(SERVO) is held
+    assert stopping.stop(SERVO) is held
 
 
 def test_each_stop_may_take_its_own_time() -> None:
     """Up to the longest one; that of the stop before it does not count."""
     arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, 1.0, -1.0]), step_count=0, dt=0.25)
-    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
     for begin in (0, 100):
         stopping.release()
         slowed = []
         for arm.step_count in range(begin, begin + 6):
-            slowed.append(stopping.command(BRAKE) is not None)
+            slowed.append(stopping.stop(BRAKE) is not None)
         assert slowed == [True] * 4 + [False] * 2  # a second
 
 
@@ -171,11 +172,11 @@ def test_servos_that_cannot_be_built_are_not_kept_quiet() -> None:
 
     background = Background("servos")
     servos = Servos(SimpleNamespace(compiled=Compiled()), background)
-    assert not servos.ready
+    assert not servos.request()
     while not background.ready:
         time.sleep(1e-4)
     with pytest.raises(CompilerMissing):
-        _ = servos.ready
+        servos.request()
     background.close()
 
 
@@ -188,9 +189,9 @@ def test_joints_below_a_millirad_per_second_are_held_at_once(
 ) -> None:
     arm = SimpleNamespace(n=2, x=np.zeros(4), step_count=0, dt=1e-3)
     arm.x[2 + joint] = speed
-    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
     stopping.release()
-    assert (stopping.command(BRAKE) is not None) == slows
+    assert (stopping.stop(BRAKE) is not None) == slows
 
 
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:

@@ -185,7 +185,7 @@ def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
 def test_an_account_of_many_ticks_is_that_of_each(
     ros: Ros, monkeypatch: pytest.MonkeyPatch, rows: int
 ) -> None:
-    monkeypatch.setattr("arm_sim.ros.energy_account.ROWS", rows)
+    monkeypatch.setattr("arm_sim.ros.energy_trail.ROWS", rows)
     clocked, each = Clocked(ros), by_hand(ros, command_timeout=5e-3)
     each.inputs.polled.close()
     for node in clocked.node, each:

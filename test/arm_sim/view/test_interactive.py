@@ -158,7 +158,7 @@ def test_after_a_drag_the_motion_decays_alike_in_light_and_heavy_arms(scene: str
     energies, speeds = [], []
     for tick in range(1200):
         if tick == 200:
-            rig.release()
+            rig.mouse.release()
         rig.tick()
         q, v = sim.state.q, sim.state.v
         energies.append(v @ sim.dynamics.mass_matrix(q) @ v / 2)

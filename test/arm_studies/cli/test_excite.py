@@ -78,4 +78,4 @@ def test_the_figure_shows_shares_of_the_limits_by_joint(
     shares = (q - middle) / half, v / limits.velocity, a / fastest, tau / room.effort
     for j, axis in enumerate((shoulder, elbow)):
         for line, share in zip(axis.lines, shares, strict=True):
-            np.testing.assert_allclose(line.get_ydata(), share[:, j], atol=1e-9)
+            np.testing.assert_allclose(line.get_ydata(), 100 * share[:, j], atol=1e-7)

@@ -123,9 +123,10 @@ def test_figures_of_a_sweep_show_each_group_over_each_number(tmp_path: Path) -> 
     assert [axis.get_xscale() for axis in axes[0]] == ["linear", "log"]
     pd, float_ = (points.get_offsets() for points in axes[0, 1].collections)
     assert pd.tolist() == [[0.001, 4.0], [0.1, 2.0]] and float_[0].tolist() == [0.01, 1.0]
-    assert [text.get_text() for text in scatter.legends[0].texts] == ["PD", "float"]
+    marks = "PD", "float", "one mark per run"
+    assert [text.get_text() for text in scatter.legends[0].texts] == [*marks]
     first, second = distribution.axes
-    assert first.get_ylabel() == "share of runs below" and second.get_xscale() == "log"
+    assert first.get_ylabel() == "runs below [%]" and second.get_xscale() == "log"
     pd, float_ = (line.get_xydata().tolist() for line in first.lines)
-    assert pd == [[2.0, 0.5], [4.0, 1.0]] and float_ == [[1.0, 1.0]]
+    assert pd == [[2.0, 50.0], [4.0, 100.0]] and float_ == [[1.0, 100.0]]
     assert [text.get_text() for text in distribution.legends[0].texts] == ["PD", "float"]

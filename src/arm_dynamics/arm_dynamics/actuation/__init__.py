@@ -5,22 +5,7 @@ A model defines its states, their derivatives, and the energy that it stores, re
 dissipates. The package depends on the equations and the model, and on no integrator.
 """
 
-from arm_dynamics.actuation.command_map import CommandMap, rigid_twin
-from arm_dynamics.actuation.drives import Drives
-from arm_dynamics.actuation.internal_state import (
-    Ensemble,
-    Flow,
-    FrictionLaw,
-    InternalState,
-    StatefulLaw,
-    StateKind,
-)
-from arm_dynamics.actuation.joint_laws import FRICTION, friction_laws, laws_of
-from arm_dynamics.actuation.lugre_joints import LugreFriction
-from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.actuation.command_map import rigid_twin
+from arm_dynamics.actuation.internal_state import Flow, FrictionLaw, InternalState, StateKind
 
-__all__ = [
-    "CommandMap", "Drives", "Ensemble", "FRICTION", "Flow", "FrictionLaw", "InternalState",
-    "LugreFriction", "StateKind", "StatefulLaw", "SteadyFriction", "friction_laws", "laws_of",
-    "rigid_twin",
-]  # fmt: skip
+__all__ = ["Flow", "FrictionLaw", "InternalState", "StateKind", "rigid_twin"]

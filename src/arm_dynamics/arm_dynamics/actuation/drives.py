@@ -33,7 +33,7 @@ def states_of(drive: JointDrive, joint: int, name: str, turning: bool) -> list[I
         states.append((position, f"motor position at the joint [{unit}]", 1.0))
         states.append((velocity, f"motor velocity at the joint [{unit}/s]", 1.0))
         if drive.coupling.hysteresis:
-            states.append((StateKind.DEFLECTION, "transmission hysteresis [1]", 1.0))
+            states.append((StateKind.HYSTERESIS, "transmission hysteresis [1]", 1.0))
     return [InternalState(joint, kind, f"{name} {title}", scale) for kind, title, scale in states]
 
 
@@ -172,7 +172,7 @@ class Drives:
     def __init__(self, model: ArmModel) -> None:
         self._n = model.n
         self._joints = [(i, drive) for i, drive in enumerate(model.drives) if drive is not None]
-        turning = [kind != "prismatic" for kind in model.joint_types]
+        turning = model.turning.tolist()
         states = [states_of(d, i, model.joint_names[i], turning[i]) for i, d in self._joints]
         self.states: tuple[InternalState, ...] = tuple(chain(*states))
         self.replaces_command: NDArray[np.bool_] = np.array([bool(d) for d in model.drives])

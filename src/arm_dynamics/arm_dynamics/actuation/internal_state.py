@@ -49,7 +49,9 @@ class StateKind(Enum):
     MOTOR_POSITION = auto()
     MOTOR_VELOCITY = auto()
     DEFLECTION = auto()
-    """Of a bristle or the like, which keeps its value at rest."""
+    """Of a bristle, which keeps its value at rest."""
+    HYSTERESIS = auto()
+    """Of a transmission, likewise."""
 
 
 @frozen
@@ -157,6 +159,12 @@ class Ensemble:
     def names(self) -> tuple[str, ...]:
         """All states, for display."""
         return tuple(state.name for state in self.states)
+
+    def places(self, kind: StateKind) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Indices in x of the states of a kind, and of the joints to which they belong."""
+        pairs = [(k, s.joint) for k, s in enumerate(self.states, 2 * self.n) if s.kind is kind]
+        places, joints = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+        return places, joints
 
     @property
     def scale(self) -> Array:

@@ -47,7 +47,7 @@ class LugreFriction:
         lowest = [[level.min() for level in self._dry.extremes(i)] for i in laws]
         self._coulomb, static = np.array(lowest).T
         scales = (static / self._sigma0).tolist()
-        units = ["m" if kind == "prismatic" else "rad" for kind in model.joint_types]
+        units = model.units("rad", "m")
         titles = [f"{model.joint_names[i]} bristle deflection [{units[i]}]" for i in laws]
         self.states = tuple(
             InternalState(i, StateKind.DEFLECTION, title, scale)

@@ -5,16 +5,9 @@ Depends on the interfaces and the service caller of ``ros``, so importing it nee
 built workspace. It contains no equations.
 """
 
-from arm_dynamics.client.client import (
-    ALL_TERMS,
-    ArmClient,
-    ConstrainedMotion,
-    ModelFacts,
-    NotReached,
-    Postures,
-    Terms,
-)
+from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client.results import ConstrainedMotion, ModelFacts, NotReached, Postures, Terms
 
 __all__ = [
-    "ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
+    "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
 ]  # fmt: skip

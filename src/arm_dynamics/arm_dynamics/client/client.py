@@ -6,124 +6,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.attributes import frozen, sealed
+from arm_dynamics.attributes import sealed
+from arm_dynamics.client.results import (
+    ConstrainedMotion,
+    ModelFacts,
+    NotReached,
+    Postures,
+    TaskTerms,
+    Terms,
+)
 from arm_dynamics.client.values import fields_of, fixed, flat, motion, rows, shaped, whole, words
-from arm_dynamics.exceptions import Refused, Unreachable
+from arm_dynamics.exceptions import Refused
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.caller import Caller
-from arm_dynamics.terms.table import OF_SERVICE, TASK_SPACE
+from arm_dynamics.terms.table import OF_SERVICE, TASK_SPACE, Term
 
-ALL_TERMS = 31  # as arm_dynamics.Term.ALL, which would import Pinocchio
 _U32 = 2**32 - 1
-
-
-@frozen
-class ModelFacts:
-    """Properties of a dynamics node's arm; vectors have shape (n,).
-
-    Attributes:
-        joint_names: Names of the joints, in model order.
-        joint_types: ``revolute``, ``continuous`` or ``prismatic``.
-        position_lower: Lower position limits in [rad] or [m]; -inf for none.
-        position_upper: Upper position limits in [rad] or [m]; inf for none.
-        velocity_limits: Speed limits in [rad/s] or [m/s]; inf for none.
-        effort_limits: Torque limits in [N m] or [N]; inf for none.
-        frame_names: Frames of the arm.
-        total_mass: Mass of everything that moves, in [kg].
-        gravity: Gravity in the world frame in [m/s²], shape (3,).
-        summary: One-line description.
-    """
-
-    joint_names: tuple[str, ...]
-    joint_types: tuple[str, ...]
-    position_lower: Array
-    position_upper: Array
-    velocity_limits: Array
-    effort_limits: Array
-    frame_names: tuple[str, ...]
-    total_mass: float
-    gravity: Array
-    summary: str
-
-
-@frozen
-class Terms:
-    """Terms of the equation of motion; a batch has k in front of every shape.
-
-    Attributes:
-        joint_names: Order of the vectors.
-        mass_matrix: M(q), shape (n, n).
-        coriolis_matrix: C(q, v), shape (n, n).
-        gravity: G(q) in [N m] or [N], shape (n,).
-        friction: F(v) in [N m] or [N], shape (n,).
-        spring: S(q, v), torque of springs and their dampers, in [N m] or [N], shape (n,).
-        kinetic_energy: Kinetic energy in [J], shape ().
-        potential_energy: Potential energy in [J], shape ().
-    """
-
-    joint_names: tuple[str, ...]
-    mass_matrix: Array
-    coriolis_matrix: Array
-    gravity: Array
-    friction: Array
-    spring: Array
-    kinetic_energy: Array
-    potential_energy: Array
-
-
-@frozen
-class ConstrainedMotion:
-    """Motion under the scene's constraints; a batch has k in front of both shapes.
-
-    Attributes:
-        joint_names: Order of the accelerations.
-        constraint_names: The constraint that each multiplier belongs to, m names.
-        acceleration: Joint accelerations in [rad/s²] or [m/s²], shape (n,).
-        multipliers: λ, what the arm exerts on the constraints, in [N] or [N m], shape (m,): force
-            and moment of a constraint's first frame on its second, in axes of the second.
-    """
-
-    joint_names: tuple[str, ...]
-    constraint_names: tuple[str, ...]
-    acceleration: Array
-    multipliers: Array
-
-
-@frozen
-class Postures:
-    """Joint positions for poses; a batch has k in front of every shape.
-
-    Attributes:
-        joint_names: Order of the positions.
-        q: Joint positions within limits, in [rad] or [m], shape (n,); the nearest found where a
-            pose is not reached.
-        reached: Whether the pose is reached to 1e-9 m and 1e-9 rad, shape ().
-        distance: Remaining position error in [m], shape ().
-        angle: Remaining orientation error in [rad], shape ().
-    """
-
-    joint_names: tuple[str, ...]
-    q: Array
-    reached: NDArray[np.bool_]
-    distance: Array
-    angle: Array
-
-
-class NotReached(Refused, Unreachable):
-    """A node's inverse kinematics did not reach every pose; the message is the node's.
-
-    ``found`` holds the result for each pose: the nearest posture where a pose is not reached.
-    """
-
-    def __init__(self, message: str, found: Postures) -> None:
-        super().__init__(message, float(found.distance.max()))
-        self.found = found
 
 
 @sealed
@@ -171,8 +75,8 @@ class ArmClient:
 
     def model_info(self) -> ModelFacts:
         """Properties of the node's arm."""
-        answer = self._ask(self._dynamics, interfaces.MODEL_INFO)
-        values = {field.name: getattr(answer, field.name) for field in fields(ModelFacts)}
+        response = self._call(self._dynamics, interfaces.MODEL_INFO)
+        values = {field.name: getattr(response, field.name) for field in fields(ModelFacts)}
         for name, value in values.items():
             if not isinstance(value, str | float):
                 values[name] = tuple(value) if isinstance(value, list) else np.array(value, float)
@@ -180,7 +84,7 @@ class ArmClient:
 
     def inverse_dynamics(
         self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
-        terms: int = ALL_TERMS, joint_names: Sequence[str] = (),
+        terms: int = Term.ALL, joint_names: Sequence[str] = (),
     ) -> Array:  # fmt: skip
         """Torques that produce a motion: the chosen terms of M a + C v + G + S + F.
 
@@ -194,35 +98,36 @@ class ArmClient:
         Returns:
             Torques in [N m] or [N], shape of ``q``.
         """
-        options = {"terms": whole("terms", terms, ALL_TERMS)}
-        answer, shape = self._ask_at(
+        options = {"terms": whole("terms", terms, Term.ALL)}
+        response, shape = self._call_at(
             interfaces.INVERSE_DYNAMICS, q, joint_names, options, velocity=v, acceleration=a
         )
-        return shaped(answer.effort, shape)
+        return shaped(response.effort, shape)
 
     def forward_dynamics(
         self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
     ) -> Array:  # fmt: skip
         """Accelerations that torques produce, shape of ``q``; see ``inverse_dynamics``."""
-        answer, shape = self._ask_at(
+        response, shape = self._call_at(
             interfaces.FORWARD_DYNAMICS, q, joint_names, velocity=v, effort=tau
         )
-        return shaped(answer.acceleration, shape)
+        return shaped(response.acceleration, shape)
 
     def dynamics_terms(
         self, q: ArrayLike, v: ArrayLike | None = None, joint_names: Sequence[str] = ()
     ) -> Terms:
         """M, C, G, F, S and the energies; see ``inverse_dynamics`` for the arguments."""
-        answer, (*batch, n) = self._ask_at(interfaces.DYNAMICS_TERMS, q, joint_names, velocity=v)
+        service = interfaces.DYNAMICS_TERMS
+        response, (*batch, n) = self._call_at(service, q, joint_names, velocity=v)
         shapes = {name: shape for entry in OF_SERVICE for name, shape in entry.parts.items()}
-        return Terms(tuple(answer.joint_names), **fields_of(answer, shapes, tuple(batch), n=n))
+        return Terms(tuple(response.joint_names), **fields_of(response, shapes, tuple(batch), n=n))
 
     def task_space(
         self, frame: str, q: ArrayLike, v: ArrayLike | None = None, *,
         reference: str = "local_world_aligned", axes: str | Sequence[str] = "pose",
         direction: ArrayLike = (), joint_names: Sequence[str] = (),
-    ) -> dict[str, Any]:  # fmt: skip
+    ) -> TaskTerms:  # fmt: skip
         """The equation of motion in task space, at a frame.
 
         Args:
@@ -234,21 +139,18 @@ class ArmClient:
             direction: Direction along which to return the effective mass, one number for each
                 axis.
             joint_names: Order of all vectors; none for the model's.
-
-        Returns:
-            The fields of ``arm_msgs/TaskSpace`` by name, as arrays in their natural shapes; a
-            batch has k in front. ``axes`` and ``joint_names`` are tuples.
         """
         options = {
             "frame": str(frame), "reference": str(reference), "axes": words("axes", axes),
             "direction": flat("direction", direction),
         }  # fmt: skip
-        answer, (*batch, n) = self._ask_at(
+        response, (*batch, n) = self._call_at(
             interfaces.TASK_SPACE, q, joint_names, options, velocity=v
         )
-        names = {"axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names)}
+        names = {"axes": tuple(response.axes), "joint_names": tuple(response.joint_names)}
         shapes = TASK_SPACE | {"effective_mass": (), "effective_mass_bounded": ()}
-        return names | fields_of(answer, shapes, tuple(batch), n=n, m=len(answer.axes))
+        arrays = fields_of(response, shapes, tuple(batch), n=n, m=len(response.axes))
+        return cast(TaskTerms, names | arrays)
 
     def inverse_kinematics(
         self, frame: str, pose: ArrayLike, seed: ArrayLike | None = None, *,
@@ -276,19 +178,19 @@ class ArmClient:
         fields = motion(joint_names, pose=pose, seed=seed)
         fields |= {"frame": str(frame), "axes": words("axes", axes)}
         batch = rows("pose", pose, 7)
-        answer = self._answer(self._dynamics, interfaces.INVERSE_KINEMATICS, fields, once=True)
-        if not len(answer.reached):
-            _agreed(answer)
-        names = tuple(answer.joint_names)
+        response = self._response(self._dynamics, interfaces.INVERSE_KINEMATICS, fields, once=True)
+        if not len(response.reached):
+            _accepted(response)
+        names = tuple(response.joint_names)
         if seed is not None:
             rows("seed", seed, len(names))
         postures = Postures(
-            names, shaped(answer.position, (*batch, len(names))),
-            np.array(answer.reached, bool).reshape(batch),
-            shaped(answer.distance, batch), shaped(answer.angle, batch),
+            names, shaped(response.position, (*batch, len(names))),
+            np.array(response.reached, bool).reshape(batch),
+            shaped(response.distance, batch), shaped(response.angle, batch),
         )  # fmt: skip
-        if not answer.success:
-            raise NotReached(answer.message, postures)
+        if not response.success:
+            raise NotReached(response.message, postures)
         return postures
 
     def constrained_dynamics(
@@ -300,13 +202,13 @@ class ArmClient:
         τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for the initially active constraints.
         Arguments as for ``forward_dynamics``; the constraints should be satisfied at ``q``.
         """
-        answer, shape = self._ask_at(
+        response, shape = self._call_at(
             interfaces.CONSTRAINED_DYNAMICS, q, joint_names, velocity=v, effort=tau
         )
-        names = tuple(answer.constraint_names)
+        names = tuple(response.constraint_names)
         return ConstrainedMotion(
-            tuple(answer.joint_names), names, shaped(answer.acceleration, shape),
-            shaped(answer.multipliers, (*shape[:-1], len(names))),
+            tuple(response.joint_names), names, shaped(response.acceleration, shape),
+            shaped(response.multipliers, (*shape[:-1], len(names))),
         )  # fmt: skip
 
     def constrained_inverse_dynamics(
@@ -318,37 +220,35 @@ class ArmClient:
         As ``inverse_dynamics``, with ``multipliers`` λ as ``constrained_dynamics`` gives them, in
         [N] or [N m], shape (m,), or (k, m); None for zeros.
         """
-        answer, shape = self._ask_at(
+        response, shape = self._call_at(
             interfaces.CONSTRAINED_DYNAMICS, q, joint_names, {"inverse": True},
             velocity=v, acceleration=a, multipliers=multipliers,
         )  # fmt: skip
-        return shaped(answer.effort, shape)
+        return shaped(response.effort, shape)
 
     # --- the sim node --------------------------------------------------------------------------
 
     def reset(self) -> None:
         """Reset the simulation to its initial state and time zero."""
-        self._ask(self._sim, interfaces.RESET)
+        self._call(self._sim, interfaces.RESET)
 
     def pause(self) -> None:
         """Pause the simulation."""
-        self._ask(self._sim, interfaces.PAUSE, data=True)
+        self._call(self._sim, interfaces.PAUSE, data=True)
 
     def resume(self) -> None:
         """Resume the simulation."""
-        self._ask(self._sim, interfaces.PAUSE, data=False)
+        self._call(self._sim, interfaces.PAUSE, data=False)
 
     def step(self, steps: int = 1) -> float:
         """Advance a paused simulation by whole ticks; return its time in [s]. Never repeated."""
         fields = {"steps": whole("steps", steps, _U32)}
-        return float(_agreed(self._answer(self._sim, interfaces.STEP, fields, once=True)).time)
+        return float(_accepted(self._response(self._sim, interfaces.STEP, fields, once=True)).time)
 
     def set_joint_state(
-        self,
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
+        self, q: ArrayLike | None = None, v: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Set joint positions and velocities at once.
 
         Args:
@@ -357,7 +257,7 @@ class ArmClient:
             joint_names: Names of the joints; empty for all, in model order.
         """
         fields = motion(joint_names, position=q, velocity=v)
-        self._ask(self._sim, interfaces.SET_JOINT_STATE, **fields)
+        self._call(self._sim, interfaces.SET_JOINT_STATE, **fields)
 
     def set_payload(
         self, mass: float, com: ArrayLike = (0.0, 0.0, 0.0),
@@ -371,7 +271,7 @@ class ArmClient:
             inertia: Inertia about the centre of mass: xx, xy, xz, yy, yz, zz in [kg m²].
             index: Index of the payload in the scene.
         """
-        self._ask(
+        self._call(
             self._sim, interfaces.SET_PAYLOAD, index=whole("index", index, _U32), mass=float(mass),
             com=fixed("com", com, 3), inertia=fixed("inertia", inertia, 6),
         )  # fmt: skip
@@ -383,29 +283,27 @@ class ArmClient:
             viscous: Coefficients in [N m s/rad] or [N s/m], shape (n,).
             joint_names: Names of the joints; empty for all, in model order.
         """
-        self._ask(self._sim, interfaces.SET_FRICTION, **motion(joint_names, viscous=viscous))
+        self._call(self._sim, interfaces.SET_FRICTION, **motion(joint_names, viscous=viscous))
 
     def reset_counters(self) -> None:
         """Reset the counters of the loop and of its communication partners."""
-        self._ask(self._sim, interfaces.RESET_COUNTERS)
+        self._call(self._sim, interfaces.RESET_COUNTERS)
 
-    # --- both ----------------------------------------------------------------------------------
-
-    def _ask(self, node: str, service: interfaces.Service, **fields: Any) -> Any:
+    def _call(self, node: str, service: interfaces.Service, **fields: Any) -> Any:
         """The response of a node; raises ``Refused`` if the request was declined."""
-        return _agreed(self._answer(node, service, fields))
+        return _accepted(self._response(node, service, fields))
 
-    def _ask_at(
+    def _call_at(
         self, service: interfaces.Service, q: ArrayLike, joint_names: Sequence[str],
         options: Mapping[str, Any] = MappingProxyType({}), **vectors: ArrayLike | None,
     ) -> tuple[Any, tuple[int, ...]]:  # fmt: skip
         """The response of the dynamics node at points, and their shape: (n,) or (k, n)."""
         fields = motion(joint_names, position=q, **vectors)
-        answer = self._ask(self._dynamics, service, **fields, **options)
-        n = len(answer.joint_names)
-        return answer, (*rows("position", q, n), n)
+        response = self._call(self._dynamics, service, **fields, **options)
+        n = len(response.joint_names)
+        return response, (*rows("position", q, n), n)
 
-    def _answer(
+    def _response(
         self, node: str, service: interfaces.Service, fields: dict[str, Any], once: bool = False
     ) -> Any:
         """The response of a node, refusals included; with ``once``, the request is sent once."""
@@ -413,7 +311,7 @@ class ArmClient:
         return self._caller.ask(node, service, request, repeatable=not once)
 
 
-def _agreed(answer: Any) -> Any:
-    if not answer.success:
-        raise Refused(answer.message)
-    return answer
+def _accepted(response: Any) -> Any:
+    if not response.success:
+        raise Refused(response.message)
+    return response

@@ -62,12 +62,12 @@ def shaped(values: Any, shape: tuple[int, ...]) -> Array:
 
 
 def fields_of(
-    answer: Any, shapes: Mapping[str, Sequence[str | int]], batch: tuple[int, ...], **sizes: int
+    response: Any, shapes: Mapping[str, Sequence[str | int]], batch: tuple[int, ...], **sizes: int
 ) -> dict[str, Array]:
-    """The fields of an answer that it has, of shapes in numbers and names of sizes."""
+    """The fields of a response that are not empty, of shapes in numbers and names of sizes."""
     arrays = {}
     for name, shape in shapes.items():
-        if len(values := getattr(answer, name)):
+        if len(values := getattr(response, name)):
             numbers = (sizes[x] if isinstance(x, str) else x for x in shape)
             arrays[name] = np.array(values).reshape((*batch, *numbers))
     return arrays

@@ -39,16 +39,9 @@ NATIVE = Path(__file__).parent / "native"
 # four times as long to compile it. The two -fno are safe: no code reads errno after sqrt, none
 # traps floating-point exceptions.
 FLAGS = (
-    "-O1",
-    "-ffp-contract=off",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-fvisibility=hidden",
-    "-Wl,-Bsymbolic",
-    "-fPIC",
-    "-shared",
-    "-w",
-)
+    "-O1", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fvisibility=hidden",
+    "-Wl,-Bsymbolic", "-fPIC", "-shared", "-w",
+)  # fmt: skip
 # C++ is the language of many arms side by side: what is done lane by lane, such as finding angles
 # beyond the sine's range, becomes code without loops. Its own headers, which take a compiler
 # longer than many a kernel, are not needed: those of C are there.

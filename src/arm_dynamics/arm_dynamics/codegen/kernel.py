@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Self
 
 import casadi as ca
@@ -99,18 +99,10 @@ class Kernel:
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
                 "machine runs smooth scenes only; allowed here: auto, native"
             )
-        self._set(functions, code, map(_signature, functions), {})
-
-    def _set(
-        self, functions: Sequence[ca.Function], code: Code | None,
-        signatures: Iterable[Signature], operations: dict[str, int],
-    ) -> None:  # fmt: skip
-        """Set all attributes; there is no code on the virtual machine."""
+        self._code = code  # none on the virtual machine
         self._functions = {function.name(): function for function in functions}
-        self._code, self._operations = code, operations
-        self._signatures = {signature.name: signature for signature in signatures}
-        self.library = code.library if code else None
-        self.backend = code.origin if code else "virtual machine of CasADi"
+        self._signatures = {name: _signature(f) for name, f in self._functions.items()}
+        self._operations: dict[str, int] = {}
 
     @classmethod
     def recalled(cls, recipe: str) -> Self | None:
@@ -121,8 +113,10 @@ class Kernel:
         """
         if (entry := known_kernels.recall(recipe)) is None:
             return None
-        kernel, (code, note) = cls.__new__(cls), entry
-        kernel._set([], code, note.functions, note.operations)
+        kernel = cls([], "vm")
+        kernel._code, note = entry
+        kernel._signatures = {signature.name: signature for signature in note.functions}
+        kernel._operations = note.operations
         return kernel
 
     def keep(self, recipe: str) -> None:
@@ -131,6 +125,16 @@ class Kernel:
             counts = {name: self.operations(name) for name in self._signatures}
             functions = tuple(self._signatures.values())
             known_kernels.keep(recipe, Note(key=code.key, functions=functions, operations=counts))
+
+    @property
+    def library(self) -> ctypes.CDLL | None:
+        """The compiled code."""
+        return self._code.library if self._code else None
+
+    @property
+    def backend(self) -> str:
+        """Compiler and place of compilation, or the virtual machine."""
+        return self._code.origin if self._code else "virtual machine of CasADi"
 
     @property
     def native(self) -> bool:

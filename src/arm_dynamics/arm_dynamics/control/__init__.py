@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
-    from arm_dynamics.control.compiled_law import Compiled, CompiledComputedTorque, preparation
+    from arm_dynamics.control.compiled_law import Compiled, preparation
     from arm_dynamics.control.computed_torque import ComputedTorque
-    from arm_dynamics.control.controller import Controller, Measured, Restartable
-    from arm_dynamics.control.custom import Watched, load_controller
+    from arm_dynamics.control.controller import AnyController, Controller, Measured
+    from arm_dynamics.control.disturbance_observer import DisturbanceObserver
     from arm_dynamics.control.factory import NAMES, Settings, make_controller
     from arm_dynamics.control.friction_compensation import FrictionFeedForward
     from arm_dynamics.control.joint_space import (
@@ -27,30 +27,20 @@ if TYPE_CHECKING:
     )
     from arm_dynamics.control.law import JointLaw, Law
     from arm_dynamics.control.pole_placement import gains, held_gains
+    from arm_dynamics.control.switch import Switch
     from arm_dynamics.control.task_space import (
-        AlongJoints,
         CartesianImpedance,
         MotionForce,
         OperationalSpace,
-        TaskController,
         at_rest,
-        task_reference,
     )
-    from arm_dynamics.control.wrappers import (
-        AnyController,
-        DisturbanceObserver,
-        HalfTickAhead,
-        Saturated,
-        Switch,
-    )
+    from arm_dynamics.control.wrappers import HalfTickAhead, Saturated
 
 __all__ = [
-    "AlongJoints", "AnyController", "CartesianImpedance", "Compiled",
-    "CompiledComputedTorque", "ComputedTorque", "Controller", "DisturbanceObserver",
-    "FeedForwardPD", "FrictionFeedForward", "GravityCompensation", "HalfTickAhead",
-    "JointImpedance", "JointLaw", "Law", "Measured", "MotionForce", "NAMES", "OperationalSpace",
-    "PD", "PDGravity", "PID", "Restartable", "Saturated", "Settings", "Switch", "TaskController",
-    "Watched", "at_rest", "gains", "held_gains", "load_controller", "make_controller",
-    "preparation", "task_reference", "tuned",
+    "AnyController", "CartesianImpedance", "Compiled", "ComputedTorque", "Controller",
+    "DisturbanceObserver", "FeedForwardPD", "FrictionFeedForward", "GravityCompensation",
+    "HalfTickAhead", "JointImpedance", "JointLaw", "Law", "Measured", "MotionForce", "NAMES",
+    "OperationalSpace", "PD", "PDGravity", "PID", "Saturated", "Settings", "Switch", "at_rest",
+    "gains", "held_gains", "make_controller", "preparation", "tuned",
 ]  # fmt: skip
 __getattr__, __dir__ = on_demand(__name__, __file__)

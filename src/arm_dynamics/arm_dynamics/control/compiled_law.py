@@ -16,7 +16,6 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array, all_finite
@@ -24,10 +23,8 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.computed_torque import ComputedTorque
 from arm_dynamics.control.controller import Measured, Moving, added_torques, checked, restart
 from arm_dynamics.control.law import Law, law_of, name_of
-from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.rigid_expressions import RigidExpressions
@@ -85,15 +82,15 @@ class Compiled:
         q, v = checked(state, self.model.n, reference)
         if (added := added_torques(reference, self.model.n)) is None:
             added = self._still
-        np.concatenate((q, v, reference.q, reference.v, reference.a, added), out=call.inputs[0])
+        (moving, _, memory), (tau, next_memory) = call.inputs, call.outputs
+        np.concatenate((q, v, reference.q, reference.v, reference.a, added), out=moving)
         call.run()
-        if all_finite(call.outputs[0]):
-            call.inputs[2][:] = call.outputs[1]
-            return call.outputs[0].copy()
-        law = self.law
-        law.memory = _parts(np, call.inputs[2], law.memory)
-        by_numbers = law.torque(state, reference)
-        call.inputs[2][:] = _flat(law.memory)
+        if all_finite(tau):
+            memory[:] = next_memory
+            return tau.copy()
+        self.law.memory = _parts(np, memory, self.law.memory)
+        by_numbers = self.law.torque(state, reference)
+        memory[:] = _flat(self.law.memory)
         return by_numbers
 
     def compiled(self) -> CompiledLaw | None:
@@ -110,8 +107,8 @@ class Compiled:
         if kernel is None:
             return None
         call = kernel.call(_NAME)
-        call.inputs[1][:] = _flat(self.law.tuning)
-        call.inputs[2][:] = _flat(self.law.memory)
+        _, tuning, memory = call.inputs
+        tuning[:], memory[:] = _flat(self.law.tuning), _flat(self.law.memory)
         return call
 
 
@@ -129,7 +126,8 @@ class CompiledWithMemory(Compiled):
         self.law.memory = self._begin()
         restart(self.law)
         if self._call is not None:
-            self._call.inputs[2][:] = _flat(self.law.memory)
+            _, _, memory = self._call.inputs
+            memory[:] = _flat(self.law.memory)
 
     def _begin(self) -> tuple[Array, ...]:
         """The memory at the start, in arrays of its own: a formula may change them in place."""
@@ -146,19 +144,6 @@ class CompiledOwn(CompiledWithMemory):
     def _kernel(self) -> Kernel | None:
         kernel = super()._kernel()
         return kernel if kernel is not None and _agrees(kernel, self.law, self.model) else None
-
-
-@sealed
-class CompiledComputedTorque(Compiled):
-    """``ComputedTorque``, compiled for the arm."""
-
-    def __init__(
-        self, dynamics: Dynamics, bandwidth: ArrayLike = 20.0, damping_ratio: ArrayLike = 1.0,
-        dt: float = 1e-3,
-    ) -> None:  # fmt: skip
-        """Choose gains, as those of ``ComputedTorque``."""
-        law = ComputedTorque(dynamics, bandwidth, damping_ratio, dt)
-        super().__init__(law, dynamics.model)
 
 
 def with_code(control: Any, model: ArmModel, own: bool = False) -> Any:
@@ -256,12 +241,12 @@ def command_function(law: Law, model: ArmModel) -> ca.Function:
 
 def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array]]:
     """Torques and memory by the code and by the controller, where the code has an answer."""
-    like, rng = law.memory, np.random.default_rng(0)
-    call.inputs[1][:] = _flat(law.tuning)
+    moving, tuning, memory = call.inputs
+    shapes, rng = [part.shape for part in law.memory], np.random.default_rng(0)
+    tuning[:] = _flat(law.tuning)
     for q, v, *desired in np.swapaxes(random_states(model.n, 6), 0, 1):
-        law.memory = tuple(rng.normal(size=part.shape) for part in like)
-        call.inputs[0][:] = np.concatenate((q, v, *desired))
-        call.inputs[2][:] = _flat(law.memory)
+        law.memory = tuple(rng.normal(size=shape) for shape in shapes)
+        moving[:], memory[:] = np.concatenate((q, v, *desired)), _flat(law.memory)
         call.run()
         if all_finite(call.outputs[0]):
             tau = law.torque(Measured(q, v), Reference(*desired))

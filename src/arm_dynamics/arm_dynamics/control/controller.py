@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -65,6 +65,10 @@ class Controller[Goal](Protocol):
             reference: Desired joint motion: ``q``, ``v`` and ``a``, each of shape (n,), of a
                 ``trajectory.Reference``. Its ``tau`` is added by ``make_controller``.
         """
+
+
+AnyController = Controller[Any]
+"""A controller for any kind of reference."""
 
 
 @runtime_checkable

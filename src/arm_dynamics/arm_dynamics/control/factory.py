@@ -15,14 +15,11 @@ from arm_dynamics.arrays import Array, numbers, positive, unit_vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
 from arm_dynamics.control.compiled_law import with_code
+from arm_dynamics.control.controller import AnyController
+from arm_dynamics.control.disturbance_observer import DisturbanceObserver
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.pole_placement import MARGIN, gain, largest_delay
-from arm_dynamics.control.wrappers import (
-    AnyController,
-    DisturbanceObserver,
-    Saturated,
-    WithAddedTorques,
-)
+from arm_dynamics.control.wrappers import Saturated, WithAddedTorques
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.model.arm import postures

@@ -36,9 +36,10 @@ def friction_feed_forward(
     joints = friction.joints
     tau = joints.smooth(v, q, viscous)
     if friction.has_dry:
-        way = hyperbolic_tangent(v / BAND)
-        tau = tau + friction.gearless.dry(v, way, q, load)
-        tau = joints.gear_input(load + tau, way) - load if joints.gears else tau
+        sign = hyperbolic_tangent(v / BAND)
+        tau = tau + friction.gearless.dry(v, sign, q, load)
+        if joints.gears:
+            tau = joints.gear_input(load + tau, sign) - load
     return tau
 
 
@@ -69,7 +70,8 @@ class FrictionFeedForward(Wrapper):
     @property
     def key(self) -> tuple[Any, ...] | None:
         """What the formula depends on besides the model; see ``law.Law``."""
-        return None if (key := super().key) is None else (*key, self._viscous)
+        key = super().key
+        return None if key is None else (*key, self._viscous)
 
     def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and friction."""

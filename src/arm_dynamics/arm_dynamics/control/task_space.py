@@ -56,7 +56,7 @@ class _TaskLaw:
 class OperationalSpace(_TaskLaw):
     """Computed torque in the task's axes: ẍ = ẍ_d + K_d ė + K_p e, with posture in the null space.
 
-    τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p + s) + Nᵀ τ_posture, evaluated as inverse dynamics of the posture's
+    τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p + s) + Pᵀ τ_posture, evaluated as inverse dynamics of the posture's
     acceleration q̈_p and a force on top, M q̈_p + C q̇ + G + S + Jᵀ Λ (ẍ - J̇ q̇ - J q̈_p), which is
     the same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm yields
     in the singular direction.
@@ -230,8 +230,9 @@ def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) ->
         reference: Joint positions, velocities and accelerations, each of shape (n,).
         force: Force along the controller's direction in [N].
     """
-    q = reference.q
-    return TaskReference(*task.motion.accelerated(q, reference.v, reference.a), force, q)
+    q, v, a = reference.q, reference.v, reference.a
+    position, rotation, velocity, acceleration = task.motion.accelerated(q, v, a)
+    return TaskReference(position, rotation, velocity, acceleration, force, posture=q)
 
 
 def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:
@@ -297,6 +298,6 @@ class _Arm:
         force = arm.inertia @ (desired - arm.drift - arm.J @ a)
         tau = arm.M @ a + arm.bias + arm.J.T @ force
         if self._friction is not None:
-            way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
-            tau = tau + friction_feed_forward(self._friction, way, now.q, tau)
+            joint_velocity = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
+            tau = tau + friction_feed_forward(self._friction, joint_velocity, now.q, tau)
         return tau

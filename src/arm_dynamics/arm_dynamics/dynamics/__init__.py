@@ -6,9 +6,8 @@ against it. Depends on the model, its drives and friction, and the terms; on no 
 on ROS.
 """
 
-from arm_dynamics.dynamics.checks import check_constrained, check_forward
 from arm_dynamics.dynamics.constrained import Constrained
-from arm_dynamics.dynamics.dynamics import Dynamics, Term
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.terms.table import Term
 
-__all__ = ["Constrained", "Dynamics", "MANY", "Term", "check_constrained", "check_forward"]
+__all__ = ["Constrained", "Dynamics", "Term"]

@@ -100,52 +100,55 @@ class AtRest:
         """
         (k, n), m = points.v.shape, points.A.shape[1]
         a, multipliers = np.empty((k, n)), np.empty((k, m))
-        direction, turned = self._guess(points), np.zeros((k, n), dtype=bool)
-        left = np.arange(k)  # points at which a joint may still violate the laws
+        directions, reversed_once = self._guess(points), np.zeros((k, n), dtype=bool)
+        pending = np.arange(k)  # points at which a joint may still violate the laws
         for turn in range(3 * n + 2 ** min(n, ENUMERATED)):
-            some, way = points.at(left), direction[left]
-            resting = self.resting(some.v)
-            motion = self._moved(some, way, resting & (way == 0.0))
-            pull = self._joints.relative_hold(motion.reaction, some.q, some.tau)
+            current, direction = points.at(pending), directions[pending]
+            resting = self.resting(current.v)
+            motion = self._moved(current, direction, resting & (direction == 0.0))
+            pull = self._joints.relative_hold(motion.reaction, current.q, current.tau)
             # Violation of the friction laws by each joint at rest: not positive if satisfied.
             level, size = self._joints.level, abs(motion.a).max(axis=1, keepdims=True)
-            wrong_way = -way * motion.a / (1.0 + size) - SLACK
-            excess = np.where(way == 0.0, (abs(pull) - level) / level.max(), wrong_way)
+            backwards = -direction * motion.a / (1.0 + size) - SLACK
+            excess = np.where(direction == 0.0, (abs(pull) - level) / level.max(), backwards)
             excess = np.where(resting, excess, 0.0)
-            released = self._released(some, motion, way, excess) if m else way
-            a[left], multipliers[left], direction[left] = motion.a, motion.multipliers, released
-            wrong = np.flatnonzero((excess > 0.0).any(axis=1))
-            if not len(wrong):
+            released = self._released(current, motion, direction, excess) if m else direction
+            a[pending], multipliers[pending] = motion.a, motion.multipliers
+            directions[pending] = released
+            violating = np.flatnonzero((excess > 0.0).any(axis=1))
+            if not len(violating):
                 return a, multipliers
-            left, begun = left[wrong], (released != way)[wrong].any(axis=1)
-            wrong = wrong[~begun]
-            order = np.argmax(excess[wrong] > 0.0 if turn >= 3 * n else excess[wrong], axis=1)
+            begins = (released != direction)[violating].any(axis=1)
+            pending, violating = pending[violating], violating[~begins]
+            order = excess[violating] > 0.0 if turn >= 3 * n else excess[violating]
+            joint = np.argmax(order, axis=1)
             # The modes of these entries change: they begin to slide, reverse, or stick.
-            entry = left[~begun], order
-            held, turns = direction[entry] == 0.0, ~turned[entry] & (m > 0)
-            otherwise = np.where(turns, -direction[entry], 0.0)
-            turned[entry] = ~held & turns
-            direction[entry] = np.where(held, np.sign(pull[wrong, order]), otherwise)
+            entry = pending[~begins], joint
+            held, turns = directions[entry] == 0.0, ~reversed_once[entry] & (m > 0)
+            otherwise = np.where(turns, -directions[entry], 0.0)
+            reversed_once[entry] = ~held & turns
+            directions[entry] = np.where(held, np.sign(pull[violating, joint]), otherwise)
         raise InvalidInput(
             "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
 
-    def _released(self, points: Points, motion: MotionAtRest, way: Array, excess: Array) -> Array:
+    def _released(
+        self, points: Points, motion: MotionAtRest, direction: Array, excess: Array
+    ) -> Array:
         """Directions after all that holds together and is beyond its limits has been released.
 
         The violation of joints that hold together becomes zero where they hold, and multipliers
         those with which they do.
         """
-        bears = np.stack(
-            [self._joints.most_held(s * np.ones_like(way), points.q, points.tau) for s in (1, -1)]
-        )
-        released = way.copy()
-        for k in np.flatnonzero(((way == 0.0) & (excess > 0.0)).any(axis=1)):
-            held = self.resting(points.v[k]) & (way[k] == 0.0)
+        signs = np.ones_like(direction), -np.ones_like(direction)
+        bears = np.stack([self._joints.most_held(s, points.q, points.tau) for s in signs])
+        released = direction.copy()
+        for k in np.flatnonzero(((direction == 0.0) & (excess > 0.0)).any(axis=1)):
+            held = self.resting(points.v[k]) & (direction[k] == 0.0)
             for each in indeterminate_sets(points.A[k], held, motion.reaction[k], bears[:, k]):
                 motion.multipliers[k] += each.multipliers
                 excess[k, each.joints] = 0.0 if each.holds else 1.0
-                released[k, each.joints] = each.way
+                released[k, each.joints] = each.direction
         return released
 
     def _guess(self, points: Points) -> Array:
@@ -156,8 +159,8 @@ class AtRest:
             for k in np.flatnonzero(points.v.any(axis=1)):
                 carried[k] = _carried(points.A[k], points.drift[k], points.v[k], resting[k])
         if carried.any():
-            ways = np.where(carried, 1.0, direction)
-            a = self._moved(points, ways, resting & ~carried).a
+            forwards = np.where(carried, 1.0, direction)
+            a = self._moved(points, forwards, resting & ~carried).a
             direction = np.where(carried, np.sign(a), direction)
         return direction
 

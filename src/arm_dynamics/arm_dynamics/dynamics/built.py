@@ -76,7 +76,7 @@ def too_fast(model: ArmModel, v: Array, times: float = _TOO_FAST) -> str:
     if not (over := abs(v) > times * model.velocity_limit).any():
         return ""
     i = int(np.argmax(over))
-    unit = "m/s" if model.joint_types[i] == "prismatic" else "rad/s"
+    unit = model.units("rad/s", "m/s")[i]
     return (
         f"velocity {v[i]:.6g} {unit} of joint '{model.joint_names[i]}' exceeds its limit "
         f"of {model.velocity_limit[i]:.6g} {unit}"
@@ -94,7 +94,7 @@ def _weights(model: ArmModel, q: Array) -> Iterator[Remark]:
         ("the payload", loads, _LOADED, near),
     ):
         for name, unit, x, limit in _joints(model, abs(torques).max(axis=0)):
-            if is_comparable and x > most * limit and name not in model.placeholders:
+            if is_comparable and x > most * limit and name not in model.placeholder_limits:
                 largest = f"{x:.3g} {unit}, {x / limit:.3g} times its effort limit"
                 hint = f"masses are in kg, efforts in {unit}"
                 yield Remark(name, f"{cause} needs up to {largest}", hint)
@@ -107,8 +107,7 @@ def _drives(model: ArmModel, q: Array) -> Iterator[Remark]:
     rotors = [drive.rotor_inertia if drive else 0.0 for drive in model.drives]
     joints = _joints(model, np.fmax(model.armature, rotors))
     for (name, unit, inertia, _), drive in zip(joints, model.drives, strict=True):
-        slides = np.array(model.joint_types) == "prismatic"
-        largest = links[slides == (unit == "N")].max()
+        largest = links[model.turning == (unit == "N m")].max()
         if inertia > _INERT * largest > 0.0:
             text = f"its drive has {inertia:.3g} at the joint, and the arm at most {largest:.3g}"
             yield Remark(name, text, f"inertias are in kg{'' if unit == 'N' else ' m²'}")
@@ -146,6 +145,5 @@ def _friction(model: ArmModel) -> Iterator[Remark]:
 
 def _joints(model: ArmModel, values: Array) -> Iterator[tuple[str, str, float, float]]:
     """Name, unit of effort, value and effort limit, inf for none, of each joint."""
-    units = ("N" if kind == "prismatic" else "N m" for kind in model.joint_types)
-    rows = zip(model.joint_names, units, values, model.effort_limit, strict=True)
+    rows = zip(model.joint_names, model.units("N m", "N"), values, model.effort_limit, strict=True)
     return ((name, unit, float(x), float(limit) or np.inf) for name, unit, x, limit in rows)

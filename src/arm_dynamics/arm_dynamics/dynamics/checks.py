@@ -8,11 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.dynamics import Dynamics, Term
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.gauss import times, transposed
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.terms.arm import NumericArm
-from arm_dynamics.terms.table import FORWARD, torque_size
+from arm_dynamics.terms.comparison import torque_size
+from arm_dynamics.terms.table import FORWARD, Term
 from arm_dynamics.terms.verify import CHECK_STATES, CHECK_TOLERANCE, compare, random_states, verify
 
 WELL_CONDITIONED = 1e4
@@ -86,14 +88,14 @@ def check_constrained(dynamics: Dynamics, acceleration: Acceleration) -> float:
         tau - friction - dynamics.inverse(q, v, acceleration, terms=Term.ALL ^ Term.FRICTION)
         for acceleration in (a, np.zeros_like(q))
     )
-    free = np.linalg.solve(M, at_rest[..., None])
-    summands = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
-    basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
-    reaction = (basis @ (np.swapaxes(basis, 1, 2) @ lacking[..., None]))[..., 0]
+    free = np.linalg.solve(M, at_rest[..., None])[..., 0]
+    summands = times(abs(A), abs(a) + abs(free)) + abs(drift)
+    basis = np.linalg.qr(transposed(A))[0]
+    reaction = times(basis, times(transposed(basis), lacking))
     allowance, rounded = slack(condition)[:, None], ROUNDED * summands.max(initial=0.0)
     return compare(
         "constrained dynamics",
-        ((A @ a[..., None])[..., 0] + drift, allowance * np.maximum(summands, rounded)),
+        (times(A, a) + drift, allowance * np.maximum(summands, rounded)),
         (lacking - reaction, allowance * torque_size(M, a, tau, lacking)),
     )
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, each, real_array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import FrameMotion, check_moving
+from arm_dynamics.model.frame_motion import FrameMotion, check_moving
 from arm_dynamics.scene.constraint import ORIGIN
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
-from enum import IntFlag
 from functools import cached_property, partial
 from inspect import Parameter, Signature
 from typing import Any, Self
@@ -25,28 +24,13 @@ from arm_dynamics.dynamics.constrained import Constrained
 from arm_dynamics.dynamics.contact_torque import contact_torque
 from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import check_frame
+from arm_dynamics.model.frame_motion import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.terms import table
 from arm_dynamics.terms.answers import MANY, Answers
 from arm_dynamics.terms.compiled import calls
-from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry
-
-
-class Term(IntFlag):
-    """Terms of the equation of motion τ = M q̈ + C q̇ + G + S + F, for inverse dynamics to add up.
-
-    ``SPRING``, S, is the torque of springs and their dampers.
-    """
-
-    INERTIA = 1
-    CORIOLIS = 2
-    GRAVITY = 4
-    FRICTION = 8
-    SPRING = 16
-    ALL = 31
-
+from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry, Term
 
 _log = logging.getLogger(__name__)
 _FLOAT, _ALL = np.dtype(float), Term.ALL
@@ -142,7 +126,7 @@ class Dynamics:
         self._alone = True  # no external torques and other active constraints
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # warns when torques are first requested
-        self._turning = np.array(self.model.joint_types) != "prismatic"
+        self._turning = self.model.turning
         self._checks_left = CHECKED_CALLS
         self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
         self._calls: dict[Entry, Any] = {x: {} if x.selectors else unanswered for x in TERMS}
@@ -432,7 +416,8 @@ class Dynamics:
         state = q, self._still if v is None else v
         if (result := call(*state)) is not None:
             return result
-        return self._answer(table.SPRING, state, (), call, None if self.model.springs else _zero)
+        none = None if self.model.springs else lambda q, v: np.zeros(np.broadcast(q, v).shape)
+        return self._answer(table.SPRING, state, (), call, none)
 
     def friction(
         self,
@@ -509,10 +494,6 @@ def _factors(terms: Term | int) -> Array:
             "FRICTION 8, SPRING 16"
         )
     return np.array([float(bool(terms & term)) for term in Term])
-
-
-def _zero(q: Array, v: Array) -> Array:
-    return np.zeros(np.broadcast(q, v).shape)
 
 
 def model_of(dynamics: Any) -> ArmModel:

@@ -41,15 +41,14 @@ class IndeterminateSet:
     Attributes:
         joints: Their indices, shape (k,).
         holds: Whether some distribution of their torques is within all levels.
-        way: Where they do not hold, the directions in which they begin to move, -1, 0 or 1, shape
-            (k,).
+        direction: Where they do not hold, that in which each begins to move: -1, 0 or 1, (k,).
         multipliers: Where they hold, the change of the multipliers λ that brings their torques
             within the levels, those nearest in units of the levels, shape (m,).
     """
 
     joints: NDArray[np.intp]
     holds: bool
-    way: Array
+    direction: Array
     multipliers: Array
 
 
@@ -73,9 +72,9 @@ def indeterminate_sets(
             continue
         own, _, amounts = np.linalg.svd(stress[members])
         rank = round(float(np.sum(stress[members] ** 2)))
-        change, way = _settled(own[:, :rank], r, limits)
+        change, direction = _settled(own[:, :rank], r, limits)
         balance = forces @ (amounts[:rank].T @ change)
-        yield IndeterminateSet(joints, not way.any(), way, -balance)
+        yield IndeterminateSet(joints, not direction.any(), direction, -balance)
 
 
 def _self_stresses(A: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:

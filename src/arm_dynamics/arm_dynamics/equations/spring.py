@@ -70,28 +70,28 @@ class Springs:
         tabulated = np.array([table is not None for table in self.tables], dtype=bool)
         return tabulated | (self.stiffness + self.damping > 0.0)
 
-    def pull(self, bent: Quantity) -> Quantity:
+    def pull(self, x: Quantity) -> Quantity:
         """Elastic torques of the joints' springs in [N m] or [N], shape (links,).
 
         Args:
-            bent: Their deflections in [rad] or [m], shape (links,), an array or an expression.
+            x: Their deflections in [rad] or [m], shape (links,), an array or an expression.
         """
-        linear = like(bent)(self.stiffness) * bent
-        return self._with_tables(linear, bent, Curve.__call__)
+        linear = like(x)(self.stiffness) * x
+        return self._with_tables(linear, x, Curve.__call__)
 
-    def stored(self, bent: Quantity) -> Quantity:
+    def stored(self, x: Quantity) -> Quantity:
         """Energies of the joints' springs in [J], shape (links,); see ``pull``."""
-        linear = like(bent)(self.stiffness) * bent**2 / 2
-        return self._with_tables(linear, bent, lambda t, x: t.integral(x) - t.integral(0.0))
+        linear = like(x)(self.stiffness) * x**2 / 2
+        return self._with_tables(linear, x, lambda t, at: t.integral(at) - t.integral(0.0))
 
     def _with_tables(
-        self, linear: Quantity, bent: Quantity, value: Callable[[Curve, Quantity], Quantity]
+        self, linear: Quantity, x: Quantity, value: Callable[[Curve, Quantity], Quantity]
     ) -> Quantity:
         if not any(self.tables):
             return linear
         items = enumerate(self.tables)
-        torques = [linear[i] if t is None else value(t, bent[i]) for i, t in items]
-        return ca.vertcat(*torques) if isinstance(bent, ca.SX) else np.array(torques)
+        torques = [linear[i] if t is None else value(t, x[i]) for i, t in items]
+        return ca.vertcat(*torques) if isinstance(x, ca.SX) else np.array(torques)
 
 
 def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:
@@ -147,11 +147,11 @@ def heat(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
 
 def energy(springs: Springs, tree: Tree, q: ca.SX) -> ca.SX:
     """Energy stored in the springs in [J]; arguments as of ``torque``."""
-    bent = _full(tree, q) - constant(springs.rest)
-    whole = ca.sum1(springs.stored(bent))
-    for spring, (square, _) in zip(springs.points, _ways(springs, tree, q), strict=True):
-        whole += stored(spring, square)
-    return whole
+    x = _full(tree, q) - constant(springs.rest)
+    total = ca.sum1(springs.stored(x))
+    for spring, (square, _) in zip(springs.points, _lengths(springs, tree, q), strict=True):
+        total += stored(spring, square)
+    return total
 
 
 def frictionless(
@@ -166,7 +166,7 @@ def _parts(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.
     E = spread_map(tree)
     elastic = E.T @ springs.pull(_full(tree, q) - constant(springs.rest))
     damping = E.T @ (constant(springs.damping) * (E @ v))
-    for spring, (square, slope) in zip(springs.points, _ways(springs, tree, q), strict=True):
+    for spring, (square, slope) in zip(springs.points, _lengths(springs, tree, q), strict=True):
         static, moving = tension(spring, square, ca.dot(slope, v))
         elastic, damping = elastic + static * slope, damping + moving * slope
     return elastic, damping
@@ -177,17 +177,17 @@ def _full(tree: Tree, q: ca.SX) -> ca.SX:
     return spread_map(tree) @ q + constant(tree.offsets)
 
 
-def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+def _lengths(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
     """u·u in [m²] of each spring between points, and the slope ∂(u·u/2)/∂q, shape (n,)."""
     at = ca.SX.sym("q", q.shape[0])  # derivatives are taken by symbols; q may be an expression
     pose = rigid_body.placements(tree, at) if springs.points else []
-    ways = []
+    lengths = []
     for spring in springs.points:
         frames = [springs.frames[name] for name in spring.frames]
         square = ca.sumsqr(relative(tree, pose, frames, spring.points)[1])
         both = ca.Function("way", [at], [square, ca.gradient(square, at) / 2])
-        ways.append(both(q))
-    return ways
+        lengths.append(both(q))
+    return lengths
 
 
 def stop_pressures(q: ca.SX, v: ca.SX, place: Array, stiffness: Array, damping: Array) -> ca.SX:

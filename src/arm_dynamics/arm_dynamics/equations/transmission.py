@@ -130,9 +130,9 @@ def gear_loss(
         efficiency: η, above zero, at most one.
         forward: Whether the torque is positive, 1 or 0, in place of its own sign.
     """
-    way = sign(torque) if forward is None else 2.0 * forward - 1.0
-    part = choose(direction * way > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0)
-    return direction * (way * torque) * part
+    push = sign(torque) if forward is None else 2.0 * forward - 1.0
+    part = choose(direction * push > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0)
+    return direction * (push * torque) * part
 
 
 def gear_input(direction: Quantity, required: Quantity, efficiency: Quantity) -> Quantity:

@@ -5,22 +5,7 @@ Depends on the scene package and Pinocchio, and provides the equations with thei
 """
 
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.friction import JointFriction
-from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.model.springs import SpringTerms, springs_of
-from arm_dynamics.model.tree_builder import (
-    contact_points,
-    frame_of,
-    gravity_of,
-    linkage_of,
-    tree_of,
-)
 
-__all__ = [
-    "ArmModel", "Closure", "ConstraintRows", "FrameMotion", "JointFriction", "RigidTerms",
-    "Robot", "SpringTerms", "contact_points", "frame_of", "gravity_of", "linkage_of",
-    "springs_of", "tree_of",
-]  # fmt: skip
+__all__ = ["ArmModel", "JointFriction", "Robot"]

@@ -3,28 +3,22 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping, Sequence
-from copy import copy
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.attributes import sealed
-from arm_dynamics.exceptions import ConstraintError, SceneError
-from arm_dynamics.model.drive import drives_of
+from arm_dynamics.attributes import sealed, with_values
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.model.drive import JointDrive, drives_of
 from arm_dynamics.model.friction import JointFriction
 from arm_dynamics.model.friction_source import FrictionSource, friction_of
-from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.model.regularity import check_regular
+from arm_dynamics.model.initial_state import initial_state
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
-from arm_dynamics.model.stops import ROUNDED, Range, stops_of
-from arm_dynamics.scene.schema import Joint, Limits, Scene
-from arm_dynamics.scene.urdf import Mimic
-
-_log = logging.getLogger(__name__)
+from arm_dynamics.model.stops import Range, stops_of
+from arm_dynamics.scene.schema import Joint, Scene
+from arm_dynamics.scene.urdf.description import Mimic
 
 
 @sealed
@@ -61,23 +55,28 @@ class ArmModel(Robot):
         super().__init__(scene)
         joints = {name: scene.joint(name) for name in self._index}
         self.drives = tuple(drives_of(scene, self.joint_names, self._rules))
-        index = velocity_index(self.whole)
-        self._set_drives(joints, index)
+        self.pin.armature, friction = self._armature_and_friction(joints)
+        # With this the robot is complete, to which all that follows refers.
+        self.armature = read_only(self.pin.armature @ self.followers**2)
+        self.friction = friction_of(scene, friction, self.joint_names, self.followers)
         self.springs = springs_of(self)
-        self._set_limits([joints[name].limits for name in self.joint_names], index)
-        self.stops = stops_of(self._ranges(), self.joint_names)
+
+        own = [joints[name].limits for name in self.joint_names]
+        rows = [velocity_index(self.whole)[name] for name in self.joint_names]
+        speeds, efforts = self.whole.upperVelocityLimit[rows], self.whole.upperEffortLimit[rows]
+        self.velocity_limit = _limits([x.velocity for x in own], speeds)
+        efforts = _limits([x.effort for x in own], efforts)
+        torques = [drive.torque_limit if drive else np.inf for drive in self.drives]
+        self.effort_limit = read_only(np.minimum(torques, efforts))
+        self.command_limit = _command_limits(self.drives, efforts)
+        self.standing_limit = _command_limits(self.drives, self.effort_limit)
+        units = zip(self.drives, self.units("N m", "N"), strict=True)
+        self.command_unit = tuple(x.command_unit(unit) if x else unit for x, unit in units)
+
+        self.stops = stops_of(self._ranges(joints), self.joint_names)
         self.position_lower, self.position_upper = self.stops.limit
-        q0 = self._start()
-        v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
         self.held_at_start = tuple(map(self.joint_names.index, scene.initial.hold))
-        self.constraint_rows: dict[int, tuple[int, ...]] = {}
-        if scene.bilateral:
-            check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
-            closure = Closure(self, self.stops)
-            q0, v0 = self._closed(closure, q0, v0)
-            self._refuse(q0, "scene: when its constraints are closed, ")
-            self.constraint_rows = closure.independent_rows(q0)
-        self.q0, self.v0 = read_only(q0), read_only(v0)
+        self.q0, self.v0, self.constraint_rows = initial_state(self, self.stops)
 
     @property
     def viscous(self) -> Array:
@@ -90,29 +89,52 @@ class ArmModel(Robot):
         return self.friction.has_dry
 
     @property
-    def placeholders(self) -> dict[str, str]:
-        """Joints whose effort limit in the URDF is probably no figure of the robot, and why.
+    def placeholder_limits(self) -> tuple[str, ...]:
+        """Joints whose effort limit of 1 in the URDF is probably no figure of the robot.
 
-        Programs that write URDFs give an effort of 1.
+        Programs that write URDFs give that.
         """
         joints = {name: self.scene.joint(name) for name in self.joint_names}
-        return {
-            name: "effort 1"
+        return tuple(
+            name
             for (name, own), effort in zip(joints.items(), self.effort_limit, strict=True)
             if effort == 1.0 and own.limits.effort is None and own.actuator is None
-        }
+        )
 
     def with_friction(self, friction: JointFriction) -> ArmModel:
         """Copy with other friction."""
-        other = copy(self)
-        vars(other)["friction"] = friction
-        return other
+        return with_values(self, friction=friction)
 
-    def _ranges(self) -> list[Range]:
+    def _armature_and_friction(
+        self, joints: Mapping[str, Joint]
+    ) -> tuple[Array, list[FrictionSource]]:
+        """Of all moving joints, from the scene, else from the URDF.
+
+        Those of a follower act through its leader.
+        """
+        drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self.whole
+        armature, friction, index = [], list[FrictionSource](), velocity_index(whole)
+        for name, joint in joints.items():
+            drive, i = drives.get(name), index[name]
+            armature.append((joint.armature or 0.0) + (drive.armature if drive else 0.0))
+            friction.append(
+                FrictionSource(
+                    name,
+                    joint.friction,
+                    self.scene.joints.get(name, Joint()).friction,
+                    damping=float(whole.damping[i]),
+                    dry=float(whole.upperDryFrictionLimit[i]),
+                    drive_viscous=drive.viscous if drive else 0.0,
+                    efficiency=drive.motor.efficiency if drive else 1.0,
+                )
+            )
+        return np.array(armature), friction
+
+    def _ranges(self, joints: Mapping[str, Joint]) -> list[Range]:
         """Ranges of all moving joints, from the scene, else from the URDF."""
         ranges = []
-        for name in self._index:
-            limits, (lower, upper) = self.scene.joint(name).limits, self._described_range(name)
+        for name, joint in joints.items():
+            limits, (lower, upper) = joint.limits, self.described_range(name)
             lower = lower if limits.lower is None else limits.lower
             upper = upper if limits.upper is None else limits.upper
             if (limits.lower, limits.upper) != (None, None) and lower >= upper:
@@ -126,103 +148,6 @@ class ArmModel(Robot):
             ranges.append(Range(name, lower, upper, limits.stop, *mimic))
         return ranges
 
-    def _described_range(self, name: str) -> tuple[float, float]:
-        """Position limits of any joint in the URDF; infinite where its <limit> gives none."""
-        whole = self.whole
-        joint = whole.joints[whole.getJointId(name)]
-        if joint.nq != 1:
-            return -np.inf, np.inf
-        lower, upper = whole.lowerPositionLimit[joint.idx_q], whole.upperPositionLimit[joint.idx_q]
-        return (float(lower), float(upper)) if lower != upper else (-np.inf, np.inf)
-
-    def _start(self) -> Array:
-        """Initial positions before constraints are closed, shape (n,)."""
-        initial = self.scene.initial.position
-        for name in set(self.scene.robot.lock) & initial.keys():
-            (lower, upper), at = self._described_range(name), initial[name]
-            if max(lower - at, at - upper) > ROUNDED * max(1.0, abs(at)):
-                raise SceneError(
-                    f"scene: 'initial.position': locked joint '{name}' at {at:.6g} is "
-                    f"beyond its limits; allowed: {lower:.6g} to {upper:.6g}"
-                )
-        q = np.array([initial.get(name, 0.0) for name in self.joint_names])
-        nearest, named = self.stops.within(q), [name in initial for name in self.joint_names]
-        self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")
-        return nearest
-
-    def _closed(self, closure: Closure, q: Array, v: Array) -> tuple[Array, Array]:
-        """The start with its loops closed; offers another one if it is singular.
-
-        Raises:
-            ConstraintError: If they cannot be closed from here.
-        """
-        hold = self.held_at_start
-        try:
-            start, v = closure.closed(q, v, hold=hold)
-        except ConstraintError as error:
-            if (other := closure.other_start(q, hold)) is None:
-                raise
-            kind = "Here the start is singular; from" if closure.is_singular(q) else "From"
-            offer = f"{kind} {self._written(other)} they can be closed"
-            raise ConstraintError(f"{error} {offer}", error.residuals) from None
-        if closure.is_singular(start) and (other := closure.other_start(start, hold)) is not None:
-            _log.warning(
-                "scene: the start is singular: the joints can move in more ways there than "
-                "elsewhere, and the motion may branch; one that is not: %s", self._written(other),
-            )  # fmt: skip
-        return start, v
-
-    def _written(self, q: Array) -> str:
-        """Initial positions as a scene gives them."""
-        pairs = zip(self.joint_names, q, strict=True)
-        return f"initial: {{position: {{{', '.join(f'{name}: {x:.6g}' for name, x in pairs)}}}}}"
-
-    def _refuse(self, q: Array, where: str) -> None:
-        if refusal := self.stops.refusal(q, self.joint_names):
-            raise SceneError(where + refusal)
-
-    def _set_drives(self, joints: Mapping[str, Joint], index: Mapping[str, int]) -> None:
-        """Friction and armature from the scene, else from the URDF.
-
-        Those of a follower act through its leader.
-        """
-        drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self.whole
-        armature, frictions = [], []
-        for name, joint in joints.items():
-            drive, i = drives.get(name), index[name]
-            armature.append((joint.armature or 0.0) + (drive.armature if drive else 0.0))
-            frictions.append(
-                FrictionSource(
-                    name,
-                    joint.friction,
-                    self.scene.joints.get(name, Joint()).friction,
-                    damping=float(whole.damping[i]),
-                    dry=float(whole.upperDryFrictionLimit[i]),
-                    drive_viscous=drive.viscous if drive else 0.0,
-                    efficiency=drive.motor.efficiency if drive else 1.0,
-                )
-            )
-        self.pin.armature = np.array(armature)
-        self.armature = read_only(self.pin.armature @ self.followers**2)
-        self.friction = friction_of(self.scene, frictions, self.joint_names, self.followers)
-
-    def _set_limits(self, limits: Sequence[Limits], index: Mapping[str, int]) -> None:
-        """Limits from the scene, else from the URDF, where zero or an absurd value means none."""
-        whole = self.whole
-        rows = [index[name] for name in self.joint_names]
-        self.velocity_limit = _limits([x.velocity for x in limits], whole.upperVelocityLimit[rows])
-        effort_limits = _limits([x.effort for x in limits], whole.upperEffortLimit[rows]).tolist()
-        efforts, commands, standing, units = [], [], [], []
-        for drive, effort, kind in zip(self.drives, effort_limits, self.joint_types, strict=True):
-            unit = "N" if kind == "prismatic" else "N m"
-            efforts.append(min(drive.torque_limit, effort) if drive else effort)
-            commands.append(drive.command_limit(effort) if drive else effort)
-            standing.append(drive.command_limit(efforts[-1]) if drive else effort)
-            units.append(drive.command_unit(unit) if drive else unit)
-        self.effort_limit, self.command_limit = read_only(efforts), read_only(commands)
-        self.standing_limit = read_only(standing)
-        self.command_unit = tuple(units)
-
 
 def postures(model: ArmModel, count: int) -> Array:
     """Deterministic positions within the joint limits, or one revolution, shape (count, n)."""
@@ -232,7 +157,13 @@ def postures(model: ArmModel, count: int) -> Array:
 
 
 def _limits(of_scene: Sequence[float | None], described: Array) -> Array:
-    """Limits of the scene, else of the URDF; inf for none."""
+    """Limits of the scene, else of the URDF, where zero or an absurd value means none, inf."""
     bounded = np.where((described > 0.0) & (described < 1e300), described, np.inf)
     pairs = zip(of_scene, bounded, strict=True)
     return read_only([limit if own is None else own for own, limit in pairs])
+
+
+def _command_limits(drives: Iterable[JointDrive | None], efforts: Array) -> Array:
+    """Limits of commands, for limits of the joints' torques."""
+    pairs = zip(drives, efforts.tolist(), strict=True)
+    return read_only([drive.command_limit(effort) if drive else effort for drive, effort in pairs])

@@ -98,7 +98,7 @@ class ConstraintRows:
     def at(self, q: Array, v: Array) -> list[Row]:
         """Rows of each constraint at positions and velocities of shape (n,)."""
         model, data = self._robot, self._data
-        full = model.configuration(q), model.spread(v)
+        full = model.expanded(q, v)
         pin.forwardKinematics(model.pin, data, *full, np.zeros(model.pin.nv))
         pin.computeJointJacobians(model.pin, data, full[0])
         pin.updateFramePlacements(model.pin, data)

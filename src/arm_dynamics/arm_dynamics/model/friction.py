@@ -86,14 +86,14 @@ class DryFriction:
     def of(self, joints: Sequence[int]) -> DryFriction:
         """Friction of the selected joints only; zero for the others."""
         everyone = range(len(self.position))
-        theirs = np.isin(everyone, joints)
+        selected = np.isin(everyone, joints)
         return DryFriction(
-            coulomb=self.coulomb.times(theirs),
-            static=self.static.times(theirs),
-            excess=self.excess.times(theirs),
+            coulomb=self.coulomb.times(selected),
+            static=self.static.times(selected),
+            excess=self.excess.times(selected),
             stribeck_velocity=self.stribeck_velocity,
-            position=tuple(self.position[i] if theirs[i] else None for i in everyone),
-            load=tuple(self.load[i] if theirs[i] else None for i in everyone),
+            position=tuple(self.position[i] if selected[i] else None for i in everyone),
+            load=tuple(self.load[i] if selected[i] else None for i in everyone),
         )
 
     def sliding(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
@@ -110,8 +110,8 @@ class DryFriction:
     def level_at(self, v: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Magnitude of ``sliding`` at v in [N m] or [N]; positive direction where v is zero."""
         sided = self.coulomb.skew.any() or self.excess.skew.any()
-        way = choose(v < 0.0, -1.0, 1.0) if sided else 1.0
-        return way * self.sliding(v, way, q, load)
+        direction = choose(v < 0.0, -1.0, 1.0) if sided else 1.0
+        return direction * self.sliding(v, direction, q, load)
 
     def extremes(self, i: int) -> tuple[Array, Array]:
         """The lowest and the highest level of joint ``i`` over all speeds and factors.
@@ -238,32 +238,33 @@ class JointFriction(DryFriction):
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Sliding friction of the sign of ``direction``, without that of models with states."""
         torque = self.sliding(v, direction, q, load)
-        lost = {i: _column(torque, i) + self._lost(i, direction, load) for i in self.gears}
-        return _replaced(torque, lost)
+        geared = {i: _column(torque, i) + self._gear_loss(i, direction, load) for i in self.gears}
+        return _replaced(torque, geared)
 
-    def _lost(self, i: int, direction: Quantity, load: Quantity) -> Quantity:
+    def _gear_loss(self, i: int, direction: Quantity, load: Quantity) -> Quantity:
         forward = None if self.forward is None else _column(self.forward, i)
-        way, torque = _column(direction, i), _column(load, i)
-        return transmission.gear_loss(way, torque, self.efficiency[i], forward)
+        return transmission.gear_loss(
+            _column(direction, i), _column(load, i), self.efficiency[i], forward
+        )
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Holding torque of a sticking joint, scaled such that it slips at ``level``."""
-        whole, (mean, skew) = reaction, self.static
+        unscaled, (mean, skew) = reaction, self.static
         if skew.any():
             part = skew / np.where(mean > 0.0, mean, 1.0)
             reaction = reaction / (1.0 + like(reaction)(part) * sign(reaction))
         factors, relative = self._factors(q, load), {}
         for i in self.gears:
-            push = _column(whole, i)
+            push = _column(unscaled, i)
             level = mean[i] + skew[i] * sign(push)
             level = level if factors is None else level * _column(factors, i)
-            lost = self._lost(i, sign(whole), load)
-            relative[i] = push * self.level[i] / (level + size(lost) + UNLOADED)
+            loss = self._gear_loss(i, sign(unscaled), load)
+            relative[i] = push * self.level[i] / (level + size(loss) + UNLOADED)
         return _replaced(reaction if factors is None else reaction / factors, relative)
 
-    def most_held(self, way: Quantity, q: Quantity, load: Quantity) -> Quantity:
+    def most_held(self, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Size of the largest holding torque of each joint in a direction, -1 or 1."""
-        return like(way)(self.level) / size(self.relative_hold(way, q, load))
+        return like(direction)(self.level) / size(self.relative_hold(direction, q, load))
 
     def gear_input(self, required: Quantity, direction: Quantity) -> Quantity:
         """Motor torques that deliver those ``required`` at the gears' outputs.
@@ -272,9 +273,9 @@ class JointFriction(DryFriction):
         """
         motors = {}
         for i in self.gears:
-            way, torque = _column(direction, i), _column(required, i)
-            lost = transmission.gear_input(way, torque, self.efficiency[i]) - torque
-            motors[i] = torque + size(way) * lost
+            torque, sliding = _column(required, i), _column(direction, i)
+            loss = transmission.gear_input(sliding, torque, self.efficiency[i]) - torque
+            motors[i] = torque + size(sliding) * loss
         return _replaced(required, motors)
 
 

@@ -76,8 +76,7 @@ class Closure:
     def __init__(self, robot: Robot, stops: Stops) -> None:
         self.rows, self._rigid = ConstraintRows(robot), RigidTerms(robot)
         self._stops = stops
-        slides = np.array([kind == "prismatic" for kind in robot.joint_types])
-        self._reach = np.where(slides, robot.reach, 1.0)
+        self._reach = np.where(robot.turning, 1.0, robot.reach)
         self._ranks: dict[tuple[str, ...], int] = {}
 
     @property

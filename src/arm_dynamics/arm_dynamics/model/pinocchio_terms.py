@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terms of the equation of motion at one state, and the motion of one frame, from Pinocchio.
+"""Terms of the equation of motion at one state, from Pinocchio.
 
 Arguments are not validated here: controllers call these functions at every tick.
 """
@@ -7,35 +7,17 @@ Arguments are not validated here: controllers call these functions at every tick
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, choices, known_names, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
 from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.frame_motion import FrameMotion
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import SpringTerms
-
-
-class MovingFrame(NamedTuple):
-    """A frame at a position and velocity of the joints.
-
-    Attributes:
-        position: Of its origin in the world in [m], shape (3,).
-        rotation: From its axes to the world's, shape (3, 3).
-        jacobian: J, shape (6, n).
-        jacobian_rate: J̇, shape (6, n).
-    """
-
-    position: Array
-    rotation: Array
-    jacobian: Array
-    jacobian_rate: Array
 
 
 class RigidTerms:
@@ -58,24 +40,24 @@ class RigidTerms:
         self.robot, self._pin = robot, robot.pin
         # Not model.createData(), which makes a copy and takes three times as long.
         self._data = pin.Data(robot.pin)
-        self._springs, self._armature = SpringTerms(robot), np.array(robot.pin.armature)
-        self.springs = self._springs.springs
-        self._direct = robot.coordinates_are_joints
-        self._sprung, self._driven = bool(self.springs), bool(self._armature.any())
+        self._armature, self._spring_terms = np.array(robot.pin.armature), SpringTerms(robot)
+        self.springs = self._spring_terms.springs
+        self._coordinates_are_joints = robot.coordinates_are_joints
+        self._has_springs, self._has_armature = bool(self.springs), bool(self._armature.any())
         self._frames = dict[str, FrameMotion]()
 
     def inverse(self, q: Array, v: Array, a: Array, weight: float = 1.0) -> Array:
         """M a + C v + G in [N m] or [N], shape (n,); ``weight``: 0 for no gravity."""
-        robot, model = self.robot, self._pin if weight else self._weightless
-        if self._direct:
+        model = self._pin if weight else self._weightless
+        if self._coordinates_are_joints:
             return np.array(pin.rnea(model, self._data, q, v, a))
-        full = robot.configuration(q), robot.spread(v), robot.spread(a)
-        return np.array(robot.gather(pin.rnea(model, self._data, *full)))
+        tau = pin.rnea(model, self._data, *self.robot.expanded(q, v, a))
+        return np.array(self.robot.gather(tau))
 
     def frictionless(self, q: Array, v: Array, a: Array) -> Array:
         """M a + C v + G + S in [N m] or [N], shape (n,)."""
         tau = self.inverse(q, v, a)
-        return tau + self.spring(q, v) if self._sprung else tau
+        return tau + self.spring(q, v) if self._has_springs else tau
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array:
         """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (n,).
@@ -84,13 +66,12 @@ class RigidTerms:
             ModelError: If a joint moves no mass.
             InvalidInput: If the result overflows.
         """
-        robot = self.robot
-        if robot.has_followers:
+        if self.robot.has_followers:
             try:
                 return np.linalg.solve(self.mass(q), tau - self.bias(q, v))
             except np.linalg.LinAlgError:
                 raise self._unsolvable(q) from None
-        full = robot.configuration(q), robot.spread(v)
+        full = self.robot.expanded(q, v)
         # In the axes of each body: in those of the world, far from whose origin the bodies are,
         # ten to a hundred times as much is lost to rounding.
         a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.LOCAL)
@@ -100,9 +81,8 @@ class RigidTerms:
 
     def bias(self, q: Array, v: Array) -> Array:
         """C v + G in [N m] or [N], shape (n,)."""
-        robot = self.robot
-        full = robot.configuration(q), robot.spread(v)
-        return np.array(robot.gather(pin.nonLinearEffects(self._pin, self._data, *full)))
+        tau = pin.nonLinearEffects(self._pin, self._data, *self.robot.expanded(q, v))
+        return np.array(self.robot.gather(tau))
 
     def gravity(self, q: Array) -> Array:
         """G in [N m] or [N], shape (n,)."""
@@ -111,7 +91,7 @@ class RigidTerms:
 
     def spring(self, q: Array, v: Array) -> Array:
         """S in [N m] or [N], shape (n,)."""
-        return self._springs.torque(q, v)
+        return self._spring_terms.torque(q, v)
 
     def standing(self, q: Array) -> Array:
         """Holding torques G + S of an arm at rest, in [N m] or [N], shape (n,)."""
@@ -134,7 +114,7 @@ class RigidTerms:
 
     def coriolis(self, q: Array, v: Array) -> Array:
         """C with dM/dt - 2 C skew-symmetric, shape (n, n)."""
-        full = self.robot.configuration(q), self.robot.spread(v)
+        full = self.robot.expanded(q, v)
         return self._square(pin.computeCoriolisMatrix(self._pin, self._data, *full))
 
     def energies(self, q: Array, v: Array) -> Array:
@@ -142,13 +122,13 @@ class RigidTerms:
 
         The potential energy is that of gravity and springs.
         """
-        full, v = self.robot.configuration(q), self.robot.spread(v)
+        full, v = self.robot.expanded(q, v)
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, full, v)
         potential = pin.computePotentialEnergy(self._pin, self._data, full)
-        if self._driven:  # Pinocchio 4.1 omits that of some axes
+        if self._has_armature:  # Pinocchio 4.1 omits that of some axes
             kinetic += 0.5 * np.vdot(self._armature * v, v)
-        if self._sprung:
-            potential += self._springs.energy(q)
+        if self._has_springs:
+            potential += self._spring_terms.energy(q)
         return np.array([kinetic, potential])
 
     def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
@@ -174,7 +154,7 @@ class RigidTerms:
 
     def motion(self, frame: str) -> FrameMotion:
         """Motion of a frame, in world axes at its origin."""
-        if not isinstance(frame, str) or frame not in self._frames:
+        if not isinstance(frame, str) or frame not in self._frames:  # or refused, if unknown
             self._frames[frame] = FrameMotion(self.robot, frame, "local_world_aligned")
         return self._frames[frame]
 
@@ -208,107 +188,3 @@ class RigidTerms:
             "torque determines its acceleration; give a link inertia, the joint an armature, or "
             "lock it"
         )
-
-
-class FrameMotion:
-    """Placement, Jacobian and its rate of one frame, for single states of shape (n,).
-
-    Args:
-        model: The model; used from one thread only.
-        frame: Name of a frame; J of one that does not move is zero.
-        reference: ``local``, ``world`` or ``local_world_aligned``, as in Pinocchio.
-
-    Raises:
-        InvalidInput: If the frame or reference is unknown.
-    """
-
-    def __init__(self, model: Robot, frame: str, reference: str) -> None:
-        self._model, self._pin = model, model.pin
-        self._data = pin.Data(model.pin)
-        check_frame(model, frame, model.frame_names)
-        self._frame = model.frame_index(frame)
-        if reference not in _REFERENCES:
-            allowed = choices(reference, _REFERENCES)
-            raise InvalidInput(f"reference = {reference!r}; allowed: {allowed}")
-        self._reference = _REFERENCES[reference]
-
-    def placement(self, q: Array) -> tuple[Array, Array]:
-        """Position in [m], shape (3,), and rotation, shape (3, 3), of the frame in the world."""
-        pin.forwardKinematics(self._pin, self._data, self._model.configuration(q))
-        return self._placed()
-
-    def pose(self, q: Array) -> Array:
-        """Homogeneous transformation from the frame's axes to the world's, shape (4, 4)."""
-        pin.forwardKinematics(self._pin, self._data, self._model.configuration(q))
-        placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
-        return np.asarray(placement.homogeneous)
-
-    def of_point(self, q: Array, point: ArrayLike, offset: ArrayLike) -> tuple[Array, Array]:
-        """Position of a point that the frame carries, shape (3,), and J there, shape (6, n).
-
-        Args:
-            q: Joint positions, shape (n,).
-            point: The point in the frame's axes in [m], shape (3,).
-            offset: Vector from there in the world's axes in [m], likewise.
-        """
-        p, R = self.placement(q)
-        r, J = R @ np.asarray(point) + offset, self.jacobian(q)
-        return p + r, np.vstack([J[:3] - pin.skew(r) @ J[3:], J[3:]])
-
-    def jacobian(self, q: Array) -> Array:
-        """J of shape (6, n), linear rows first: velocity of the frame is J v."""
-        full = self._model.configuration(q)
-        J = pin.computeFrameJacobian(self._pin, self._data, full, self._frame, self._reference)
-        return self._gathered(J)
-
-    def moving(self, q: Array, v: Array) -> MovingFrame:
-        """The frame, its Jacobian and its rate."""
-        model, data, frame = self._pin, self._data, (self._frame, self._reference)
-        full = self._model.configuration(q), self._model.spread(v)
-        pin.computeJointJacobiansTimeVariation(model, data, *full)
-        J = self._gathered(pin.getFrameJacobian(model, data, *frame))
-        J_dot = self._gathered(pin.getFrameJacobianTimeVariation(model, data, *frame))
-        return MovingFrame(*self._placed(), J, J_dot)
-
-    def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
-        """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).
-
-        The last two are J v and J a + J̇ v, in world axes at the frame's origin.
-        """
-        model, data, index, axes = self._pin, self._data, self._frame, _ALIGNED
-        full = self._model.configuration(q), self._model.spread(v), self._model.spread(a)
-        pin.forwardKinematics(model, data, *full)
-        velocity = pin.getFrameVelocity(model, data, index, axes).vector
-        acceleration = pin.getFrameClassicalAcceleration(model, data, index, axes).vector
-        return *self._placed(), velocity, acceleration
-
-    def _placed(self) -> tuple[Array, Array]:
-        placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
-        return placement.translation.copy(), placement.rotation.copy()
-
-    def _gathered(self, J: Array) -> Array:
-        # Pinocchio returns a single column as a vector.
-        return self._model.gather(J if J.ndim == 2 else J.reshape(6, -1))
-
-
-_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-_REFERENCES = {
-    "local": pin.ReferenceFrame.LOCAL,
-    "world": pin.ReferenceFrame.WORLD,
-    "local_world_aligned": _ALIGNED,
-}
-
-
-def check_moving(model: Robot, frame: str) -> None:
-    """Refuse a frame that is unknown, or that no joint moves."""
-    movable = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
-    check_frame(model, frame, movable)
-    if model.frame(frame).parentJoint == 0:
-        raise InvalidInput(f"frame '{frame}' does not move; allowed: {known_names(movable)}")
-
-
-def check_frame(model: Robot, frame: str, allowed: Sequence[str]) -> None:
-    """Refuse a frame that does not exist, naming those that are ``allowed``."""
-    if not model.has_frame(frame):
-        names = choices(frame, allowed)
-        raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {names}")

@@ -11,20 +11,20 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from copy import copy
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.attributes import sealed
+from arm_dynamics.attributes import sealed, with_values
 from arm_dynamics.exceptions import ModelError, SceneError, counted, known_names
 from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
-from arm_dynamics.scene.urdf import JOINT, LINK, Mimic, Urdf, read_urdf
+from arm_dynamics.scene.urdf.description import JOINT, LINK, Mimic, Urdf, read_urdf
 from arm_dynamics.scene.urdf.joint_names import JointNames
 
 _UNIQUE = "\0"  # which no name in XML contains
@@ -55,7 +55,7 @@ class Robot:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         urdf = read_urdf(scene.description, scene.robot.lock)
-        self.doubtful = urdf.doubtful
+        self.doubtful, self._limited = urdf.doubtful, urdf.limited
         try:
             self.whole = pin.buildModelFromXML(urdf.text)
         except (ValueError, RuntimeError) as error:
@@ -91,11 +91,11 @@ class Robot:
         Raises:
             SceneError: If no joint moves a payload.
         """
-        other = copy(self)
         changes = {"gravity": tuple(gravity.tolist()), "payloads": tuple(payloads)}
         bare = self.bare.copy()
         bare.gravity.linear = gravity
-        vars(other).update(scene=self.scene.model_copy(update=changes), bare=bare, pin=bare.copy())
+        scene = self.scene.model_copy(update=changes)
+        other = with_values(self, scene=scene, bare=bare, pin=bare.copy())
         other.pin.armature = self.pin.armature
         other._weld()
         return other
@@ -110,6 +110,19 @@ class Robot:
     def n(self) -> int:
         """Degrees of freedom."""
         return len(self.joint_names)
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """Which joints turn, the others slide, booleans of shape (n,)."""
+        return np.array([kind != "prismatic" for kind in self.joint_types])
+
+    def units(self, turning: str, sliding: str) -> tuple[str, ...]:
+        """The unit of each joint: ``turning`` or ``sliding``."""
+        return tuple(turning if turns else sliding for turns in self.turning)
+
+    def described_range(self, name: str) -> tuple[float, float]:
+        """Position limits of any joint in the URDF; infinite where its <limit> gives none."""
+        return self._limited.get(name, (-np.inf, np.inf))
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -190,6 +203,10 @@ class Robot:
     def spread(self, v: Array) -> Array:
         """Velocities or accelerations of all joints of Pinocchio's model, shape (…, pin.nv)."""
         return v @ self.followers.T if self.has_followers else v
+
+    def expanded(self, q: Array, *rates: Array) -> tuple[Array, ...]:
+        """Pinocchio's configuration, and velocities or accelerations of all its joints."""
+        return self.configuration(q), *map(self.spread, rates)
 
     def gather(self, tau: Array) -> Array:
         """Torques on the independent joints equivalent to torques on all, shape (…, n)."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.scene.schema import Stop
-from arm_dynamics.scene.urdf import NO_LIMIT
+from arm_dynamics.scene.urdf.plain import NO_LIMIT
 
 # Tolerance within which a position is at a stop, relative to the larger of it and 1: limits are
 # often written with fewer digits.

@@ -55,11 +55,8 @@ class Service(NamedTuple):
     type: Any
 
 
-class Action(NamedTuple):
-    """An action: its name and its type, None where no package that defines it is installed."""
-
-    name: str
-    type: Any
+class Action(Service):
+    """An action; its type is None where no package that defines it is installed."""
 
 
 JOINT_STATES = Topic("joint_states", JointState, subscribe=NEWEST)

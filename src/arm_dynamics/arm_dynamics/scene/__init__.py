@@ -15,32 +15,15 @@ if tuple(map(int, pydantic.VERSION.split(".")[:2])) < (2, 6):  # before anything
         "install/arm_dynamics/lib/python3.12/site-packages)"
     )
 
-from arm_dynamics.scene.constraint import (
-    Bilateral,
-    Constraint,
-    Contact,
-    CouplingConstraint,
-    DistanceConstraint,
-    FrameConstraint,
-    LineConstraint,
-    PlaneConstraint,
-    PointConstraint,
-    RollingConstraint,
-)
-from arm_dynamics.scene.drive import Actuator, Transmission
+from arm_dynamics.scene.constraint import Constraint, Contact
 from arm_dynamics.scene.files import ready_scenes
 from arm_dynamics.scene.friction import Friction, Lugre
-from arm_dynamics.scene.imperfections import Commands, Line, Sensors
-from arm_dynamics.scene.load import SceneSource, load_scene, scene_from_urdf
+from arm_dynamics.scene.imperfections import Commands, Sensors
+from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
-from arm_dynamics.scene.spring import JointSpring, PointSpring
-from arm_dynamics.scene.text import scene_of, scene_text
+from arm_dynamics.scene.spring import PointSpring
 
 __all__ = [
-    "Actuator", "Bilateral", "Commands", "Constraint", "Contact", "CouplingConstraint",
-    "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "JointSpring",
-    "Limits", "Line", "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
-    "PointSpring", "RollingConstraint", "Scene", "SceneSource", "Sensors", "Sim",
-    "Transmission", "load_scene", "ready_scenes", "scene_from_urdf", "scene_of", "scene_text",
-    "validated",
+    "Commands", "Constraint", "Contact", "Friction", "Initial", "Joint", "Limits", "Lugre",
+    "Payload", "PointSpring", "Scene", "Sensors", "Sim", "load_scene", "ready_scenes", "validated",
 ]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import get_args
+from typing import NamedTuple, get_args
 
 from pydantic_core import ErrorDetails
 
@@ -32,13 +32,23 @@ _KINDS = {
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type", "dataclass_type")
 
 
-def complaints(
-    errors: Sequence[ErrorDetails],
-    whole: type[Part],
-    tagged: Mapping[str, type[Part]],
-    hidden: Sequence[str],
-    file: str = "scene",
-) -> list[str]:
+class Schema(NamedTuple):
+    """The schema of a file.
+
+    Attributes:
+        whole: Of the file.
+        tagged: Parts by the value of their key ``type``.
+        hidden: Names in the location of an error that are not keys.
+        file: Name of the file.
+    """
+
+    whole: type[Part]
+    tagged: Mapping[str, type[Part]]
+    hidden: Sequence[str]
+    file: str = "scene"
+
+
+def complaints(errors: Sequence[ErrorDetails], schema: Schema) -> list[str]:
     """One line for each error; see ``complaint``."""
     lines = dict[str, None]()
     for error in errors:
@@ -57,37 +67,23 @@ def complaints(
             error = ErrorDetails(
                 type="too_short", loc=tuple(place), msg="", input=error["input"], ctx=context
             )
-        lines[complaint(error, whole, tagged, hidden, file)] = None
+        lines[complaint(error, schema)] = None
     return list(lines)
 
 
-def complaint(
-    error: ErrorDetails,
-    whole: type[Part],
-    tagged: Mapping[str, type[Part]],
-    hidden: Sequence[str],
-    file: str = "scene",
-) -> str:
-    """One line for an error: the key, its value and what is allowed.
-
-    Args:
-        error: Error of pydantic.
-        whole: The schema.
-        tagged: Parts by the value of their key ``type``.
-        hidden: Names in the location of an error that are not keys.
-        file: Name of the file.
-    """
-    place = [key for key in error["loc"] if key not in hidden and not _internal(key)]
+def complaint(error: ErrorDetails, schema: Schema) -> str:
+    """One line for an error of pydantic: the key, its value and what is allowed."""
+    place = [key for key in error["loc"] if key not in schema.hidden and not _internal(key)]
     if place[:1] == ["sensors"] and place[-1] == ALL:
         place.pop()  # one number for all joints is written without it
-    where = ".".join(map(str, place)) or file
-    fields, value = fields_at(error["loc"][:-1], whole, tagged), plain(repr(error["input"]))
+    where = ".".join(map(str, place)) or schema.file
+    fields, value = fields_at(error["loc"][:-1], schema), plain(repr(error["input"]))
     if error["type"] == "extra_forbidden":
         allowed = choices(place[-1], fields)
-        return f"{file}: unknown key '{where}' = {value}; allowed here: {allowed}"
+        return f"{schema.file}: unknown key '{where}' = {value}; allowed here: {allowed}"
     if error["type"] == "missing":
-        return f"{file}: '{where}' is missing; it is required"
-    return f"{file}: '{where}' = {value}: {_reason(error, whole, tagged)}"
+        return f"{schema.file}: '{where}' is missing; it is required"
+    return f"{schema.file}: '{where}' = {value}: {_reason(error, schema)}"
 
 
 def _internal(key: int | str) -> bool:
@@ -95,11 +91,11 @@ def _internal(key: int | str) -> bool:
     return isinstance(key, str) and ("[" in key or key in ("bool", "function-after"))
 
 
-def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part]]) -> str:
+def _reason(error: ErrorDetails, schema: Schema) -> str:
     kind, context = error["type"], error.get("ctx", {})
     if kind in _MAPPINGS:
         named = kind == "dict_type"  # with keys that are names, and not those of the schema
-        fields = [] if named else fields_at(error["loc"], whole, tagged, default=False)
+        fields = [] if named else fields_at(error["loc"], schema, default=False)
         keys = f" with some of {known_names(fields)}" if fields else " from names to values"
         return f"a mapping{keys} is expected"
     if kind == "union_tag_invalid":
@@ -132,21 +128,16 @@ def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Pa
     return _KINDS.get(kind, error["msg"].removeprefix("Value error, "))
 
 
-def fields_at(
-    path: Sequence[int | str],
-    whole: type[Part],
-    tagged: Mapping[str, type[Part]],
-    default: bool = True,
-) -> list[str]:
+def fields_at(path: Sequence[int | str], schema: Schema, default: bool = True) -> list[str]:
     """Names of the keys that the schema allows at a path of keys from the top.
 
     A path that leads to no part refers to its parent, unless ``default`` is false.
     """
-    parts: list[type[Part]] = [whole]
+    parts: list[type[Part]] = [schema.whole]
     for key in map(str, path):
         named = [part.model_fields[key] for part in parts if key in part.model_fields]
-        if tagged.get(key) in parts:  # among several types of constraints, that of the key 'type'
-            parts = [tagged[key]]
+        if schema.tagged.get(key) in parts:  # of several types of constraints, that of 'type'
+            parts = [schema.tagged[key]]
         elif named:
             parts = _parts_in(named[0].annotation) or (parts if default else [])
     if not parts:

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, StrictBool, model_validator
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError, choices, known_names
 from arm_dynamics.scene.types import Direction, Finite, NonNegative, Part, Positive, Vector3
-from arm_dynamics.scene.urdf import Urdf
+from arm_dynamics.scene.urdf.description import Urdf
 
 WORLD = "world"
 

@@ -13,7 +13,7 @@ from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.imperfections import ALL
 from arm_dynamics.scene.schema import Scene, Stop
 from arm_dynamics.scene.types import Part
-from arm_dynamics.scene.urdf import Urdf
+from arm_dynamics.scene.urdf.description import Urdf
 
 Idle = dict[str, str]
 """Keys that change nothing, their parts separated by dots, each with the reason."""

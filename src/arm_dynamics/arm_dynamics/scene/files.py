@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search for scenes and robot descriptions: paths, ``package://`` URIs, ready scenes.
+"""Search for scenes and robot descriptions: paths, ``package://`` URIs, bundled scenes.
 
-A ready scene has a bare name, such as ``panda``. The folders of ready scenes are those of the
+A bundled scene has a bare name, such as ``panda``. The folders of bundled scenes are those of the
 variable ``ARM_SCENES``, then ``scenes`` and ``scenes/lectures`` of the package ``arm_sim``, which
 ships them. That package is located, but not imported.
 """
@@ -19,11 +19,11 @@ from pathlib import Path
 from arm_dynamics.exceptions import SceneError, did_you_mean, known_names, plain
 
 VARIABLE = "ARM_SCENES"
-"""Environment variable with the user's folders of ready scenes, separated by colons."""
+"""Environment variable with the user's folders of bundled scenes, separated by colons."""
 _SUFFIX = ".yaml"
 _PACKAGE = "arm_sim"
-_SHIPPED = "scenes", "scenes/lectures"  # folders with ready scenes in that package
-_ROBOTS = "example-robot-data"  # package of PyPI with the robots of some ready scenes
+_SHIPPED = "scenes", "scenes/lectures"  # folders with bundled scenes in that package
+_ROBOTS = "example-robot-data"  # package of PyPI with the robots of some bundled scenes
 _log = logging.getLogger(__name__)
 
 
@@ -31,7 +31,7 @@ def find_scene(name: str, folder: Path) -> Path:
     """Find the existing file of a scene.
 
     Args:
-        name: A path, a ``package://`` URI, or the bare name of a ready scene with or without
+        name: A path, a ``package://`` URI, or the bare name of a bundled scene with or without
             ``.yaml``. A file of that name in the folder comes first.
         folder: Where relative paths start.
     """
@@ -46,9 +46,9 @@ def find_scene(name: str, folder: Path) -> Path:
     files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf", ".xacro")]
     ready = all_ready if Path(name).suffix in ("", _SUFFIX) else []
     guess = did_you_mean(name, [*files, *ready]) or did_you_mean(Path(name).stem, ready)
-    listed = "." if Path(name).suffix else f". Ready scenes: {known_names(all_ready, 60)}"
+    listed = "." if Path(name).suffix else f". Bundled scenes: {known_names(all_ready, 60)}"
     raise SceneError(
-        f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name"
+        f"scene: no file '{plain(name)}' in {folder}, and no bundled scene of that name"
         f"{guess or listed}"
     )
 
@@ -105,14 +105,14 @@ def file_text(
 
 
 def scene_folders() -> list[Path]:
-    """The folders of ready scenes, in the order in which they are searched."""
+    """The folders of bundled scenes, in the order in which they are searched."""
     listed = os.environ.get(VARIABLE, "").split(os.pathsep)
     shipped = [root / _PACKAGE / inside for root in _beside(_PACKAGE) for inside in _SHIPPED]
     return [*(Path(os.path.expanduser(entry)) for entry in listed if entry), *shipped]
 
 
 def ready_scenes() -> list[str]:
-    """The bare names of all ready scenes, sorted."""
+    """The bare names of all bundled scenes, sorted."""
     files = (path for folder in scene_folders() for path in folder.glob(f"*{_SUFFIX}"))
     return sorted({path.stem for path in files})
 

@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, StrictBool, StrictInt, 
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.constraint import Fraction, check_joints
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
-from arm_dynamics.scene.urdf import Urdf
+from arm_dynamics.scene.urdf.description import Urdf
 
 ALL = "*"
 

@@ -19,7 +19,8 @@ from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.schema import Joint, RobotChoice, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.unit_remarks import unit_remarks
-from arm_dynamics.scene.urdf import Urdf, read_urdf, with_bodies
+from arm_dynamics.scene.urdf.description import Urdf, read_urdf
+from arm_dynamics.scene.urdf.inertial import with_bodies
 from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
 
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
@@ -32,9 +33,9 @@ def load_scene(source: SceneSource) -> Scene:
     """Load and check a scene.
 
     Args:
-        source: Name of a ready scene such as ``panda``, path or ``package://`` URI of a scene file
-            (YAML), a URDF or xacro, URDF text, a dictionary of the same shape as a scene file, or
-            a scene, which is returned unchanged.
+        source: Name of a bundled scene such as ``panda``, path or ``package://`` URI of a scene
+            file (YAML), a URDF or xacro, URDF text, a dictionary of the same shape as a scene
+            file, or a scene, which is returned unchanged.
 
     Returns:
         The scene with the URDF's text in ``robot.urdf``.

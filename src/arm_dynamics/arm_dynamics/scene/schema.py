@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.scene.complaints import complaints
+from arm_dynamics.scene.complaints import Schema, complaints
 from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, Fraction, label
 from arm_dynamics.scene.drive import Actuator, Servo, Transmission
 from arm_dynamics.scene.friction import IN_TABLE, KINDS, Friction
@@ -28,7 +28,7 @@ from arm_dynamics.scene.imperfections import Commands, Sensors
 from arm_dynamics.scene.inertia import Body, LinkBody
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import Finite, Limit, NonNegative, Part, Positive, Vector3
-from arm_dynamics.scene.urdf import with_bodies
+from arm_dynamics.scene.urdf.inertial import with_bodies
 
 
 def _argument(value: object) -> object:
@@ -329,4 +329,4 @@ def _refused(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
     errors = error.errors()
     for each in errors:
         each["loc"] = (*place, *each["loc"])
-    return SceneError("\n".join(complaints(errors, Scene, SCHEMAS, KINDS)))
+    return SceneError("\n".join(complaints(errors, Schema(Scene, SCHEMAS, KINDS))))

@@ -7,7 +7,7 @@ from pydantic import Field, StrictBool, model_validator
 
 from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_new
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3, check_curve
-from arm_dynamics.scene.urdf import Urdf
+from arm_dynamics.scene.urdf.description import Urdf
 
 
 class DeflectionTable(Part):

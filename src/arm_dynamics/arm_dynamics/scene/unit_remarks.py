@@ -11,7 +11,7 @@ from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.effect import value_at
 from arm_dynamics.scene.inertia import gyration
 from arm_dynamics.scene.schema import Scene
-from arm_dynamics.scene.urdf import Urdf
+from arm_dynamics.scene.urdf.description import Urdf
 from arm_dynamics.scene.urdf.units import FAR, wide
 
 _MOST_DEGREES = 720.0  # as a limit, more than two turns in degrees means none

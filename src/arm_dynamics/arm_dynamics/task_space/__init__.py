@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
-    from arm_dynamics.task_space.axes import AXES, chosen_axes
     from arm_dynamics.task_space.inertia import quaternions
     from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
     from arm_dynamics.task_space.task_space import (
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
-    "AXES", "EffectiveMass", "InverseKinematics", "MassEllipsoid", "Pose", "Solution",
-    "TaskSpace", "TaskTerms", "chosen_axes", "quaternions",
+    "EffectiveMass", "InverseKinematics", "MassEllipsoid", "Pose", "Solution", "TaskSpace",
+    "TaskTerms", "quaternions",
 ]  # fmt: skip
 __getattr__, __dir__ = on_demand(__name__, __file__)

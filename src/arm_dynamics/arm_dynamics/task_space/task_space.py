@@ -21,7 +21,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.dynamics.gauss import times
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms, check_moving
+from arm_dynamics.model.frame_motion import FrameMotion, check_moving
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.task_space.axes import AXES, chosen_axes, rows_of
 from arm_dynamics.task_space.inertia import (
     THRESHOLD,
@@ -61,7 +62,7 @@ class TaskTerms:
         gravity: p = Λ J M⁻¹ G in [N] and [N m], shape (m,).
         spring: s = Λ J M⁻¹ S in [N] and [N m], shape (m,); zero without springs.
         inverse: J̄ = M⁻¹ Jᵀ Λ, the dynamically consistent inverse of J, shape (n, m).
-        null_space: N = 1 - J̄ J: velocities N z do not move the frame, torques Nᵀ z do not
+        null_space: P = 1 - J̄ J: velocities P z do not move the frame, torques Pᵀ z do not
             accelerate it, shape (n, n).
         manipulability: √det(J Jᵀ), zero at a singularity.
         condition: Ratio of the singular values of J, inf at a singularity.

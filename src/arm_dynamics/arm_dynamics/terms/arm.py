@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm as formulas see it: with numbers, or with expressions; ``table.Arm`` is either."""
+"""An arm as formulas see it: with numbers, or with expressions; ``Arm`` is either."""
 
 from __future__ import annotations
 
@@ -74,3 +74,6 @@ class NumericArm:
             return result.copy()
 
         return evaluate
+
+
+type Arm = NumericArm | SymbolicArm

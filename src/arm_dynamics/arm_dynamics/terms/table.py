@@ -11,22 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from enum import IntFlag
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from arm_dynamics.terms.arm import NumericArm, SymbolicArm
+from arm_dynamics.terms import comparison
+from arm_dynamics.terms.formulas import forward, inverse
 
-    type Arm = NumericArm | SymbolicArm
-
-CHOICES = 5
-SIZES = {"q": 0, "v": 0, "a": 0, "tau": 0, "chosen": CHOICES, "external": 0}
+SIZES = {"q": 0, "v": 0, "a": 0, "tau": 0, "chosen": 5, "external": 0}
 """Arguments of formulas, in order, and the size of each, 0 for n.
 
 Positions in [rad] or [m], velocities and accelerations of the joints, and torques in [N m] or [N];
-``chosen`` has the factors, 0 or 1, of inertia, Coriolis, gravity, friction and springs, and
-``external`` torques that act on the links.
+``chosen`` has a factor, 0 or 1, for each ``Term``, and ``external`` torques that act on the links.
 """
 FIXED = {"chosen": 1.0, "external": 0.0}
 """Defaults of arguments: all terms, and no torques."""
@@ -34,15 +31,23 @@ WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
 """``chosen`` of everything else."""
 
 
+class Term(IntFlag):
+    """Terms of the equation of motion τ = M q̈ + C q̇ + G + S + F, for inverse dynamics to add up.
+
+    ``SPRING``, S, is the torque of springs and their dampers.
+    """
+
+    INERTIA = 1
+    CORIOLIS = 2
+    GRAVITY = 4
+    FRICTION = 8
+    SPRING = 16
+    ALL = 31
+
+
 def always(model: Any) -> bool:
     """True, for every model."""
     return True
-
-
-def relative(arm: Arm, result: Any, formula: Callable[..., Any], *state: Any) -> Any:
-    """The difference of a result from Pinocchio's, and its size."""
-    expected = formula(arm, *state)
-    return result - expected, expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +78,7 @@ class Entry:
     about: str
     formula: Callable[..., Any]
     selectors: tuple[str, ...] = ()
-    compared: Callable[..., Any] = relative
+    compared: Callable[..., Any] = comparison.relative
     fields: tuple[str, ...] = ()
     method: str = ""
     compiles: Callable[[Any], bool] = always
@@ -103,87 +108,16 @@ class Entry:
         return " of ".join([self.name.replace("_", " "), *map(repr, selection)])
 
 
-def _inverse(arm: Arm, q: Any, v: Any, a: Any, chosen: Any = None, external: Any = None) -> Any:
-    if chosen is None:
-        tau, friction = arm.rigid.frictionless(q, v, a), True
-    else:
-        inertia, coriolis, weight, friction, spring = (chosen[i] for i in range(5))
-        tau = arm.rigid.inverse(q, coriolis * v, inertia * a, weight)
-        if arm.has_springs:
-            tau = tau + spring * arm.rigid.spring(q, v)
-    if external is not None:
-        tau = tau - external
-    if not arm.has_friction:
-        return tau
-    whole = arm.with_friction(v, q, tau)
-    return whole if friction is True else friction * whole + (1.0 - friction) * tau
-
-
-def _forward(arm: Arm, q: Any, v: Any, tau: Any, external: Any = None) -> Any:
-    free = tau - arm.friction(v, q, tau) if arm.has_friction else tau
-    if external is not None:
-        free = free + external
-    return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.has_springs else free)
-
-
-def torque_size(M: Any, a: Any, *torques: Any) -> Any:
-    """Size of the summands of the torques of a motion, shape (…, n).
-
-    Accelerations are compared by the torques that they require: unlike a difference of
-    accelerations, one of torques does not grow with M⁻¹.
-    """
-    heavy = (abs(M) @ abs(a)[..., None])[..., 0]
-    return heavy + sum(map(abs, torques))
-
-
-def _summands(arm: Arm, q: Any, v: Any, a: Any, *torques: Any) -> Any:
-    return torque_size(arm.rigid.mass(q), a, _inverse(arm, q, v, 0.0 * a), *torques)
-
-
-def _in_torques(arm: Arm, a: Any, _: Any, q: Any, v: Any, tau: Any, external: Any) -> Any:
-    missing = _inverse(arm, q, v, a, external=external) - tau
-    return missing, _summands(arm, q, v, a, tau, external)
-
-
-def _of_motion(arm: Arm, result: Any, formula: Any, q: Any, v: Any, a: Any, *more: Any) -> Any:
-    return result - formula(arm, q, v, a, *more), _summands(arm, q, v, a, *more[1:])
-
-
-def _with_inertia(arm: Arm, result: Any, formula: Any, q: Any, *more: Any) -> Any:
-    expected = formula(arm, q, *more)
-    return result - expected, abs(expected) + abs(arm.rigid.mass(q)).sum(axis=1)
-
-
-def _with_speed(arm: Arm, result: Any, formula: Any, q: Any, v: Any) -> Any:
-    return result - formula(arm, q, v), arm.rigid.mass(q) * abs(v).max()
-
-
-def _energies(arm: Arm, result: Any, formula: Any, q: Any, v: Any) -> Any:
-    kinetic, potential = abs(formula(arm, q, v))
-    return result - formula(arm, q, v), np.array([kinetic, kinetic + potential])
-
-
-def _moving(arm: Arm, result: Any, formula: Any, q: Any, v: Any, frame: str) -> Any:
-    return result - formula(arm, q, v, frame), abs(v).max() * arm.rigid.jacobian(q, frame)
-
-
-def _rows(arm: Arm, result: Any, formula: Any, q: Any, v: Any, names: Any) -> Any:
-    expected = formula(arm, q, v, names)
-    size = abs(expected)
-    size[:, -1] += size[:, :-1].max(axis=1, initial=0.0) * abs(v).max() ** 2
-    return result - expected, size
-
-
 INVERSE = Entry(
     "inverse_dynamics", ("q", "v", "a", "chosen", "external"), ("n",), "tau", "N m, N",
     "Torques of a motion q, v, a: M a + C v + G + springs + friction.",
-    _inverse, compared=_of_motion, method="inverse",
+    inverse, compared=comparison.by_torques, method="inverse",
 )  # fmt: skip
 FORWARD = Entry(
     "forward_dynamics", ("q", "v", "tau", "external"), ("n",), "a", "rad/s², m/s²",
     "Accelerations under joint torques tau. A joint that dry friction holds at rest stays there; "
     "NaN where the laws of friction determine no motion.",
-    _forward, compared=_in_torques, method="forward",
+    forward, compared=comparison.of_accelerations, method="forward",
     compiles=lambda model: not model.scene.bilateral,
 )  # fmt: skip
 MASS_MATRIX = Entry(
@@ -193,13 +127,13 @@ MASS_MATRIX = Entry(
 CORIOLIS_MATRIX = Entry(
     "coriolis_matrix", ("q", "v"), ("n", "n"), "C", "N m s/rad, N s/m",
     "Coriolis matrix C(q, v); dM/dt - 2 C is skew-symmetric.",
-    lambda arm, q, v: arm.rigid.coriolis(q, v), compared=_with_speed,
+    lambda arm, q, v: arm.rigid.coriolis(q, v), compared=comparison.scaled_by_speed,
     compiles=lambda model: model.n <= 16,  # an expression of the size of n³
 )  # fmt: skip
 GRAVITY = Entry(
     "gravity", ("q",), ("n",), "g", "N m, N",
     "Torques G(q) that balance the weight.",
-    lambda arm, q: arm.rigid.gravity(q), compared=_with_inertia,
+    lambda arm, q: arm.rigid.gravity(q), compared=comparison.scaled_by_inertia,
 )  # fmt: skip
 FRICTION = Entry(
     "friction", ("q", "v"), ("n",), "f", "N m, N",
@@ -209,12 +143,12 @@ FRICTION = Entry(
 SPRING = Entry(
     "spring", ("q", "v"), ("n",), "s", "N m, N",
     "Torques S(q, v) that balance springs and their dampers.",
-    lambda arm, q, v: arm.rigid.spring(q, v), compared=_with_inertia,
+    lambda arm, q, v: arm.rigid.spring(q, v), compared=comparison.scaled_by_inertia,
 )  # fmt: skip
 ENERGY = Entry(
     "energy", ("q", "v"), (2,), "kinetic_and_potential", "J",
     "Kinetic and potential energy, that of springs included.",
-    lambda arm, q, v: arm.rigid.energies(q, v), compared=_energies,
+    lambda arm, q, v: arm.rigid.energies(q, v), compared=comparison.of_energies,
     fields=("kinetic_energy", "potential_energy"),
 )  # fmt: skip
 POSE = Entry(
@@ -231,7 +165,7 @@ JACOBIAN_DERIVATIVE = Entry(
     "jacobian_derivative", ("q", "v"), (6, "n"), "J_dot", "m/s², rad/s²",
     "Derivative of the Jacobian of a frame by time.",
     lambda arm, q, v, frame: arm.rigid.jacobian_derivative(q, v, frame), ("frame",),
-    compared=_moving,
+    compared=comparison.of_jacobian_derivative,
 )  # fmt: skip
 
 TERMS = [
@@ -252,6 +186,6 @@ CONSTRAINT_ROWS = Entry(
     "constraint_rows", ("q", "v"), ("m", "n + 1"), "A", "",
     "Rows A of bilateral constraints, with γ = Ȧ v beside them.",
     lambda arm, q, v, names: arm.rigid.constraint_rows(q, v, names), ("constraints",),
-    compared=_rows,
+    compared=comparison.of_constraint_rows,
 )  # fmt: skip
 """Of the constraints with these names; no method of ``Dynamics``."""

@@ -15,19 +15,13 @@ if TYPE_CHECKING:
     from arm_dynamics.trajectory.files import JointTrajectory
     from arm_dynamics.trajectory.follower import Follower
     from arm_dynamics.trajectory.joint_paths import JointPath, joint_path, paced
+    from arm_dynamics.trajectory.limits import Limits
     from arm_dynamics.trajectory.planner import CartesianGoals, Pace
-    from arm_dynamics.trajectory.reference import (
-        Limits,
-        Motion,
-        Reference,
-        TaskReference,
-        Trajectory,
-        Waypoint,
-        hold,
-    )
+    from arm_dynamics.trajectory.reference import Motion, Reference, TaskReference, Waypoint
     from arm_dynamics.trajectory.splines import spline, stretched_spline
     from arm_dynamics.trajectory.time_optimal import retimed
     from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+    from arm_dynamics.trajectory.trajectory import Trajectory, hold
     from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 
 __all__ = [

@@ -58,8 +58,8 @@ class Line:
     @property
     def length(self) -> float:
         """Way of the origin in [m], or the angle in [rad] where it only turns."""
-        way = float(np.linalg.norm(self.step))
-        return way if way > 1e-9 else float(np.linalg.norm(self.turn))
+        distance = float(np.linalg.norm(self.step))
+        return distance if distance > 1e-9 else float(np.linalg.norm(self.turn))
 
     def at(self, u: float) -> Place:
         """Placement and derivatives at ``u``."""
@@ -165,10 +165,10 @@ class CartesianTrajectory:
 
     def sample(self, t: float) -> TaskReference:
         """Reference of the frame at the time ``t`` in [s]."""
-        u, rate, rise = self.timing.at(t)
+        u, du, ddu = self.timing.at(t)
         place = self.path.at(u)
-        first, second = place.first * rate, place.second * rate**2 + place.first * rise
-        return TaskReference(place.position, place.rotation, first, second)
+        velocity, acceleration = place.first * du, place.second * du**2 + place.first * ddu
+        return TaskReference(place.position, place.rotation, velocity, acceleration)
 
 
 def timed(

@@ -18,9 +18,10 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.quintics import extremes
-from arm_dynamics.trajectory.reference import Limits, Trajectory
 from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
+from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import segment_excess
 
 _ROUNDED = 1e-9

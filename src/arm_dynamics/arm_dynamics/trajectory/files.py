@@ -18,7 +18,8 @@ from arm_dynamics.arrays import Array, vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.scene.urdf.joint_names import JointNames, Named
-from arm_dynamics.trajectory.reference import Trajectory, Waypoint
+from arm_dynamics.trajectory.reference import Waypoint
+from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import quintic
 from arm_dynamics.writing import replacing
 

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, Waypoint, hold
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Motion, Reference, Waypoint
+from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import check_kind, have_torques, quintic
 
 

@@ -11,6 +11,7 @@ differentiation of pseudo-inverses", SIAM J. Numer. Anal. 10(2), 1973, for full 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,9 +24,13 @@ from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
-from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Reference
 from arm_dynamics.trajectory.time_scaling import Capacity, slowdown
 from arm_dynamics.trajectory.timing import Timing
+from arm_dynamics.trajectory.trajectory import Trajectory
+
+_LAST = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
 
 
 @frozen
@@ -47,9 +52,9 @@ class JointPath:
 
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s], each of shape (n,)."""
-        u, rate, rise = self.timing.at(t)
+        u, du, ddu = self.timing.at(t)
         at = self.over.sample(min(max(u, 0.0), _LAST))
-        return Reference(at.q, at.v * rate, at.a * rate**2 + at.v * rise)
+        return Reference(*_by_time((at.q, at.v, at.a), du, ddu))
 
     def slower(self, stretch: float) -> JointPath:
         """The path with all times multiplied by ``stretch``."""
@@ -57,22 +62,18 @@ class JointPath:
 
     def along(self, us: Array) -> Array:
         """Positions and first and second derivatives by u at k points of the path, (3, k, n)."""
-        return self.over.at(np.minimum(us, _LAST))
+        return self.over.at(np.clip(us, 0.0, _LAST))
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations at times in [s], shape (k, n) each."""
-        u, rate, rise = np.array([self.timing.at(float(t)) for t in times]).T[..., None]
-        q, first, second = self.along(u[:, 0])
-        return q, first * rate, second * rate**2 + first * rise
-
-    def table(self, count: int) -> tuple[Array, Array, Array, Array]:
-        """Times of shape (count,), positions, velocities and accelerations of shape (count, n)."""
-        # Just inside the ends, where a trapezoid accelerates already.
-        t = np.linspace(1e-9, 1.0 - 1e-9, count) * self.duration
-        return t, *self.at(t)
+        u, du, ddu = np.array([self.timing.at(float(t)) for t in times]).T
+        return _by_time(self.along(u), du[:, None], ddu[:, None])
 
 
-_LAST = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
+def _by_time(along: Any, du: Any, ddu: Any) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations at u(t), by the chain rule."""
+    q, first, second = along
+    return q, first * du, second * du**2 + first * ddu
 
 
 def joint_path(
@@ -148,22 +149,6 @@ def paced(
     return motion.slower(slowdown(capacity, motion.at, edges))
 
 
-def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:
-    """One step of the classical Runge-Kutta method along dq/du = J⁺ x'."""
-
-    def field(at: float, here: Array) -> Array:
-        return pseudo_inverse(task.motion.jacobian(here)[task.rows]) @ path.at(at).first[task.rows]
-
-    try:
-        k1 = field(u, q)
-        k2 = field(u + h / 2, q + h / 2 * k1)
-        k3 = field(u + h / 2, q + h / 2 * k2)
-        k4 = field(u + h, q + h * k3)
-    except np.linalg.LinAlgError:
-        raise _singular(task, u) from None
-    return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-
 def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
     """Derivatives q' and q'' of the joints at a point of a path, each of shape (n,).
 
@@ -182,13 +167,6 @@ def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Arra
     return first, J_plus @ (x2 - J_dot @ first) + turned - J_plus @ (J @ turned)
 
 
-def _singular(task: TaskSpace, u: float) -> Unreachable:
-    return Unreachable(
-        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its length; "
-        "choose another path or seed, or a task with fewer axes"
-    )
-
-
 def check_limits(task: TaskSpace, q: Array, u: float) -> None:
     """Refuse joint positions beyond their limits at the fraction ``u`` of a path."""
     model = task.model
@@ -202,3 +180,26 @@ def check_limits(task: TaskSpace, q: Array, u: float) -> None:
             f"{model.position_upper[joint]:.6g}{unit}",
             float(beyond[joint]),
         )
+
+
+def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:
+    """One step of the classical Runge-Kutta method along dq/du = J⁺ x'."""
+
+    def field(at: float, here: Array) -> Array:
+        return pseudo_inverse(task.motion.jacobian(here)[task.rows]) @ path.at(at).first[task.rows]
+
+    try:
+        k1 = field(u, q)
+        k2 = field(u + h / 2, q + h / 2 * k1)
+        k3 = field(u + h / 2, q + h / 2 * k2)
+        k4 = field(u + h, q + h * k3)
+    except np.linalg.LinAlgError:
+        raise _singular(task, u) from None
+    return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def _singular(task: TaskSpace, u: float) -> Unreachable:
+    return Unreachable(
+        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its length; "
+        "choose another path or seed, or a task with fewer axes"
+    )

@@ -27,8 +27,10 @@ from arm_dynamics.trajectory.joint_paths import (
     joint_path,
     paced,
 )
-from arm_dynamics.trajectory.reference import InTurn, Limits, Motion, Reference, Trajectory, hold
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Motion, Reference
 from arm_dynamics.trajectory.timing import Quintic
+from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import stop
 
 LEVER = 0.25
@@ -37,6 +39,29 @@ MAX_KNOTS = 10_000
 _SPACING = 0.02  # [m] between knots
 _NEAR = 1e-7  # [m], [rad] at a knot
 _FAR = 0.3  # [rad], [m] between successive knots
+
+
+@frozen
+class InTurn:
+    """Two motions in sequence; the second begins where the first ends.
+
+    Attributes:
+        first: The first motion.
+        then: The second motion.
+    """
+
+    first: Motion
+    then: Motion
+
+    @property
+    def duration(self) -> float:
+        """Total duration in [s]."""
+        return self.first.duration + self.then.duration
+
+    def sample(self, t: float) -> Reference:
+        """Position, velocity and acceleration at the time ``t`` in [s]."""
+        left = t - self.first.duration
+        return self.first.sample(t) if left < 0.0 else self.then.sample(left)
 
 
 @frozen

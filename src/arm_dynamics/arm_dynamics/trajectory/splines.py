@@ -15,7 +15,8 @@ import numpy as np
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintics import segment_coefficients
-from arm_dynamics.trajectory.reference import Trajectory, Waypoint
+from arm_dynamics.trajectory.reference import Waypoint
+from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import Knots, rows_or_nan, timed_positions, with_torques
 
 STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s], speed tolerated as rest at the end

@@ -18,8 +18,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.trajectory.joint_paths import JointPath
-from arm_dynamics.trajectory.reference import Trajectory
 from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, moving, slowdown
+from arm_dynamics.trajectory.trajectory import Trajectory
 
 _WITHIN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of an interval: where limits are imposed
 _SHARE = 1.0 - 2.0 * BETWEEN  # of each limit, so that nothing between them exceeds it
@@ -121,12 +121,12 @@ def retimed(
 
 def _timed(motion: JointPath, capacity: Capacity, points: int) -> JointPath:
     """The motion with the fastest timing on a grid."""
-    profile = _Way(motion, capacity, points).fastest()
+    profile = _LimitedPath(motion, capacity, points).fastest()
     quick = JointPath(motion.over, profile)
     return quick.slower(slowdown(capacity, quick.at, profile.times))
 
 
-class _Way:
+class _LimitedPath:
     """A path with the points at which limits are imposed, several in each interval.
 
     Within an interval y = d²u/dt² is constant and x = (du/dt)² is linear in u, so a limit at any
@@ -143,8 +143,8 @@ class _Way:
         at = self._us[:-1, None] + self._steps[:, None] * _WITHIN.clip(1e-9, 1.0 - 1e-9)
         q, first, second = motion.along(at.ravel())
         middle = first[len(_WITHIN) // 2 :: len(_WITHIN)]
-        way = np.repeat(np.sign(middle) * moving(middle), len(_WITHIN), axis=0)
-        self._strain = Strain(capacity, q, first, second, way)
+        direction = np.repeat(np.sign(middle) * moving(middle), len(_WITHIN), axis=0)
+        self._strain = Strain(capacity, q, first, second, direction)
 
     def fastest(self) -> Profile:
         """The fastest timing that keeps the limits at these points."""
@@ -258,9 +258,9 @@ def _turns(over: Trajectory) -> Array:
     """Points of a path at which a joint reverses, hence its dry friction jumps."""
     shares = np.linspace(0.0, 1.0, _SAMPLES)
     us, _, first, _ = over.table(shares)
-    way = np.sign(first) * moving(first)
-    i, joint = np.nonzero(way[1:] * way[:-1] < 0.0)
-    low, high, sign = us[i], us[i + 1], way[i, joint]
+    direction = np.sign(first) * moving(first)
+    i, joint = np.nonzero(direction[1:] * direction[:-1] < 0.0)
+    low, high, sign = us[i], us[i + 1], direction[i, joint]
     for _ in range(50):
         middle = 0.5 * (low + high)
         before = over.at(middle)[1][np.arange(len(i)), joint] * sign > 0.0

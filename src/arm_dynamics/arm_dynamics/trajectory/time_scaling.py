@@ -20,7 +20,7 @@ from arm_dynamics.arrays import Array, each, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.reference import Limits
+from arm_dynamics.trajectory.limits import Limits
 
 BETWEEN = 1e-5
 """Fraction of a limit by which a quantity may exceed its largest value at the points found by
@@ -113,15 +113,16 @@ class Strain:
         q: Positions at k points, shape (k, n).
         first: Derivatives q', likewise.
         second: Derivatives q'', likewise.
-        way: Sliding direction of each joint for dry friction, likewise; None for the sign of q'.
+        sliding: Direction of each joint for dry friction, likewise; None for the sign of q'.
     """
 
     def __init__(
-        self, capacity: Capacity, q: Array, first: Array, second: Array, way: Array | None = None
-    ) -> None:
+        self, capacity: Capacity, q: Array, first: Array, second: Array,
+        sliding: Array | None = None,
+    ) -> None:  # fmt: skip
         self._capacity, self._q, self._first, self._second = capacity, q, first, second
         self._still, self._inverse = np.zeros_like(q), partial(each, capacity.rigid.inverse)
-        self._way = np.sign(first) * moving(first) if way is None else way
+        self._sliding = np.sign(first) * moving(first) if sliding is None else sliding
         self._weight = self._inverse(q, self._still, self._still)
         self._by_x = self._inverse(q, first, second) - self._weight
 
@@ -140,16 +141,13 @@ class Strain:
         if dynamics.model.springs:
             tau = tau + each(self._capacity.rigid.spring, self._q, v)
         friction = dynamics.steady_friction
-        tau = friction.demanded(tau, v, self._way if friction.has_dry else v, self._q)
+        tau = friction.demanded(tau, v, self._sliding if friction.has_dry else v, self._q)
         return self._capacity.shares(self._q, v, a, tau)
 
     def pace(
-        self,
-        allowed: float = 1.0,
-        most: float = 1.0,
-        x: ArrayLike = 1.0,
+        self, allowed: float = 1.0, most: float = 1.0, x: ArrayLike = 1.0,
         y: ArrayLike | None = None,
-    ) -> float:
+    ) -> float:  # fmt: skip
         """Factor of the speed of a timing at which no share exceeds ``allowed``.
 
         Args:

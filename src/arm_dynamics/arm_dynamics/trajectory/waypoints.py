@@ -19,8 +19,10 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput, plain
+from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.quintics import extremes
-from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint
+from arm_dynamics.trajectory.reference import Reference, Waypoint
+from arm_dynamics.trajectory.trajectory import Trajectory
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start
 _STRETCH_TRIES = 60

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from arm_dynamics import Dynamics
     from arm_sim import Simulator
 
+# What is compiled, by name, each with the function that compiles it
 Parts = Iterator[tuple[str, Callable[[], object]]]
-"""What is compiled, by name, each with the function that compiles it."""
 
 
 @command(
@@ -54,7 +54,7 @@ def build(
 
     There, with the same version of the suite, ARM_CACHE=DIR makes every command and node run the
     compiled code; ARM_CACHE may list several folders, separated by colons. Each SCENE is
-    the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
+    the name of a bundled scene, or a scene file (YAML) or URDF: a path or a package:// URI.
 
     Args:
         out: Folder for the compiled code; created if missing.
@@ -121,7 +121,7 @@ def _always(simulator: Simulator) -> Parts:
     from arm_dynamics.control import make_controller, preparation
 
     compiled = simulator.arm.compiled
-    if compiled.energy_account.may_make_ticks_again:
+    if compiled.energy_account.may_repeat:
         yield "energy account", compiled.energy_account.prepare
     yield "check by a second run", lambda: compiled.witness.stepper
     control = make_controller("computed_torque", _controlled(simulator))

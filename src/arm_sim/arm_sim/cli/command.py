@@ -53,10 +53,7 @@ class _Command(click.Command):
 
 
 def command(
-    *lines: str,
-    name: str | None = None,
-    first: Sequence[click.Parameter] = (),
-    **settings: Any,
+    *lines: str, name: str | None = None, first: Sequence[click.Parameter] = (), **settings: Any
 ) -> Callable[[Callable[..., Any]], click.Command]:
     """Make a command of a function.
 
@@ -107,10 +104,9 @@ def _parameter(parameter: inspect.Parameter, hint: Any, about: str) -> click.Par
         if parameter.default not in (parameter.empty, None, ()):
             settings["default"] = parameter.default
     if parameter.kind is not parameter.KEYWORD_ONLY:
-        placeholder = texts[0] if texts else None
-        return click.Argument(
-            [parameter.name], nargs=-1 if many else 1, metavar=placeholder, **settings
-        )
+        settings["nargs"] = -1 if many else 1
+        settings["metavar"] = texts[0] if texts else None
+        return click.Argument([parameter.name], **settings)
     named = [text for text in texts if text.startswith("--")]
     helps = [about, *(text for text in texts if not text.startswith("--"))]
     option, _, placeholder = (named[0] if named else option_name(parameter.name)).partition(" ")

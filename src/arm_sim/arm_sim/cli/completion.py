@@ -8,13 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import click
-from click.shell_completion import (
-    BashComplete,
-    CompletionItem,
-    FishComplete,
-    ShellComplete,
-    ZshComplete,
-)
+from click import shell_completion
+from click.shell_completion import CompletionItem
 
 from arm_dynamics.exceptions import choices
 from arm_sim.cli.command import command
@@ -63,14 +58,14 @@ class Commands(click.Group):
 
 
 class SceneType(click.ParamType):
-    """The name of a ready scene, a path, or a package:// URI; completed as such."""
+    """The name of a bundled scene, a path, or a package:// URI; completed as such."""
 
     name = "scene"
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Ready scenes, and scene files and URDFs in this folder; else any file."""
+        """Bundled scenes, and scene files and URDFs in this folder; else any file."""
         from arm_dynamics.scene.files import ready_scenes
 
         files = (path.name for path in Path.cwd().glob("*") if path.suffix in (".yaml", ".urdf"))
@@ -82,7 +77,7 @@ class SceneType(click.ParamType):
 SCENE = SceneType()
 
 
-class _Bash(BashComplete):
+class _Bash(shell_completion.BashComplete):
     """As click's, for ``arm`` and, handled by bash, for every path that ends in it."""
 
     @staticmethod
@@ -90,23 +85,23 @@ class _Bash(BashComplete):
         """Skip the check: the bash that runs the completion need not be the one on PATH."""
 
 
-class _Zsh(ZshComplete):
+class _Zsh(shell_completion.ZshComplete):
     """As click's, but it calls the typed path: ``./arm`` need not be on PATH."""
 
-    source_template = ZshComplete.source_template.replace(
+    source_template = shell_completion.ZshComplete.source_template.replace(
         "%(complete_var)s=zsh_complete %(prog_name)s", "%(complete_var)s=zsh_complete ${words[1]}"
     )
 
 
-class _Fish(FishComplete):
+class _Fish(shell_completion.FishComplete):
     """As click's, but it calls the typed path."""
 
-    source_template = FishComplete.source_template.replace(
+    source_template = shell_completion.FishComplete.source_template.replace(
         "(commandline -t) %(prog_name)s", "(commandline -t) (commandline -opc)[1]"
     )
 
 
-SHELLS: dict[str, type[ShellComplete]] = {"bash": _Bash, "zsh": _Zsh, "fish": _Fish}
+SHELLS = {"bash": _Bash, "zsh": _Zsh, "fish": _Fish}
 
 
 @command(

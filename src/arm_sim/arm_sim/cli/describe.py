@@ -40,8 +40,8 @@ def describe(
 ) -> None:
     """Show the joints of SCENE, what is computed or skipped, and the cost of a time step.
 
-    SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
-    The time is measured on this machine.
+    SCENE is the name of a bundled scene, or a scene file (YAML) or URDF: a path or a package://
+    URI. The time is measured on this machine.
 
     Args:
         integrator: Integration method, instead of the scene's, e.g. rk4, dop853.
@@ -96,7 +96,7 @@ def _robot(model: ArmModel) -> dict[str, Any]:
         "robot": model.pin.name, "mass": model.total_mass, "gravity": model.scene.gravity,
         "locked": model.scene.robot.lock,
         "links": {name: body.mass for name, body in model.scene.links.items()},
-        "placeholders": model.placeholders, "joints": joints,
+        "placeholders": dict.fromkeys(model.placeholder_limits, "effort 1"), "joints": joints,
         "frames": model.frame_names,
     }  # fmt: skip
 
@@ -178,12 +178,11 @@ def _show_joints(out: Console, model: ArmModel) -> None:
         out.print(f"all zero: {', '.join(absent)}".replace("\n", " "), style="dim")
     turning = "rad, rad/s, N m, viscous friction N m s/rad, armature kg m²"
     sliding = "m, m/s, N, viscous friction N s/m, armature kg"
-    if "prismatic" in model.joint_types:
-        only = set(model.joint_types) == {"prismatic"}
-        turning = sliding if only else f"{turning}; sliding joints: {sliding}"
+    if not model.turning.all():
+        turning = sliding if not model.turning.any() else f"{turning}; sliding joints: {sliding}"
     out.print(f"units: {turning}", style="dim")
-    if model.placeholders:
-        named = ", ".join(f"{name} ({why})" for name, why in model.placeholders.items())
+    if model.placeholder_limits:
+        named = ", ".join(f"{name} (effort 1)" for name in model.placeholder_limits)
         _remark(out, "limits that are probably placeholders:",
                 f"{named}; a scene's joints.NAME.limits gives others")  # fmt: skip
     _show_drives(model)
@@ -214,7 +213,7 @@ def _show_drives(model: ArmModel) -> None:
             number(drive.rotor_inertia, 4), number(drive.motor.efficiency, 4), drive.transmission,
         ))  # fmt: skip
         if math.isfinite(drive.overspeed):
-            unit = "m/s" if model.joint_types[i] == "prismatic" else "rad/s"
+            unit = model.units("rad/s", "m/s")[i]
             remarks.append(
                 f"{name}: beyond {drive.overspeed:.4g} {unit} the current limit holds, and the "
                 "voltage limit cannot"

@@ -32,8 +32,8 @@ def export(
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
     DIR contains NAME.h and NAME.c (C11, also C++17), CMakeLists.txt, a test program with the
-    numbers that it must give, a description, and the scene. SCENE is the name of a ready scene, or
-    a scene file (YAML) or URDF: a path or a package:// URI.
+    numbers that it must give, a description, and the scene. SCENE is the name of a bundled scene,
+    or a scene file (YAML) or URDF: a path or a package:// URI.
 
     Args:
         out: A new or empty folder, or one exported before.

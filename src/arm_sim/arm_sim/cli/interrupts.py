@@ -13,8 +13,8 @@ from typing import Any
 from arm_dynamics.starting import SIGNALS, end_when_interrupted
 
 NODES = ("sim", "dynamics", "controller")
+# Signals that have interrupted a command
 interrupted: list[int] = []
-"""Signals that have interrupted a command."""
 _original_handlers: dict[int, Any] = {}
 _INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -28,6 +28,7 @@ from arm_sim.cli.robot import get, go, set_, watch
 from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
 
+# The commands of the simulator by subject, as the help of the script ./arm lists them
 SECTIONS = {
     "Demo": (demo,),
     "Nodes": (sim, dynamics, controller),
@@ -36,7 +37,6 @@ SECTIONS = {
     "Recordings": (record, replay, plot),
     "Shell": (completion,),
 }
-"""The commands of the simulator by subject, as the help of the script ./arm lists them."""
 
 
 class Suite(Commands):
@@ -55,9 +55,8 @@ class Suite(Commands):
         """List the commands by subject, each with its first sentence in full."""
         for title, commands in self._sections.items():
             with formatter.section(title):
-                formatter.write_dl(
-                    [(str(x.name), x.get_short_help_str(limit=1000)) for x in commands]
-                )
+                rows = [(str(x.name), x.get_short_help_str(limit=1000)) for x in commands]
+                formatter.write_dl(rows)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the group's own options."""

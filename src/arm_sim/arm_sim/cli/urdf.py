@@ -37,7 +37,7 @@ def urdf(
     commands_topic: str = "/robot_joint_commands",
     states_topic: str = "/robot_joint_states",
 ) -> None:
-    """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI.
+    """Print the URDF of SCENE: the name of a bundled scene, a scene file, or a package:// URI.
 
     Args:
         interface: Add a ros2_control tag with this command interface, for the JointState-topic
@@ -76,7 +76,7 @@ def with_hardware(
 
     Source: README of joint_state_topic_hardware_interface (ros-controls).
     """
-    from arm_dynamics.scene.urdf import xml_root
+    from arm_dynamics.scene.urdf.xml import xml_root
 
     robot = xml_root(model.scene.description)
     for other in robot.findall("ros2_control"):  # remove the tag of the real robot's hardware

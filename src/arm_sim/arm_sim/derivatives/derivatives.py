@@ -70,7 +70,8 @@ class Derivatives:
     def gradients(self) -> Gradients:
         """Gradients of functions of many arms' states."""
         all_entries = tuple(range(len(self._plant.parameters.nominal)))
-        return Gradients(self._plant, self._choice, self.linearizer(all_entries), self._backend)
+        ticks = self.linearizer(all_entries).ticks
+        return Gradients(self._plant, self._choice, ticks, self._backend)
 
     @overload
     def linearize(

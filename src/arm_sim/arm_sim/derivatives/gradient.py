@@ -26,10 +26,10 @@ from arm_sim.derivatives.event_free_gradient import (
     TickPart,
     tick_functions,
 )
-from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.motion import Motion, naming
 from arm_sim.derivatives.rollout_change import initial_slope
 from arm_sim.derivatives.tangents import LONGEST
+from arm_sim.derivatives.tick_derivatives import TickDerivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import actuation
@@ -111,12 +111,12 @@ class Gradients:
     Args:
         plant: The scene's equations.
         choice: Method, tick and tolerance.
-        linearizer: Derivatives of ticks that have events, by all of p too.
+        ticks: Derivatives of ticks that have events, by all of p too.
         backend: As for ``Kernel``.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, linearizer: Linearizer, backend: str) -> None:
-        self._plant, self._choice, self._linearizer = plant, choice, linearizer
+    def __init__(self, plant: Plant, choice: Choice, ticks: TickDerivatives, backend: str) -> None:
+        self._plant, self._choice, self._ticks = plant, choice, ticks
         self._without_stops, self._backend = plant.free or plant, backend
         self._code_of = cache(self._built)
 
@@ -148,7 +148,7 @@ class Gradients:
         eventful = list(range(arms))
         if code is not None:
             eventful = self._side_by_side(code, width, batch, g, gradients, threads)
-            kinks = self._linearizer.nonsmooth.arms(batch.x0, batch.tau[:, : batch.steps])
+            kinks = self._ticks.nonsmooth.arms(batch.x0, batch.tau[:, : batch.steps])
             eventful = sorted({*eventful, *kinks})
         for arm in eventful:
             self._tick_by_tick(batch, g, gradients, arm, side)
@@ -158,7 +158,7 @@ class Gradients:
         """Compile what motions need, unless that is done."""
         if widest(None, self._code_of)[0] is None:
             _ = self._event_free
-        self._linearizer.prepare_events()
+        self._ticks.prepare_events()
 
     def product(
         self, x: Array, r: Array, p: Array, ticks: int, weights: Array, side: int | None = None
@@ -207,7 +207,7 @@ class Gradients:
     ) -> None:
         """The gradient of one arm: through its events by the derivatives of their ticks."""
         by_tau, by_p = gradients.by_tau[arm], gradients.by_p[arm]
-        motion = Motion(self._linearizer, batch.x0[arm], batch.p[arm], side)
+        motion = Motion(self._ticks, batch.x0[arm], batch.p[arm], side)
         tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
         while motion.ticks < batch.steps:
             parts += self._event_free.parts(motion, tau) if self._event_free else ()
@@ -222,7 +222,7 @@ class Gradients:
     @built_once
     def _event_free(self) -> EventFreeGradients | None:
         """Gradients through ticks without events of a scene with events."""
-        engine, nonsmooth = self._linearizer.engine, self._linearizer.nonsmooth
+        engine, nonsmooth = self._ticks.compiled.engine, self._ticks.nonsmooth
         if not engine or self._backend == "vm":
             return None
         gradients = EventFreeGradients(nonsmooth, engine, self._plant, self._choice)

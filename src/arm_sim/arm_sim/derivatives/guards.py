@@ -20,8 +20,12 @@ from arm_sim.plant.symbols import dense_function
 # A guard larger than this fraction of its terms is zero at no instant nearby: it would have to
 # change a thousand times as much in a tick.
 FAR = 1e-6
+# Mobility across the direction of sliding, relative to the whole, that is rounding.
+ROUNDING = 1e-12
 
-NONE = (ca.MX(1), ca.MX(0))
+Guard = tuple[ca.MX, ca.MX]
+"""Value of a guard, and the magnitude of its terms."""
+NONE: Guard = (ca.MX(1), ca.MX(0))
 """A guard that is never active."""
 
 
@@ -88,10 +92,6 @@ def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
     """State, command, parameters with modes, and limits."""
     x, u, p = (ca.MX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     return x, u, p, ca.MX.sym("limit", len(plant.points))
-
-
-Guard = tuple[ca.MX, ca.MX]
-"""Value of a guard, and the magnitude of its terms."""
 
 
 def clearance(plant: Plant, held: bool) -> ca.Function:
@@ -241,10 +241,6 @@ def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Gu
 def _either(condition: ca.MX, if_true: Guard, if_false: Guard) -> Guard:
     value, size = (ca.if_else(condition, a, b) for a, b in zip(if_true, if_false, strict=True))
     return value, size
-
-
-# Mobility across the direction of sliding, relative to the whole, that is rounding.
-ROUNDING = 1e-12
 
 
 def starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:

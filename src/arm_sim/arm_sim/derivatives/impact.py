@@ -9,7 +9,7 @@ import casadi as ca
 
 from arm_sim.derivatives.guards import expanded
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import jacobian_by
+from arm_sim.plant.symbols import jacobian_by
 
 
 def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:

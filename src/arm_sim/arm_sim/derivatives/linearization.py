@@ -26,28 +26,35 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.coarse_steps import CoarseSteps
 from arm_sim.derivatives.events import diverged
-from arm_sim.derivatives.motion import Motion, TickDerivatives, columns_of_one, naming
+from arm_sim.derivatives.motion import Motion, columns_of_one, naming
 from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.python_linearize import Linearize, python_linearize
 from arm_sim.derivatives.tangents import Arms, Tangents
+from arm_sim.derivatives.tick_derivatives import TickDerivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
-from arm_sim.stepping.lanes import natural_width, widths
+from arm_sim.stepping.lanes import check_lanes
 from arm_sim.stepping.python_step import unanswered
 from arm_sim.stepping.stepper import Stepper
 
 
 @sealed
-class Linearizer(TickDerivatives):
-    """Derivatives of ticks of many arms; arguments as of ``TickDerivatives``."""
+class Linearizer:
+    """Derivatives of ticks of many arms; arguments as of ``TickDerivatives``.
+
+    Attributes:
+        ticks: Derivatives of single ticks.
+    """
 
     @one_at_a_time
     def __init__(
         self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
         tuned: Sequence[int] = (),
     ) -> None:  # fmt: skip
-        super().__init__(plant, choice, stepper, backend, tuned)
+        self._plant, self._choice, self._stepper = plant, choice, stepper
+        self._backend, self._tuned = backend, tuned
+        self.ticks = TickDerivatives(plant, choice, stepper, backend, tuned)
         self._coarse_steps = CoarseSteps(plant, choice)
         self._smoothed = dict[float, Tangents]()  # by the speed that regularizes friction
 
@@ -95,24 +102,27 @@ class Linearizer(TickDerivatives):
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        nx, p = self._plant.nx, self._stepper.p
         self._coarse_steps.check(x)
-        if compiled := self._smooth_ticks:
-            _, slopes, unfinished = compiled.slopes(x, r, p, ticks, threads, lanes)
+        if compiled := self.ticks.compiled.smooth_ticks:
+            _, slopes, unfinished = compiled.slopes(x, r, self._stepper.p, ticks, threads, lanes)
             unfinished = self._one_by_one(unfinished, x, r[:, None], ticks)
         else:
-            widths(lanes)  # which checks them
-            slopes, unfinished = np.empty((len(x), nx, nx + self._held)), list(range(len(x)))
-        if unfinished and ticks > 1:
-            unit = np.eye(nx + self._held)
-            arms = self._held_arms(x, r, ticks, unit[:nx], unit[nx:])
+            check_lanes(lanes)
+            nx, unfinished = self._plant.nx, list(range(len(x)))
+            slopes = np.empty((len(x), nx, nx + self.ticks.held))
         for arm in unfinished:
             with naming(arm, len(x)):
-                if ticks == 1:
-                    slopes[arm] = Motion(self, x[arm], p, side).slope(r[arm])
-                else:
-                    *_, slopes[arm] = columns_of_one(self, arms, arm, side)
+                slopes[arm] = self._slope_of_one(x[arm], r[arm], ticks, side)
         return slopes
+
+    def _slope_of_one(self, x: Array, r: Array, ticks: int, side: int | None) -> Array:
+        """Derivatives of ticks of one arm, through their events."""
+        if ticks == 1:
+            return Motion(self.ticks, x, self._stepper.p, side).slope(r)
+        nx, unit = len(x), np.eye(len(x) + self.ticks.held)
+        arm = self._held_arms(x[None], r[None], ticks, unit[:nx], unit[nx:])
+        *_, slope = columns_of_one(self.ticks, arm, 0, side)
+        return slope
 
     def jacobians_along(self, x: Array, r: Array, threads: int | None) -> Array:
         """Derivatives of ticks of one motion, each from a state in which the one before ends.
@@ -133,14 +143,14 @@ class Linearizer(TickDerivatives):
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If there is no such derivative either, as where a motion grazes.
         """
-        if not (compiled := self._smooth_ticks):
+        if not (compiled := self.ticks.compiled.smooth_ticks):
             return self.many(x, r, 1, threads, None)
         p = self._stepper.p
         _, slopes, unfinished = compiled.slopes(x, r, p, 1, threads, None, begins=False)
         for arm in self._one_by_one(unfinished, x, r[:, None], 1):
             point = TickPoint(x[arm], r[arm], p)
             with naming(arm, len(x)):
-                slopes[arm] = self.on_either_side(point, self.control(), begins=False)
+                slopes[arm] = self.ticks.on_either_side(point, self.ticks.control(), False)
         return slopes
 
     def smoothed_jacobians(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
@@ -174,10 +184,8 @@ class Linearizer(TickDerivatives):
 
     def prepare(self) -> None:
         """Compile what ticks need, unless that is done."""
-        if self._in_lanes:
-            self._free_tangents.library(natural_width())
-        (self._smooth_ticks or self._free_tangents).library(1)
-        self.prepare_events()
+        self.ticks.compiled.prepare()
+        self.ticks.prepare_events()
 
     def jvp(
         self, x: Array, r: Array, ticks: int, dx: Array, dr: Array, side: int | None = None
@@ -224,28 +232,29 @@ class Linearizer(TickDerivatives):
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        if compiled := self._smooth_ticks:
+        if compiled := self.ticks.compiled.smooth_ticks:
             columns, unfinished, *_ = compiled.columns(arms, every, threads, lanes)
             unfinished = self._one_by_one(unfinished, arms.x, arms.tau, arms.ticks)
         else:
-            widths(lanes)  # which checks them
+            check_lanes(lanes)
             columns, unfinished = arms.room(every), list(range(arms.count))
         for arm in unfinished:
             with naming(arm, arms.count):
-                for k, moved in enumerate(columns_of_one(self, arms, arm, side)):
-                    columns[arm, k if every else 0] = moved
+                for k, after in enumerate(columns_of_one(self.ticks, arms, arm, side)):
+                    columns[arm, k if every else 0] = after
         return columns
 
     def _one_by_one(self, unfinished: list[int], x: Array, r: Array, ticks: int) -> list[int]:
         """Arms to be differentiated alone: those, and those with a kink, now or later."""
-        if self.event_free and self.nonsmooth.depends_on_states and ticks > 1:
+        nonsmooth = self.ticks.nonsmooth
+        if self.ticks.compiled.event_free and nonsmooth.depends_on_states and ticks > 1:
             return list(range(len(x)))
-        return sorted({*unfinished, *self.nonsmooth.arms(x, r)})
+        return sorted({*unfinished, *nonsmooth.arms(x, r)})
 
     @cached_property
     def python_tick(self) -> Linearize:
         """Derivatives of one tick for Python, see ``python_linearize``."""
-        compiled = None if self._coarse_steps.rate or self._tuned else self._smooth_ticks
-        if compiled is None:
+        compiled = self.ticks.compiled.smooth_ticks
+        if compiled is None or self._coarse_steps.rate or self._tuned:
             return unanswered
         return python_linearize(compiled, self._plant, self._stepper.p, self._choice.dt)

@@ -8,7 +8,8 @@ are guards, see ``guards``.
 
 from __future__ import annotations
 
-from itertools import chain
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -22,9 +23,50 @@ from arm_sim.plant.plant import Plant
 # Relative distance to a limit that is none.
 ROUNDING = 1e-12
 
-UNLOADED = "load"
 
-type Flags = NDArray[np.bool_]
+class CommandKink(NamedTuple):
+    """A size of a joint's command at which its torque has a kink.
+
+    Attributes:
+        joint: Index of the joint.
+        size: A limit, or 0 for a gear without load.
+        velocity: Index in x of a velocity that has to differ from zero, too; None if none has.
+        reason: Why there is no derivative.
+    """
+
+    joint: int
+    size: float
+    velocity: int | None
+    reason: str
+
+    def holds(self, x: Any, command: Any) -> Any:
+        """Whether it is there; x and the command by entry: numbers, arrays or expressions.
+
+        Without x, joints are taken to move.
+        """
+        at_size = abs(abs(command[self.joint]) - self.size) <= ROUNDING * self.size
+        if x is None or self.velocity is None:
+            return at_size
+        return at_size * (x[self.velocity] != 0.0)
+
+
+class RestKink(NamedTuple):
+    """A kink in the friction of a joint at rest.
+
+    Attributes:
+        velocity: Index in x of the velocity that is zero.
+        deflection: Index of a deflection that has to differ from zero; None if none has.
+        reason: Why there is no derivative.
+    """
+
+    velocity: int
+    deflection: int | None
+    reason: str
+
+    def holds(self, x: Any, _command: Any = None) -> Any:
+        """As of ``CommandKink``."""
+        rests = x[self.velocity] == 0.0
+        return rests if self.deflection is None else rests * (x[self.deflection] != 0.0)
 
 
 class NonsmoothPoints:
@@ -35,56 +77,26 @@ class NonsmoothPoints:
     """
 
     def __init__(self, plant: Plant) -> None:
-        self._plant, self._model, self._n = plant, plant.model, plant.model.n
-        self._limits = _limits(plant)
-        self._weight: ca.Function | None = None
+        self._nx, self._n = plant.nx, plant.model.n
+        self._of_commands, self._at_rest = _command_kinks(plant), _rest_kinks(plant)
+        self._kinks: tuple[CommandKink | RestKink, ...] = *self._of_commands, *self._at_rest
+        self._compensation: ca.Function | None = None
         if gravity_compensated(plant.model.scene):
             q = ca.SX.sym("q", self._n)
-            self._weight = ca.Function("weight", [q], [CommandMap(plant.model).compensation(q)])
-        self._sided = sided(plant)
-        self._bristles = _bristles(plant)
+            torque = CommandMap(plant.model).compensation(q)
+            self._compensation = ca.Function("compensation", [q], [torque])
 
     @property
     def depends_on_states(self) -> bool:
         """Whether the commands at their limits depend on the states."""
-        return self._weight is not None and bool(self._limits)
+        return self._compensation is not None and bool(self._of_commands)
 
-    def commands_at_limits(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
-        """Commands of joints exactly at a limit, by what limits them, or at no load of a gear.
-
-        Args:
-            r: Commands, shape (…, n).
-            x: States under which they act, shape (…, nx); without them, commands to which the arm
-                adds its gravity compensation are left out, and gears are taken to move.
-
-        Returns:
-            Booleans of the shape of ``r``.
-        """
-        if self._weight is not None:
-            if x is None:
-                return {}
-            r = r + np.array(self._weight(np.atleast_2d(x)[:, : self._n].T)).T.reshape(r.shape)
-        flags = {
-            kind: abs(abs(r) - limit) <= ROUNDING * limit for kind, limit in self._limits.items()
-        }
-        if UNLOADED in flags and x is not None:
-            flags[UNLOADED] &= x[..., self._n : 2 * self._n] != 0.0
-        return flags
-
-    def at_rest(self, x: Array) -> dict[str, Flags]:
-        """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
-        flags = dict[str, Flags]()
-        if not (self._sided.any() or len(self._bristles)):
-            return flags
-        still = x[..., self._n : 2 * self._n] == 0.0
-        if self._sided.any():
-            flags["friction that differs by direction"] = still & self._sided
-        if len(self._bristles):
-            joints, places = self._bristles.T
-            bent = np.zeros_like(still)
-            bent[..., joints] = still[..., joints] & (x[..., places] != 0.0)
-            flags["bent bristles"] = bent
-        return flags
+    def _command(self, x: Array, r: Array) -> Array:
+        """Commands with the arm's gravity compensation, of the shape of ``r``."""
+        if self._compensation is None:
+            return r
+        compensation = np.array(self._compensation(x[..., : self._n].T))
+        return np.asarray(r + compensation.T.reshape(r.shape))
 
     def reason(self, x: Array, r: Array) -> str:
         """Why the tick from a state under a command has no derivative; empty if it may have one.
@@ -93,18 +105,8 @@ class NonsmoothPoints:
             x: State, shape (nx,).
             r: Command, shape (n,).
         """
-        for kind, flags in self.commands_at_limits(r, x).items():
-            if flags.any():
-                joint = int(flags.argmax())
-                name, limit = self._model.joint_names[joint], self._limits[kind][joint]
-                if kind is UNLOADED:
-                    return f"joint '{name}' moves without load, where its gear's loss has a kink"
-                return f"the command of joint '{name}' is exactly at its {kind}, {limit:g}"
-        for kind, flags in self.at_rest(x).items():
-            if flags.any():
-                joint = int(flags.argmax())
-                return f"joint '{self._model.joint_names[joint]}' is at rest in {kind}"
-        return ""
+        state, command = x.tolist(), self._command(x, r).tolist()
+        return next((kink.reason for kink in self._kinks if kink.holds(state, command)), "")
 
     def ticks_before(self, x: Array, r: Array) -> int:
         """Ticks of a motion before the first whose command is at a limit, or may be.
@@ -116,32 +118,21 @@ class NonsmoothPoints:
         if self.depends_on_states:
             return int(len(r) > 0 and not self.reason(x, r[0]))
         kinks = np.zeros(len(r), bool)
-        for flags in self.commands_at_limits(r).values():
-            kinks |= flags.any(axis=1)
+        for kink in self._of_commands:
+            kinks |= kink.holds(None, r.T)
         return min(np.flatnonzero(kinks).tolist(), default=len(r))
 
     def rests_bent(self, x: ca.SX) -> ca.SX:
-        """1 where ``at_rest`` has a joint, else 0."""
-        v, bent = x[self._n : 2 * self._n], ca.SX(0)
-        for joint in np.flatnonzero(self._sided):
-            bent = ca.logic_or(bent, v[int(joint)] == 0)
-        for joint, place in self._bristles.tolist():
-            bent = ca.logic_or(bent, ca.logic_and(v[joint] == 0, x[place] != 0))
-        return bent
+        """1 where a joint at rest has a kink, else 0."""
+        return _any([kink.holds(x) for kink in self._at_rest])
 
     @property
     def nonsmooth(self) -> ca.Function:
         """(x, r) -> 1 where ``reason`` has one, else 0."""
-        x, r = ca.SX.sym("x", self._plant.nx), ca.SX.sym("r", self._n)
-        kink, command = self.rests_bent(x), r
-        if self._weight is not None:
-            command = r + self._weight(x[: self._n])
-        for kind, limit in self._limits.items():
-            for i in np.flatnonzero(np.isfinite(limit)).tolist():
-                beside = ca.fabs(ca.fabs(command[i]) - limit[i])
-                moves = x[self._n + i] != 0 if kind is UNLOADED else 1
-                kink = ca.logic_or(kink, ca.logic_and(beside <= ROUNDING * limit[i], moves))
-        return ca.Function("nonsmooth", [x, r], [kink], {"cse": True})
+        x, r = ca.SX.sym("x", self._nx), ca.SX.sym("r", self._n)
+        command = r + self._compensation(x[: self._n]) if self._compensation else r
+        flag = _any([kink.holds(x, command) for kink in self._kinks])
+        return ca.Function("nonsmooth", [x, r], [flag], {"cse": True})
 
     def arms(self, x: Array, r: Array) -> list[int]:
         """Arms with such a kink.
@@ -152,46 +143,63 @@ class NonsmoothPoints:
         """
         if not r.shape[1]:
             return []
-        kinks = np.zeros(len(x), dtype=bool)
-        by_kind = [self.commands_at_limits(r[:, 0], x), self.at_rest(x)]
-        if r.shape[1] > 1:
-            by_kind.append(self.commands_at_limits(r[:, 1:]))
-        for flags in chain.from_iterable(kind.values() for kind in by_kind):
-            kinks |= flags.reshape(len(x), -1).any(axis=1)
+        kinks, command = np.zeros(len(x), dtype=bool), self._command(x, r[:, 0])
+        for kink in self._kinks:
+            kinks |= kink.holds(x.T, command.T)
+        if not self.depends_on_states:
+            for kink in self._of_commands:
+                kinks |= kink.holds(None, r[:, 1:].T).any(axis=0)
         return np.flatnonzero(kinks).tolist()
 
 
-def sided(plant: Plant) -> Flags:
+def sided(plant: Plant) -> NDArray[np.bool_]:
     """Joints whose viscous friction differs by direction, with no dry friction, shape (n,)."""
     friction = plant.model.friction
     return np.asarray((friction.viscous.skew != 0.0) & (friction.level == 0.0))
 
 
-def _limits(plant: Plant) -> dict[str, Array]:
-    """Sizes of commands with a kink, shape (n,), NaN for none."""
-    model, current = plant.model, np.full(plant.model.n, np.inf)
+def _any(flags: Sequence[ca.SX]) -> ca.SX:
+    """1 where one of the flags is, else 0."""
+    return ca.SX(sum(flags, ca.SX(0)) > 0)
+
+
+def _command_kinks(plant: Plant) -> tuple[CommandKink, ...]:
+    model = plant.model
+    current = np.full(model.n, np.inf)
     for i, drive in enumerate(model.drives):
         if drive and drive.motor.command == "torque" and drive.motor.current_limit:
             current[i] = drive.motor.current_limit * abs(drive.torque_constant)
     current[current > model.command_limit] = np.inf
-    unloaded = np.full(model.n, np.inf)
-    unloaded[list(model.friction.gears)] = 0.0
-    if plant.torques is not None:  # torques that depend on the state have guards
-        unloaded[list(set(plant.torques.jac_sparsity(0, 0).row()))] = np.inf
-    limits = {"limit": model.command_limit, "current limit": current, UNLOADED: unloaded}
-    return {
-        kind: np.where(np.isfinite(limit), limit, np.nan)
-        for kind, limit in limits.items()
-        if np.isfinite(limit).any()
-    }
+    kinks = [
+        CommandKink(
+            i, limits[i], None,
+            f"the command of joint '{model.joint_names[i]}' is exactly at its {kind}, "
+            f"{limits[i]:g}",
+        )
+        for kind, limits in (("limit", model.command_limit), ("current limit", current))
+        for i in np.flatnonzero(np.isfinite(limits)).tolist()
+    ]  # fmt: skip
+    # Torques that depend on the state have guards.
+    guarded = set(plant.torques.jac_sparsity(0, 0).row()) if plant.torques else set()
+    kinks += [
+        CommandKink(
+            i, 0.0, model.n + i,
+            f"joint '{model.joint_names[i]}' moves without load, where its gear's loss has a kink",
+        )
+        for i in sorted({*model.friction.gears} - guarded)
+    ]  # fmt: skip
+    return tuple(kinks)
 
 
-def _bristles(plant: Plant) -> NDArray[np.intp]:
-    """Joints and places in x of the deflections of friction laws, shape (k, 2)."""
-    pairs, place = list[tuple[int, int]](), 2 * plant.model.n
-    for law in plant.laws.laws:
-        for state in law.states:
-            if state.kind is StateKind.DEFLECTION and not law.replaces_command.any():
-                pairs.append((state.joint, place))
-            place += 1
-    return np.array(pairs, dtype=np.intp).reshape(-1, 2)
+def _rest_kinks(plant: Plant) -> tuple[RestKink, ...]:
+    names, n = plant.model.joint_names, plant.model.n
+    friction = "friction that differs by direction"
+    kinks = [(i, None, friction) for i in np.flatnonzero(sided(plant)).tolist()]
+    kinks += [
+        (joint, place, "bent bristles")
+        for place, joint in np.transpose(plant.laws.places(StateKind.DEFLECTION)).tolist()
+    ]
+    return tuple(
+        RestKink(n + i, deflection, f"joint '{names[i]}' is at rest in {kind}")
+        for i, deflection, kind in kinks
+    )

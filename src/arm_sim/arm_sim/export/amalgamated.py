@@ -18,27 +18,27 @@ _FIRST_COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 _INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)
 
 
-def of_files(files: Sequence[str], done: Iterable[str] = ()) -> str:
+def of_files(files: Sequence[str], included: Iterable[str] = ()) -> str:
     """C of files one after another, see ``amalgamated``."""
-    return amalgamated("".join(f'#include "{file}"\n' for file in files), {*done})
+    return amalgamated("".join(f'#include "{file}"\n' for file in files), {*included})
 
 
-def amalgamated(text: str, done: set[str]) -> str:
+def amalgamated(text: str, included: set[str]) -> str:
     """C with the files that it includes in their places, each once; what they export is static.
 
     First comments of this package's own files, which say what they need, are left out.
 
     Args:
         text: The source.
-        done: Names of files that are there already; those of others are added.
+        included: Names of files that are there already; those of others are added.
     """
 
-    def included(found: re.Match[str]) -> str:
-        if (file := found[1]) in done:
+    def contents(include: re.Match[str]) -> str:
+        if (file := include[1]) in included:
             return ""
-        done.add(file)
+        included.add(file)
         path = next(path for folder in _FOLDERS for path in folder.rglob(file))
         own = path.read_text(encoding="utf-8").replace("\nEXPORTED ", "\nstatic ")
-        return amalgamated(_FIRST_COMMENT.sub("", own) if path.parent == OWN else own, done)
+        return amalgamated(_FIRST_COMMENT.sub("", own) if path.parent == OWN else own, included)
 
-    return _INCLUDE.sub(included, text.replace("#pragma once\n", ""))
+    return _INCLUDE.sub(contents, text.replace("#pragma once\n", ""))

@@ -7,12 +7,11 @@ drives, which forward dynamics leave out.
 
 from __future__ import annotations
 
-from copy import copy
-
 import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.attributes import with_values
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import stops_of
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated
@@ -50,8 +49,8 @@ def _bare(model: ArmModel) -> Plant:
     """The arm under torques on its joints, without contacts, end stops and states of drives."""
     scene = model.scene
     held = tuple(scene.bilateral.values())
-    bare = copy(ArmModel(scene.model_copy(update={"constraints": held})))
-    vars(bare)["stops"] = stops_of((), bare.joint_names)
+    model = ArmModel(scene.model_copy(update={"constraints": held}))
+    bare = with_values(model, stops=stops_of((), model.joint_names))
     return Plant(bare, Options(stops=False, drives=False))
 
 

@@ -29,32 +29,33 @@ def without_decided_conditions(source: str) -> str:
     """
     defined, conditionals, lines = dict[str, str](), list[_Conditional](), list[str]()
     for line in source.splitlines(keepends=True):
-        active = all(one.active for one in conditionals)
+        active = all(condition.active for condition in conditionals)
         if line.startswith("#if"):
-            conditionals.append(_begun(line.rstrip(), defined))
+            conditionals.append(_conditional(line.rstrip(), defined))
             keeps = active and not conditionals[-1].decided
         elif line.startswith(("#else", "#endif")):
-            one = conditionals.pop() if line.startswith("#endif") else conditionals[-1]
-            keeps = not one.decided and all(other.active for other in conditionals)
-            one.active ^= one.decided
+            last = conditionals.pop() if line.startswith("#endif") else conditionals[-1]
+            keeps = not last.decided and all(outer.active for outer in conditionals)
+            last.active ^= last.decided
         elif line.startswith(("#elif", "#undef")):
             raise ValueError(f"{line.rstrip()!r}; allowed: neither #elif nor #undef")
         else:
             keeps = active
-            if active and (found := _DEFINE.match(line.rstrip())):
-                defined[found[1]] = found[2] or ""
+            if active and (definition := _DEFINE.match(line.rstrip())):
+                defined[definition[1]] = definition[2] or ""
         if keeps:
             lines.append(line)
     return "".join(lines)
 
 
-def _begun(line: str, defined: dict[str, str]) -> _Conditional:
+def _conditional(line: str, defined: dict[str, str]) -> _Conditional:
     if "__" in line:
         return _Conditional(True, decided=False)
-    kind, name, number = found.groups() if (found := _IF.match(line)) else ("if", line, None)
+    condition = _IF.match(line)
+    kind, name, number = condition.groups() if condition else ("if", line, None)
     if kind != "if":
         return _Conditional((name in defined) == (kind == "ifdef"), decided=True)
-    value = defined.get(name, "0") if found else ""
+    value = defined.get(name, "0") if condition else ""
     if not value.isdecimal():
         raise ValueError(f"{line!r}; allowed: #ifdef NAME, #if NAME and #if NAME == number")
     return _Conditional(value == number if number else value != "0", decided=True)

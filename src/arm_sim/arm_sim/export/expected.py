@@ -75,8 +75,9 @@ class Expected:
         """
         for term in (term for term in terms if term.name not in DERIVATIVES):
             pairs = [(evaluated(term, *p)[0], self.of(term, *p)[0]) for p in points]
-            made, right = (np.array(rows) for rows in zip(*pairs, strict=True))
-            compare(f"function {term.name}", (made - right, np.maximum(abs(right), 1.0)))
+            results, expected = (np.array(rows) for rows in zip(*pairs, strict=True))
+            scale = np.maximum(abs(expected), 1.0)
+            compare(f"function {term.name}", (results - expected, scale))
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,8 @@ class ExpectedMotion:
 def test_motion(simulator: Simulator, derivatives: bool) -> ExpectedMotion:
     """Move an arm that is at its initial state, under small random commands, and put it back."""
     limit = np.minimum(simulator.model.command_limit, _TORQUE_CAP)
-    ways = np.random.default_rng(0).uniform(-1.0, 1.0, (_COMMANDS, simulator.n))
-    commands = 0.1 * limit * ways
+    shares = np.random.default_rng(0).uniform(-1.0, 1.0, (_COMMANDS, simulator.n))
+    commands = 0.1 * limit * shares
     try:
         end = simulator.run(_HELD * _COMMANDS * simulator.dt, np.repeat(commands, _HELD, axis=0))
         slopes = _slopes(simulator, commands[-1]) if derivatives else None
@@ -122,6 +123,6 @@ def _slopes(simulator: Simulator, command: Array) -> tuple[Array, Array] | None:
 
 def evaluated(term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
     """Results of a term's expression at a point, row by row; other arguments are zero."""
-    given = {"q": q, "v": v, "a": a, "tau": a}
-    made = term.function.call([given.get(name, 0.0) for name in term.arguments])
-    return tuple(np.array(result).ravel(order="F") for result in made)
+    values = {"q": q, "v": v, "a": a, "tau": a}
+    results = term.function.call([values.get(name, 0.0) for name in term.arguments])
+    return tuple(np.array(result).ravel(order="F") for result in results)

@@ -11,9 +11,9 @@ from pathlib import Path
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.attributes import frozen
 from arm_dynamics.dynamics.built import arm_model
-from arm_dynamics.model.pinocchio_terms import check_moving
-from arm_dynamics.scene import scene_text
+from arm_dynamics.model.frame_motion import check_moving
 from arm_dynamics.scene.load import SceneSource, naming
+from arm_dynamics.scene.text import scene_text
 from arm_sim.export import library
 from arm_sim.export.amalgamated import OWN
 from arm_sim.export.check_program import check_program

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_dynamics.codegen import generate
+from arm_dynamics.codegen.kernel import generate
 
 # int f(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
 _FUNCTION = re.compile(
@@ -159,3 +159,10 @@ def _with_unused(head: re.Match[str]) -> str:
     """The head of a function that says that some of its arguments may not be used."""
     names = (argument.split()[-1].lstrip("*") for argument in head[2].split(","))
     return f"{head[0]}  {', '.join(f'(void){name}' for name in names)};\n"
+
+
+def c_string(text: str) -> str:
+    """A text as a string literal in C, such as the name of a joint."""
+    escapes = {"\\": "\\\\", '"': '\\"', "?": "\\?"}  # ?: trigraphs
+    characters = (escapes.get(c) or (c if c >= " " else f"\\{ord(c):03o}") for c in text)
+    return f'"{"".join(characters)}"'

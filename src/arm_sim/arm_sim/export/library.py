@@ -13,8 +13,7 @@ from arm_dynamics import ArmModel
 from arm_sim.export.amalgamated import of_files
 from arm_sim.export.at_rest import PREFIX, at_rest
 from arm_sim.export.conditions import without_decided_conditions
-from arm_sim.export.generated import static_functions, without_unused
-from arm_sim.export.names import c_string
+from arm_sim.export.generated import c_string, static_functions, without_unused
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 

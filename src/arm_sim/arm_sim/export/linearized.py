@@ -10,21 +10,22 @@ from arm_sim.export.amalgamated import amalgamated
 from arm_sim.export.generated import prefixed
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.symbols import dense_function
 
 _UNITS = '#include "derivatives/tangent_ticks.c"\n#include "derivatives/tick_derivative.c"\n'
 PREFIX = "slope_"
 """Begins the names of this part of a library."""
 
 
-def derivatives_of_ticks(functions: TangentFunctions, done: set[str]) -> str:
+def derivatives_of_ticks(functions: TangentFunctions, included: set[str]) -> str:
     """C of ``slope_differentiate_tick``, see ``tick_derivative.c``, for after the tick's engine.
 
     Args:
         functions: Those of tangents.
-        done: Files of which that engine is made.
+        included: Files of which that engine is made.
     """
     text = tangents_source(functions.of_columns, "static const") + _UNITS
-    return prefixed(amalgamated(text, done), PREFIX)
+    return prefixed(amalgamated(text, included), PREFIX)
 
 
 def effort_slopes(plant: Plant, tunable: int) -> ca.Function:
@@ -39,6 +40,6 @@ def effort_slopes(plant: Plant, tunable: int) -> ca.Function:
     u = actuation(plant)(x, r)
     effort = plant.torques(after, u)[0] if plant.torques else u
     by_after, by_state, by_command = (ca.jacobian(effort, by).T for by in (after, x, r))
-    kept = ca.vertcat(by_state, by_command, ca.SX(tunable, n))
-    slopes = ca.densify(ca.mtimes(of_after, by_after) + kept)
-    return ca.Function("effort_slopes", [x, r, after, of_after], [slopes], {"cse": True})
+    direct = ca.vertcat(by_state, by_command, ca.SX(tunable, n))
+    slopes = ca.mtimes(of_after, by_after) + direct
+    return dense_function("effort_slopes", [x, r, after, of_after], slopes)

@@ -10,7 +10,7 @@ from arm_dynamics import InvalidInput
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 LONGEST = 63
-"""Characters of a name that every C compiler distinguishes."""
+"""Most characters of a library's name, to which functions add theirs."""
 # Words of C and C++; names that CMake reserves; the prefix of a part of libraries (at_rest.py);
 # headers that N.h would hide.
 _WORDS = frozenset(
@@ -58,26 +58,19 @@ def from_title(title: str) -> str:
     return f"{name}_arm" if name in _WORDS else name[:LONGEST]
 
 
-def c_string(text: str) -> str:
-    """A text as a string literal in C, such as the name of a joint."""
-    marks = {"\\": "\\\\", '"': '\\"', "?": "\\?"}  # ?: trigraphs
-    shown = (marks.get(c) or (c if c >= " " else f"\\{ord(c):03o}") for c in text)
-    return f'"{"".join(shown)}"'
-
-
 def of_frames(frames: Sequence[str]) -> list[str]:
     """The parts of function names that stand for frames.
 
     Raises:
-        InvalidInput: If a frame is given twice, or two have the same part.
+        InvalidInput: If two frames have the same part.
     """
-    found = dict[str, str]()
+    frame_of = dict[str, str]()
     for frame in frames:
         part = re.sub(r"\W", "_", frame, flags=re.ASCII)
-        if part in found:
+        if part in frame_of:
             raise InvalidInput(
-                f"frames '{found[part]}' and '{frame}' would both be '{part}' in C; allowed: one "
-                "of them"
+                f"frames '{frame_of[part]}' and '{frame}' would both be '{part}' in C; allowed: "
+                "one of them"
             )
-        found[part] = frame
-    return list(found)
+        frame_of[part] = frame
+    return list(frame_of)

@@ -18,7 +18,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import law_in_c
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import choices
-from arm_dynamics.model.pinocchio_terms import check_frame
+from arm_dynamics.model.frame_motion import check_frame
 from arm_dynamics.terms import table
 from arm_dynamics.terms.arm import SymbolicArm
 from arm_dynamics.terms.compiled import function as terms_function

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tick of an exported library: the simulator's engine, and the door to it."""
+"""The tick of an exported library: the simulator's engine, and functions that call it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from arm_sim.derivatives.tangents import TangentFunctions
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
+from arm_sim.plant.parameters import CONSTRAINTS
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
@@ -50,13 +51,13 @@ class Tick:
 
 @one_at_a_time
 def tick_of(
-    model: ArmModel, pushed: bool = False, servo: bool = False, derivatives: bool = False
+    model: ArmModel, pushable: bool = False, servo: bool = False, derivatives: bool = False
 ) -> Tick:
     """Build the tick of an arm.
 
     Args:
         model: The arm.
-        pushed: Whether external torques on the joints may be set even if the scene does not
+        pushable: Whether external torques on the joints may be set even if the scene does not
             declare them tunable.
         servo: Whether to add the servos of the joints.
         derivatives: Whether to add its derivatives, unless its error is controlled.
@@ -68,40 +69,41 @@ def tick_of(
     """
     _refuse(model)
     simulator = Simulator(model)
-    if pushed:
+    if pushable:
         simulator.arm.use(simulator.arm.compiled.pushable())
-    plant, choice = simulator.arm.plant, simulator.choice
+    plant, choice, numbers = simulator.arm.plant, simulator.choice, _numbers(simulator.arm.plant)
     functions, smooth = tick_functions(plant, choice, actuation(plant))
-    numbers, slopes, members = _numbers(plant), None, dict[str, int]()
+    tangents, members = None, dict[str, int]()
     if derivatives and choice.tolerance is None:
-        slopes = TangentFunctions(plant, choice, range(len(numbers)), plant.eventful)
-        members, known = slopes.members, {function.name() for function in functions}
-        functions += [each for each in slopes.of_states if each.name() not in known]
-    done = {*ELSEWHERE} | (set() if plant.eventful else {"events.h"})
+        tangents = TangentFunctions(plant, choice, range(len(numbers)), plant.eventful)
+        members, names = tangents.members, {function.name() for function in functions}
+        functions += [f for f in tangents.of_states if f.name() not in names]
     engine = "\n".join([
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
         "#define EXPORTED static",
         scene_source(plant, choice, functions, smooth, "static const", members),
         '#include "arm/tick.h"\n',
     ])  # fmt: skip
-    engine = amalgamated(engine, done)
-    more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]
-    headers, sources, of_ticks = ["library.h"], ["sim.c"], ""
+    included = {*ELSEWHERE} | (set() if plant.eventful else {"events.h"})
+    parts = [amalgamated(engine, included), _defines(simulator)]
+    if tangents:
+        parts.append(derivatives_of_ticks(tangents, included))
+    functions += [f for f in (plant.mechanics.project, plant.torques) if f is not None]
+    interface = {"library.h": "sim.c"}
     if servo:
-        more.append(servo_law(plant, choice.dt))
-        headers, sources = [*headers, "servo.h"], [*sources, "servo.c"]
-    if slopes:
-        more.append(effort_slopes(plant, len(numbers)))
-        of_ticks = derivatives_of_ticks(slopes, done)
-        headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
-    door = of_files(sources, done | {*headers})
+        interface["servo.h"] = "servo.c"
+        functions.append(servo_law(plant, choice.dt))
+    if tangents:
+        interface["linearize.h"] = "linearize.c"
+        functions.append(effort_slopes(plant, len(numbers)))
+    parts.append(of_files(list(interface.values()), included | {*interface}) + _setter(numbers))
     return Tick(
         simulator,
         tuple(number.name for number in numbers),
-        (*functions, *more),
-        bool(slopes),
-        f"{engine}\n{_defines(simulator)}\n{of_ticks}{door}{_setter(numbers)}",
-        f"{_PERIOD} {choice.dt!r}\n{of_files(headers)}",
+        tuple(functions),
+        bool(tangents),
+        "\n".join(parts),
+        f"{_PERIOD} {choice.dt!r}\n{of_files(list(interface))}",
     )
 
 
@@ -121,10 +123,9 @@ def _refuse(model: ArmModel) -> None:
 
 def _defines(simulator: Simulator) -> str:
     """Definitions for ``native/sim.c`` besides those of the engine."""
-    plant, choice = simulator.arm.plant, simulator.choice
+    plant = simulator.arm.plant
     project = plant.mechanics.project
     values = {
-        "PERIOD": repr(choice.dt),
         "NZ": str(plant.nz),
         "START": braces(simulator.arm.x),
         "OF_STATE": "{" + (", ".join(map(str, _origins(plant))) or "0") + "}",
@@ -138,23 +139,25 @@ def _defines(simulator: Simulator) -> str:
 
 
 def _origins(plant: Plant) -> list[int]:
-    """For each internal state the number of the state that it begins with, -1 for zero.
+    """For each internal state the index in (q, v) of the number that it begins with, -1 for zero.
+
+    The number is recognized by its value, at random q and v, all different.
 
     Raises:
         SceneError: If one begins with something else.
     """
-    n, found = plant.model.n, list[int]()
+    n, origins = plant.model.n, list[int]()
     x = np.random.default_rng(0).uniform(1.0, 2.0, 2 * n)
     for k, z in enumerate(plant.laws.initial(x[:n], x[n:])):
-        same = [-1] if z == 0.0 else np.flatnonzero(x == z).tolist()
-        if not same:
+        matches = [-1] if z == 0.0 else np.flatnonzero(x == z).tolist()
+        if not matches:
             name = plant.laws.names[k] if plant.laws else ""
             raise SceneError(
                 f"{name}: an exported tick cannot begin where a transmission has a "
                 "kinematic_error; leave that out, or leave out the tick"
             )
-        found += same
-    return found
+        origins += matches
+    return origins
 
 
 @dataclass(frozen=True)
@@ -171,7 +174,7 @@ def _numbers(plant: Plant) -> list[_Number]:
     return [
         _Number(f"{item.name}[{i}]", least, most)
         for item in plant.parameters.items
-        if item.name != "constraints"
+        if item.name != CONSTRAINTS
         for i, (least, most) in enumerate(
             zip(item.least.tolist(), item.most.tolist(), strict=True)
         )
@@ -185,11 +188,11 @@ def _setter(numbers: Sequence[_Number]) -> str:
     """
     lines = []
     for i, number in enumerate(numbers):
-        beyond = [f"value < {number.least!r}"] if number.least > -math.inf else []
-        beyond += [f"value > {number.most!r}"] if number.most < math.inf else []
-        refused = f"{' || '.join(beyond)} ? LIBRARY_NOT_ALLOWED : " if beyond else ""
-        same = f'is_same(parameter, "{number.name}")'
-        lines.append(f"  if ({same}) return {refused}put(sim, {i}, value);")
+        violations = [f"value < {number.least!r}"] if number.least > -math.inf else []
+        violations += [f"value > {number.most!r}"] if number.most < math.inf else []
+        refusal = f"{' || '.join(violations)} ? LIBRARY_NOT_ALLOWED : " if violations else ""
+        match = f'is_same(parameter, "{number.name}")'
+        lines.append(f"  if ({match}) return {refusal}put(sim, {i}, value);")
     return "\n".join([
         "", "int library_sim_set(library_sim* sim, const char* parameter, double value) {",
         *(lines or ["  (void)sim;", "  (void)parameter;", "  (void)value;"]),

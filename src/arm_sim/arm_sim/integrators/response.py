@@ -22,8 +22,8 @@ from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import spring
-from arm_dynamics.model import ConstraintRows
 from arm_dynamics.model.arm import postures
+from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
 

@@ -16,19 +16,31 @@ exact motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.coefficients import Coefficients
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.implicit_tangents import implicit_tangent
 from arm_sim.integrators.methods import Method
 from arm_sim.integrators.steps import Scaled, Step, build_step
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
-from arm_sim.plant.slopes import Kept, Slopes, jacobian_by
+from arm_sim.plant.slopes import Slopes
+from arm_sim.plant.symbols import jacobian_by
 
-Pair = tuple[ca.Function, ca.Function]
-"""Function (x, u, p, h) -> (x at the end, c), and function (c, dx, dw, dh) -> dx at the end."""
+
+class Tangent(NamedTuple):
+    """A step with the coefficients of its derivative, and that derivative.
+
+    Attributes:
+        advance: Function (x, u, p, h) -> x at the end, and coefficients c.
+        propagate: Function (c, dx, dw, dh) -> dx at the end.
+    """
+
+    advance: ca.Function
+    propagate: ca.Function
 
 
 @one_at_a_time
@@ -41,7 +53,7 @@ def build_tangent(
     scaled: Scaled | None = None,
     tuned: Sequence[int] = (),
     dense: bool = False,
-) -> Pair:
+) -> Tangent:
     """Build the derivative of one step of ``build_step``.
 
     Args:
@@ -55,72 +67,79 @@ def build_tangent(
         dense: Whether ``advance`` is to return the continuous output, too, where all stages of an
             explicit method are used, see ``Step.inside``.
 
-    Returns:
-        ``advance`` and ``propagate``: the step with its coefficients, and the propagation of
-        tangents.
     """
     if method.name == "implicit":
         if scaled is not None and scaled() is not None:
             return _undivided(build_step(method, rhs, n, project, scaled), tuned)
-        pair = implicit_tangent(rhs, slopes, n, tuned)
+        tangent = Tangent(*implicit_tangent(rhs, slopes, n, tuned))
     elif method.tableau is None:
-        pair = _semi_implicit(slopes, n)
+        tangent = _semi_implicit(slopes, n)
     else:
-        pair = _staged(method.tableau, slopes, n, dense)
-    return pair if project is None else _projected(pair, project, n, tuned)
+        tangent = Tangent(
+            _staged_advance(method.tableau, slopes, n, dense),
+            _staged_propagation(method.tableau, slopes, n),
+        )
+    return tangent if project is None else _projected(tangent, project, n, tuned)
 
 
-def _symbols(slopes: Slopes) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+def _arguments(slopes: Slopes) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+    """Symbols x, u, p and h."""
     f = slopes.coefficients
     x, u, p = (ca.MX.sym(name, f.size1_in(i)) for i, name in enumerate("xup"))
     return x, u, p, ca.MX.sym("h")
 
 
 def _changes(slopes: Slopes) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Symbols dx, dw and dh."""
     dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
     return dx, dw, ca.SX.sym("dh")
 
 
-def _staged(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> Pair:
-    """Runge-Kutta methods; stages that do not affect the result are omitted."""
-    used = stages_used(tableau)
-    x, u, p, h = _symbols(slopes)
+def _staged_advance(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> ca.Function:
+    """Runge-Kutta methods; stages that do not affect the result are omitted.
+
+    The coefficients are h, the slopes k of all stages, and those of the derivatives of f there.
+    """
+    used, (x, u, p, h) = stages_used(tableau), _arguments(slopes)
     k: dict[int, ca.MX] = {}
     c: dict[int, ca.MX] = {}
+
+    def state(i: int) -> ca.MX:
+        """That of stage i, and after the last one that at the end."""
+        if tableau.positions:
+            return nystrom.stage(tableau, i, list(k.values()), x, h, n)
+        return x + h * weighed_sum((*tableau.a, tableau.b)[i], k, x)
+
     for i in used:
-        k[i], c[i] = slopes.coefficients(_state(tableau, i, k, x, h, n), u, p)
-    kept = ca.vertcat(h, *(k[i] for i in used), *(c[i] for i in used))
-    after = _state(tableau, len(tableau.b), k, x, h, n)
-    results = [after, kept]
+        k[i], c[i] = slopes.coefficients(state(i), u, p)
+    after = state(len(tableau.b))
+    results = [after, ca.vertcat(h, *k.values(), *c.values())]
     if dense and len(used) == len(tableau.b):
         step = Step(x, h, after, [], tableau, list(k.values()))
         results += step.inside(lambda _, y: slopes.coefficients(y, u, p)[0])
-    advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
+    return ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
-    dx, dw, dh = _changes(slopes)
-    h, s = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0], len(used))
-    t = ca.SX.sym("c", slopes.coefficients.size1_out(1), len(used))
-    slope = {i: s[:, place] for place, i in enumerate(used)}
+
+def _staged_propagation(tableau: Tableau, slopes: Slopes, n: int) -> ca.Function:
+    used, (dx, dw, dh) = stages_used(tableau), _changes(slopes)
+    h, k_symbols = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0], len(used))
+    c_symbols = ca.SX.sym("c", slopes.coefficients.size1_out(1), len(used))
+    k = dict(zip(used, ca.horzsplit(k_symbols), strict=True))
+    c = dict(zip(used, ca.horzsplit(c_symbols), strict=True))
     dk: dict[int, ca.SX] = {}
-    rows = (*tableau.a, tableau.b)
 
-    def moved(i: int) -> ca.SX:
-        weights = rows[i]
+    def change(i: int) -> ca.SX:
+        """That of the state of stage i, and after the last one of that at the end."""
+        weights = (*tableau.a, tableau.b)[i]
         if tableau.positions:
-            return nystrom.tangent(weights, tableau.positions[i], dk, slope, dx, h, dh, n)
-        return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, slope, dx)
+            return nystrom.tangent(weights, tableau.positions[i], dk, k, dx, h, dh, n)
+        return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, k, dx)
 
-    for place, i in enumerate(used):
-        dk[i] = slopes.carried(t[:, place], moved(i), dw)
-    kept, change = ca.vertcat(h, ca.vec(s), ca.vec(t)), moved(len(rows) - 1)
-    return advance, ca.Function("propagate", [kept, dx, dw, dh], [change], {"cse": True})
-
-
-def _state(tableau: Tableau, i: int, k: dict[int, ca.MX], x: ca.MX, h: ca.MX, n: int) -> ca.MX:
-    """State of stage i, and after the last one that at the end."""
-    if tableau.positions:
-        return nystrom.stage(tableau, i, list(k.values()), x, h, n)
-    return x + h * weighed_sum((*tableau.a, tableau.b)[i], k, x)
+    for i in used:
+        dk[i] = slopes.carried(c[i], change(i), dw)
+    coefficients = ca.vertcat(h, ca.vec(k_symbols), ca.vec(c_symbols))
+    after = change(len(tableau.b))
+    return ca.Function("propagate", [coefficients, dx, dw, dh], [after], {"cse": True})
 
 
 def stages_used(tableau: Tableau) -> list[int]:
@@ -132,63 +151,67 @@ def stages_used(tableau: Tableau) -> list[int]:
     return sorted(used)
 
 
-def _semi_implicit(slopes: Slopes, n: int) -> Pair:
-    """Velocities first, then positions with the new velocities, as in ``build_step``."""
-    x, u, p, h = _symbols(slopes)
-    k, c = slopes.coefficients(x, u, p)
-    after = x + h * k
-    v = after[n : 2 * n]
-    end, kept = ca.vertcat(x[:n] + h * v, after[n:]), ca.vertcat(h, k, v, c)
-    advance = ca.Function("advance", [x, u, p, h], [end, kept], {"cse": True})
+def _semi_implicit(slopes: Slopes, n: int) -> Tangent:
+    """Velocities first, then positions with the new velocities, as in ``build_step``.
 
+    The coefficients are h, the slope k, the new velocities, and those of the derivative of f.
+    """
+    x, u, p, h = _arguments(slopes)
+    k, c = slopes.coefficients(x, u, p)
+    moved = x + h * k
+    v = moved[n : 2 * n]
+    results = [ca.vertcat(x[:n] + h * v, moved[n:]), ca.vertcat(h, k, v, c)]
+    advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
+    return Tangent(advance, _semi_implicit_propagation(slopes, n))
+
+
+def _semi_implicit_propagation(slopes: Slopes, n: int) -> ca.Function:
     dx, dw, dh = _changes(slopes)
     h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
     v, c = ca.SX.sym("v", n), ca.SX.sym("c", slopes.coefficients.size1_out(1))
     moved = dx + h * slopes.carried(c, dx, dw) + dh * k
-    change = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
-    kept = ca.vertcat(h, k, v, c)
-    return advance, ca.Function("propagate", [kept, dx, dw, dh], [change], {"cse": True})
+    after = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
+    arguments = [ca.vertcat(h, k, v, c), dx, dw, dh]
+    return ca.Function("propagate", arguments, [after], {"cse": True})
 
 
-def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -> Pair:
+def _projected(tangent: Tangent, project: ca.Function, n: int, tuned: Sequence[int]) -> Tangent:
     """The same with the state projected onto the constraints at the end."""
-    advance, propagate = pair
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
-    projected = project(before, after, p)[0]
-    kept = Kept()
+    projected, of_projection = project(before, after, p)[0], Coefficients()
     by_before, by_after, by_p = (
-        kept.matrix(ca.jacobian(projected, by)) for by in (before, after, p[list(tuned), :])
+        of_projection.matrix(ca.jacobian(projected, by))
+        for by in (before, after, p[list(tuned), :])
     )
-    onto = ca.Function("onto", [before, after, p], [projected, kept.values], {"cse": True})
+    results = [projected, of_projection.values]
+    onto = ca.Function("onto", [before, after, p], results, {"cse": True})
 
-    x, u, p, h = (advance.mx_in(i) for i in range(4))
-    moved, c, *inside = advance(x, u, p, h)
-    projected, coefficients = onto(x[: 2 * n], moved[: 2 * n], p)
-    end = ca.vertcat(projected, moved[2 * n :])
-    results = [end, ca.vertcat(c, coefficients), *inside]
-    advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
+    arguments = x, _, p, _ = tangent.advance.mx_in()
+    end, c, *inside = tangent.advance.call(arguments)
+    qv, c_projection = onto(x[: 2 * n], end[: 2 * n], p)
+    results = [ca.vertcat(qv, end[2 * n :]), ca.vertcat(c, c_projection), *inside]
+    advance = ca.Function("advance", arguments, results, {"cse": True})
 
-    c, dx, dw, dh = (ca.SX.sym(name, propagate.size1_in(i)) for i, name in enumerate("cxwh"))
-    moved = propagate(c, dx, dw, dh)
-    change = by_before @ dx[: 2 * n] + by_after @ moved[: 2 * n] + by_p @ dw[n:]
-    arguments = [ca.vertcat(c, kept.symbols), dx, dw, dh]
-    change = ca.vertcat(change, moved[2 * n :])
-    return advance, ca.Function("propagate", arguments, [change], {"cse": True})
+    c, dx, dw, dh = tangent.propagate.sx_in()
+    dend = tangent.propagate(c, dx, dw, dh)
+    dqv = by_before @ dx[: 2 * n] + by_after @ dend[: 2 * n] + by_p @ dw[n:]
+    arguments = [ca.vertcat(c, of_projection.symbols), dx, dw, dh]
+    results = [ca.vertcat(dqv, dend[2 * n :])]
+    return Tangent(advance, ca.Function("propagate", arguments, results, {"cse": True}))
 
 
-def _undivided(step: ca.Function, tuned: Sequence[int]) -> Pair:
+def _undivided(step: ca.Function, tuned: Sequence[int]) -> Tangent:
     """A step that is differentiated at once, not stage by stage."""
-    x, u, p, h = (step.mx_in(i) for i in range(4))
+    arguments = x, u, p, h = step.mx_in()
     after = step(x, u, p, h)
-    by_x, by_u, by_h = (ca.jacobian(after, by) for by in (x, u, h))
-    by_w = ca.horzcat(by_u, jacobian_by(after, p, tuned))
-    slopes = [ca.densify(slope) for slope in (by_x, by_w, by_h)]
-    kept = ca.vertcat(*(ca.vec(slope) for slope in slopes))
-    advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
-    symbols = [ca.SX.sym(name, *slope.shape) for name, slope in zip("XWH", slopes, strict=True)]
-    columns = [
-        ca.SX.sym(f"d{name}", slope.shape[1]) for name, slope in zip("xwh", slopes, strict=True)
-    ]
-    change = sum((J @ d for J, d in zip(symbols, columns, strict=True)), ca.SX(x.shape[0], 1))
-    kept = ca.vertcat(*(ca.vec(J) for J in symbols))
-    return advance, ca.Function("propagate", [kept, *columns], [change], {"cse": True})
+    by_w = ca.horzcat(ca.jacobian(after, u), jacobian_by(after, p, tuned))
+    slopes = [ca.densify(J) for J in (ca.jacobian(after, x), by_w, ca.jacobian(after, h))]
+    coefficients = ca.vertcat(*map(ca.vec, slopes))
+    advance = ca.Function("advance", arguments, [after, coefficients], {"cse": True})
+
+    by_x, by_w, by_h = (ca.SX.sym("J", *J.shape) for J in slopes)
+    dx, dw, dh = (ca.SX.sym("d", J.shape[1]) for J in slopes)
+    coefficients = ca.vertcat(*map(ca.vec, (by_x, by_w, by_h)))
+    change = by_x @ dx + by_w @ dw + by_h @ dh
+    propagate = ca.Function("propagate", [coefficients, dx, dw, dh], [change], {"cse": True})
+    return Tangent(advance, propagate)

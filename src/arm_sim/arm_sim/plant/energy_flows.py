@@ -14,7 +14,7 @@ from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import spring
 from arm_dynamics.model.tree_builder import tree_of
-from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.parameters import EXTERNAL, Parameters
 
 FLOWS = (
     "work supplied [J]", "heat lost [J]", "heat of friction [J]", "external work [J]",
@@ -59,7 +59,7 @@ class EnergyFlows(Ensemble):
 def dissipated_and_external_power(model: ArmModel, parameters: Parameters) -> tuple[Power, Power]:
     """Power lost in friction and dampers without states, and that of external torques."""
     tree = tree_of(model)
-    viscous, dry, pushed = map(parameters.place, ("friction", "coulomb", "external"))
+    viscous, dry, pushed = map(parameters.place, ("friction", "coulomb", EXTERNAL))
 
     def friction_heat(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         law = model.friction if dry is None else model.friction.scaled(p[dry])

@@ -18,7 +18,13 @@ from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
 from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions
 from arm_sim.plant.options import Options
-from arm_sim.plant.response import Reactions, Response, joint_reactions, response_of
+from arm_sim.plant.response import (
+    AnyResponse,
+    Reactions,
+    Response,
+    joint_reactions,
+    response_of,
+)
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 _log = logging.getLogger(__name__)
@@ -48,25 +54,27 @@ class Mechanics:
             _log.info("generating the equations of %d joints", model.n)
         self.symbols = s = symbols
         self.joints = joints = Joints(model, s, options)
+        self._arguments = [s.q, s.v, s.tau, joints.p]
         self._at_stops = options.stops and bool(model.stops)
-        bilateral = Bilateral(model, s, joints) if model.scene.bilateral else None
-        self._bilateral = bilateral
-        self.project = bilateral.project(joints.p) if bilateral else None
-        self.contact: ContactFunctions | None = None
+        self._bilateral = Bilateral(model, s, joints) if model.scene.bilateral else None
+        self.project = self._bilateral.project(joints.p) if self._bilateral else None
         modes = joints.direction.numel() + joints.pressed.numel() + joints.switches.numel()
         self._eventful = not options.sliding and bool(modes or joints.contacts.numel())
-        if not (bilateral or self._eventful or options.sliding):
+        self.contact: ContactFunctions | None = None
+        self._response: AnyResponse | None = None
+        self._reactions: Reactions | None = None
+        if not (self._bilateral or self._eventful or options.sliding):
             self.method, self.acceleration = _shortest(model, s)
             return
-        self._response = bilateral or response_of(model, s, joints)
         if joints.contacts.numel() and not options.sliding:
-            self._response = dense = bilateral or Response(model, s, joints)
-            self.contact = ContactFunctions(model, s, joints, dense)
+            self._response = response = self._bilateral or Response(model, s, joints)
+            self.contact = ContactFunctions(model, s, joints, response)
+            self._reactions = self.contact.reactions
+        else:
+            self._response = self._bilateral or response_of(model, s, joints)
+            self._reactions = joint_reactions(s, self._response)
         self.method = _method(self._response.algorithm, model)
-        contact = self.contact
-        self._reactions = contact.reactions if contact else joint_reactions(s, self._response)
-        arguments = [s.q, s.v, s.tau, joints.p]
-        self.acceleration = dense_function("acceleration", arguments, self._reactions.a)
+        self.acceleration = dense_function("acceleration", self._arguments, self._reactions.a)
 
     @built_once
     def loads(self) -> tuple[ca.Function, ...]:
@@ -75,18 +83,54 @@ class Mechanics:
         ``loads``, with contacts ``contact_inertia``, with bilateral constraints ``bilateral``,
         where parts may hold together ``statics``; none where nothing sticks or touches.
         """
-        if not self._eventful:
-            return ()
-        s, joints, bilateral = self.symbols, self.joints, self._bilateral
         reactions = self._reactions
+        if reactions is None or not self._eventful:
+            return ()
         functions = [self.contact.inertia] if self.contact else []
-        functions.append(_loads(s, joints, reactions, self._at_stops))
-        if bilateral:
-            functions.append(_bilateral(s, joints, reactions, bilateral))
+        functions.append(self._loads(reactions))
+        if self._bilateral:
+            functions.append(self._bilateral_torques(reactions, self._bilateral))
         parts = len(self.contact.points) if self.contact else 0
-        if parts + bool(joints.direction.numel()) + bool(bilateral) > 1:
-            functions.append(_statics(s, joints, reactions, bilateral))
+        if parts + bool(self.joints.direction.numel()) + bool(self._bilateral) > 1:
+            functions.append(self._statics(reactions))
         return tuple(functions)
+
+    def _loads(self, reactions: Reactions) -> ca.Function:
+        """``Reactions.loads``, the torques of stops on the joints, and q̈.
+
+        These torques include what friction alone may hold. Code that does not use them does not
+        compute them.
+        """
+        stopped = self.joints.stop - reactions.held if self._at_stops else ca.SX(0, 1)
+        results = *reactions.loads, stopped, reactions.a
+        return dense_function("loads", self._arguments, *results)
+
+    def _bilateral_torques(self, reactions: Reactions, bilateral: Bilateral) -> ca.Function:
+        """What bilateral constraints need for event handling and recordings.
+
+        The number of degrees of freedom of sliding joints that they remove, and the joint torques
+        of contacts and static friction besides them.
+        """
+        starting = ca.if_else(self.symbols.v == 0, self.joints.friction, 0)
+        others = reactions.push - reactions.held - starting
+        return dense_function("bilateral", self._arguments, bilateral.rank, others)
+
+    def _statics(self, reactions: Reactions) -> ca.Function:
+        """The balance of forces, from which follows what holds together.
+
+        The joint torques per force of a constraint and per unknown force of a contact, shape (n, m
+        + 3 nc), the holding torques, the largest that dry friction bears forwards and backwards,
+        shape (2 n,), and the constraints' accelerations at zero acceleration of the joints.
+        """
+        s, n = self.symbols, self.symbols.q.shape[0]
+        A, drift = ca.SX(0, n), ca.SX(0, 1)
+        if self._bilateral:
+            A, drift = self._bilateral.rows.jacobian, self._bilateral.rows.drift
+        forwards = ca.SX.ones(n)
+        bears = [s.friction.most_held(way, s.q, s.tau) for way in (forwards, -forwards)]
+        push = ca.horzcat(A.T, reactions.spread)
+        results = push, reactions.held, ca.vertcat(*bears), drift
+        return dense_function("statics", self._arguments, *results)
 
     @property
     def of_joints(self) -> tuple[ca.Function, ...]:
@@ -105,6 +149,7 @@ class Mechanics:
         ((q, v), p, velocity changes of held joints, impulses of contacts) -> velocities after it
         and the impulses on the held joints.
         """
+        assert self._reactions and self._response, "a smooth scene has no impacts"
         s, jacobian = self.symbols, self._reactions.jacobian
         change, impulse = ca.SX.sym("change", s.q.numel()), ca.SX.sym("impulse", jacobian.shape[0])
         gain, held = self._response.struck(jacobian.T @ impulse, change)
@@ -116,12 +161,12 @@ class Mechanics:
         s, joints = self.symbols, self.joints
         losses = [self.contact.lost] if self.contact else []
         if joints.pressed.numel():
-            stopped, arguments = -ca.dot(joints.stop, s.v), [s.q, s.v, s.tau, joints.p]
-            losses.append(dense_function("taken", arguments, stopped))
+            losses.append(dense_function("taken", self._arguments, -ca.dot(joints.stop, s.v)))
         return sum((power(q, v, tau, p) for power in losses), ca.SX(1, 1))
 
 
 def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
+    """Name and function of the algorithm of forward dynamics with the fewest operations."""
     arguments = [s.q, s.v, s.tau, s.p]
     candidates = []
     for name, law in algorithms(s.tree, model.n):
@@ -138,43 +183,3 @@ def _method(algorithm: str, model: ArmModel) -> str:
         "sticking joints held": model.has_dry_friction,
     }
     return f"{algorithm}, {' and '.join(kind for kind, present in kinds.items() if present)}"
-
-
-def _loads(s: Symbols, joints: Joints, reactions: Reactions, at_stops: bool) -> ca.Function:
-    """``Reactions.loads``, the torques of stops on the joints, and q̈.
-
-    These torques include what friction alone may hold. Code that does not use them does not
-    compute them.
-    """
-    stopped = joints.stop - reactions.held if at_stops else ca.SX(0, 1)
-    results = *reactions.loads, stopped, reactions.a
-    return dense_function("loads", [s.q, s.v, s.tau, joints.p], *results)
-
-
-def _bilateral(s: Symbols, joints: Joints, reactions: Reactions, rows: Bilateral) -> ca.Function:
-    """What bilateral constraints need for event handling and recordings.
-
-    The number of degrees of freedom of sliding joints that they remove, and the joint torques of
-    contacts and static friction besides them.
-    """
-    starting = ca.if_else(s.v == 0, joints.friction, 0)
-    other_torques = reactions.push - reactions.held - starting
-    return dense_function("bilateral", [s.q, s.v, s.tau, joints.p], rows.rank, other_torques)
-
-
-def _statics(
-    s: Symbols, joints: Joints, reactions: Reactions, constraint: Bilateral | None
-) -> ca.Function:
-    """The balance of forces, from which follows what holds together.
-
-    The joint torques per force of a constraint and per unknown force of a contact, shape (n, m +
-    3 nc), the holding torques, the largest that dry friction bears forwards and backwards, shape
-    (2 n,), and the constraints' accelerations at zero acceleration of the joints.
-    """
-    n, arguments = s.q.shape[0], [s.q, s.v, s.tau, joints.p]
-    rows = constraint.rows.jacobian if constraint else ca.SX(0, n)
-    drift = constraint.rows.drift if constraint else ca.SX(0, 1)
-    push = ca.horzcat(rows.T, reactions.spread)
-    ways = ca.SX.ones(n), -ca.SX.ones(n)
-    bears = [s.friction.most_held(way, s.q, s.tau) for way in ways]
-    return dense_function("statics", arguments, push, reactions.held, ca.vertcat(*bears), drift)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import get_args
 
 import casadi as ca
 import numpy as np
@@ -12,10 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from arm_dynamics import ArmModel, InvalidInput, SceneError
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.attributes import frozen
+from arm_dynamics.scene import Scene
 from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.inertia import fault, possible
+from arm_dynamics.scene.schema import Tunable
 
-EXTERNAL = "external"
+EXTERNAL, CONSTRAINTS = "external", "constraints"
 # Mass, centre of mass, and ixx, ixy, ixz, iyy, iyz, izz.
 _LEAST_OF_A_BODY = [0.0, *[-np.inf] * 3, 0.0, *[-np.inf] * 2, 0.0, -np.inf, 0.0]
 
@@ -51,6 +54,23 @@ class Parameter:
         return cls(name, nominal, *bounds)
 
 
+def names_of(scene: Scene) -> tuple[str, ...]:
+    """Names of a scene's tunable quantities in the order of p, with those of switches last."""
+    names = (name for name in get_args(Tunable) if name in scene.tunable)
+    return (*names, *([CONSTRAINTS] if switches(scene.constraints).size else []))
+
+
+def with_external(p: Array, scene: Scene, n: int) -> Array:
+    """P with external torques of zero on n joints, of a scene that does not declare them."""
+    return np.insert(p, len(p) - switches(scene.constraints).size, np.zeros(n))
+
+
+def without_external(p: Array, scene: Scene, n: int) -> Array:
+    """P less the external torques on n joints."""
+    end = len(p) - switches(scene.constraints).size
+    return np.delete(p, np.s_[end - n : end])
+
+
 class Parameters:
     """All tunable quantities of a scene, in the order of the vector p.
 
@@ -61,21 +81,21 @@ class Parameters:
     def __init__(self, model: ArmModel) -> None:
         payloads = [[load.mass, *load.com, *load.inertia] for load in model.scene.payloads]
         bodies, friction = np.array(payloads, dtype=float).ravel(), model.friction
-        dry, switchable = friction.coulomb.mean, switches(model.scene.constraints)
+        dry = friction.coulomb.mean
         every = (
             Parameter.of("gravity", np.array(model.scene.gravity)),
             Parameter.of("payload", bodies, np.tile(_LEAST_OF_A_BODY, len(payloads))),
             Parameter.of("friction", model.viscous, abs(friction.viscous.skew)),
             Parameter.of("coulomb", dry, 0.0, np.where(dry > 0.0, np.inf, 0.0)),
             Parameter.of(EXTERNAL, np.zeros(model.n)),
-            Parameter.of("constraints", switchable),
+            Parameter.of(CONSTRAINTS, switches(model.scene.constraints)),
         )
-        tunable = {*model.scene.tunable, *(["constraints"] if switchable.size else [])}
+        by_name = {item.name: item for item in every}
         self._joints = model.joint_names
-        self.items = tuple(item for item in every if item.name in tunable)
+        self.items = tuple(by_name[name] for name in names_of(model.scene))
         ends = np.cumsum([item.nominal.size for item in self.items]).tolist()
         self._places = dict(zip(self.names, map(slice, [0, *ends], ends), strict=True))
-        if "coulomb" in tunable and not dry.any():
+        if "coulomb" in self.names and not dry.any():
             raise SceneError(
                 "scene: 'tunable': 'coulomb' is tunable, but no joint has dry friction without "
                 "states; a joint with 'friction.coulomb' is expected"
@@ -106,7 +126,7 @@ class Parameters:
         Raises:
             InvalidInput: If a name is not tunable, or denotes switches.
         """
-        allowed = [name for name in self.names if name != "constraints"]
+        allowed = [name for name in self.names if name != CONSTRAINTS]
         indices = dict[str, tuple[int, ...]]()
         for name in names:
             if name not in allowed or (place := self.place(name)) is None:
@@ -201,4 +221,4 @@ def _of_arm(place: NDArray[np.intp]) -> str:
     return f" of arm {place[0]}" if len(place) > 1 else ""
 
 
-_CHECKS = {"payload": _check_payloads, "constraints": _check_switches}
+_CHECKS = {"payload": _check_payloads, CONSTRAINTS: _check_switches}

@@ -84,8 +84,7 @@ def warn_of_degrees(plant: Plant, q: Array, *reached: Array) -> None:
 
 
 def _farthest(plant: Plant, q: Array) -> float:
-    turning = np.array(plant.model.joint_types) != "prismatic"
-    return float(np.max(abs(q) * turning))
+    return float(np.max(abs(q) * plant.model.turning))
 
 
 def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] = ()) -> Array:

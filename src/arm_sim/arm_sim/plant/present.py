@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import Payload
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 
-OF_THE_ARM = ("gravity", "payload", "friction", "coulomb")
+OF_ARM = ("gravity", "payload", "friction", "coulomb")
 """Tunable quantities on which the model of the arm depends."""
-FROM_OUTSIDE = ("external", "constraints")
+FROM_OUTSIDE = (EXTERNAL, CONSTRAINTS)
 """Those that act on an arm."""
 KEPT = 8
 """Number of cached dynamics, since a motion may alternate between a few."""
@@ -31,7 +32,7 @@ class PresentDynamics:
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        self._columns = self._columns_of(OF_THE_ARM)
+        self._columns = self._columns_of(OF_ARM)
         self._recent = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
 
     def tuned(self, p: Array) -> Dynamics:
@@ -40,8 +41,8 @@ class PresentDynamics:
         places = [place for name in FROM_OUTSIDE if (place := parameters.place(name)) is not None]
         if all(np.array_equal(p[place], parameters.nominal[place]) for place in places):
             return dynamics
-        outside = parameters.of("external", p)
-        torques = outside if outside.size else np.zeros(self._plant.model.n)
+        external = parameters.of(EXTERNAL, p)
+        torques = external if external.size else np.zeros(self._plant.model.n)
         return dynamics.under(torques, holding(self._plant, p))
 
     def at(self, p: Array) -> Dynamics:
@@ -50,7 +51,7 @@ class PresentDynamics:
         if key not in recent:
             dynamics = Dynamics(model_under(self._plant, p))
             # Replaced as a whole, since another thread may be reading it.
-            self._recent = recent = {**dict(list(recent.items())[-KEPT:]), key: dynamics}
+            self._recent = recent = {**dict(list(recent.items())[1 - KEPT :]), key: dynamics}
         return recent[key]
 
     def runs(self, p: Array, *others: str) -> list[slice]:
@@ -60,9 +61,9 @@ class PresentDynamics:
             p: Tunable quantities, shape (k, np).
             *others: Names of further quantities that are the same in a run.
         """
-        own = p[:, self._columns_of((*OF_THE_ARM, *others))]
-        ends = [int(i) + 1 for i in np.flatnonzero((own[1:] != own[:-1]).any(axis=1))]
-        return [slice(a, b) for a, b in pairwise([0, *ends, len(own)]) if a < b]
+        own = p[:, self._columns_of((*OF_ARM, *others))]
+        ends = np.flatnonzero((own[1:] != own[:-1]).any(axis=1)) + 1
+        return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(own)]) if a < b]
 
     def _columns_of(self, names: tuple[str, ...]) -> NDArray[np.intp]:
         places = (self._plant.parameters.place(name) for name in names)
@@ -75,17 +76,18 @@ class PresentDynamics:
 def model_under(plant: Plant, p: Array) -> ArmModel:
     """The arm of a plant under its tunable quantities p, shape (np,)."""
     parameters, model = plant.parameters, plant.model
-    gravity, loads, viscous, coulomb = (parameters.of(name, p) for name in OF_THE_ARM)
+    gravity, loads, viscous, coulomb = (parameters.of(name, p) for name in OF_ARM)
     if gravity.size or loads.size:
         scene = model.scene
-        payloads = [
-            Payload.model_validate(
-                {"frame": load.frame, "mass": row[0], "com": row[1:4], "inertia": row[4:]}
+        payloads = scene.payloads
+        if loads.size:
+            payloads = tuple(
+                Payload.model_validate(
+                    {"frame": load.frame, "mass": row[0], "com": row[1:4], "inertia": row[4:]}
+                )
+                for load, row in zip(payloads, loads.reshape(-1, 10).tolist(), strict=True)
             )
-            for load, row in zip(scene.payloads, loads.reshape(-1, 10).tolist(), strict=False)
-        ]
-        weight = gravity if gravity.size else np.array(scene.gravity)
-        model = model.under(weight, payloads or scene.payloads)
+        model = model.under(gravity if gravity.size else np.array(scene.gravity), payloads)
     friction = model.friction.with_viscous(viscous) if viscous.size else model.friction
     friction = friction.scaled(coulomb) if coulomb.size else friction
     return model.with_friction(friction)

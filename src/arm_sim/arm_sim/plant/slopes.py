@@ -19,6 +19,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from arm_sim.coefficients import Coefficients
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.state_space import flow_under_modes, split, under_modes
 from arm_sim.plant.symbols import dense_function
@@ -41,32 +42,34 @@ class Slopes:
         x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
         slope, n, by_p = _slope(plant, x, u, p), plant.model.n, p[list(tuned), :]
         dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
-        kept = Kept()
-        if not plant.constrained:
-            contact = plant.mechanics.contact
-            K_x, K_u, H = scaled_slopes(plant, x, u, p, slope)
-            if contact:
-                contacts = contact_slopes(plant, x, u, p, slope)
-                K_x[:n, : 2 * n] += contacts.torques
-            K_w = ca.horzcat(K_u, _scaled_by(by_p, plant, x, u, p, slope)) if tuned else K_u
-            rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
-            factors = rigid_body.factored(ca.sparsify(H[:n, :n]))
-            pivots = kept.matrix(1 / ca.diag(factors))
-            factors = kept.matrix(ca.tril(factors, False))
-            load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
-            da = rigid_body.substituted(factors, pivots * rigid_body.eliminated(factors, load))
-            if contact:
-                by_x, by_a = kept.matrix(contacts.rates), kept.matrix(contacts.rows)
-                astray = by_x @ dx[: 2 * n] + by_a @ da
-                mobility, forces = kept.matrix(contacts.mobility), kept.matrix(contacts.forces)
-                da = da + mobility @ (forces @ astray)
-            changes = ca.vertcat(da, rates)
-        else:
+        c = Coefficients()
+        if plant.constrained:
             J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, by_p)))
-            changes = kept.matrix(J_x) @ dx + kept.matrix(J_w) @ dw
-        self.coefficients = dense_function("coefficients", [x, u, p], slope, kept.values)
+            changes = c.matrix(J_x) @ dx + c.matrix(J_w) @ dw
+        else:
+            K_x, K_w, H = scaled_slopes(plant, x, u, p, slope)
+            if tuned:
+                K_w = ca.horzcat(K_w, _scaled_by(by_p, plant, x, u, p, slope))
+            contacts = contact_slopes(plant, x, u, p, slope) if plant.mechanics.contact else None
+            if contacts:
+                K_x[:n, : 2 * n] += contacts.torques
+            rows = c.matrix(K_x) @ dx + c.matrix(K_w) @ dw
+            load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
+            da = _solved(c, H[:n, :n], load)
+            if contacts:
+                da = da + _by_contacts(c, contacts, dx[: 2 * n], da)
+            changes = ca.vertcat(da, rates)
+        self.coefficients = dense_function("coefficients", [x, u, p], slope, c.values)
         change = ca.vertcat(dx[n : 2 * n], changes)
-        self.carried = dense_function("carried", [kept.symbols, dx, dw], change)
+        self.carried = dense_function("carried", [c.symbols, dx, dw], change)
+
+
+def _solved(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
+    """H⁻¹ load, with the factors of H among the coefficients."""
+    factors = rigid_body.factored(ca.sparsify(H))
+    pivots = c.matrix(1 / ca.diag(factors))
+    factors = c.matrix(ca.tril(factors, False))
+    return rigid_body.substituted(factors, pivots * rigid_body.eliminated(factors, load))
 
 
 def _scaled_by(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ca.SX:
@@ -87,44 +90,6 @@ def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     H = scaled_slopes(plant, x, u, p, still)[2]
     a = rigid_body.solve(ca.sparsify(H[:n, :n]), load)
     return ca.vertcat(slope[:n], a, slope[2 * n :]) if plant.nz else ca.vertcat(slope[:n], a)
-
-
-def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
-    """Derivative by entries of p, at no cost if there are none."""
-    if not tuned:
-        return type(expression)(expression.shape[0], 0)
-    return ca.jacobian(expression, p)[:, list(tuned)]
-
-
-class Kept:
-    """Numbers that are computed in one function and used in another; constants are excluded."""
-
-    def __init__(self) -> None:
-        self._values: list[ca.SX] = []
-        self._symbols: list[ca.SX] = []
-
-    def matrix(self, expression: ca.SX) -> ca.SX:
-        """A matrix with the same zeros and constants, and symbols for all other entries."""
-        expression = ca.sparsify(expression)
-        entries = [self._entry(entry) for entry in expression.nonzeros()]
-        return ca.SX(expression.sparsity(), ca.vertcat(*entries)) if entries else expression
-
-    @property
-    def values(self) -> ca.SX:
-        """The numbers to be computed, a vector."""
-        return ca.vertcat(ca.SX(0, 1), *self._values)
-
-    @property
-    def symbols(self) -> ca.SX:
-        """The symbols, in the same order."""
-        return ca.vertcat(ca.SX(0, 1), *self._symbols)
-
-    def _entry(self, value: ca.SX) -> ca.SX:
-        if ca.SX(value).is_constant():
-            return value
-        self._values.append(value)
-        self._symbols.append(ca.SX.sym(f"c{len(self._values)}"))
-        return self._symbols[-1]
 
 
 def pullback(plant: Plant) -> ca.Function:
@@ -175,7 +140,7 @@ def residual(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.S
     inertial = tau, rigid_body.mass_matrix(s.tree, s.q)
     tau, M = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], inertial)(q, v, a, p)
     free, load = _free_and_load(plant, x, u, p)
-    return free @ (load - tau), free @ M @ free + ca.SX.eye(n) - free
+    return free @ (load - tau), _inertia_of_free(free, M)
 
 
 def scaled_slopes(
@@ -196,8 +161,13 @@ def scaled_slopes(
     rates = plant.rhs(x, u, p)[2 * n :]
     K_x = ca.vertcat(rows, ca.jacobian(rates, x))
     K_u = ca.vertcat(ca.sparsify(free @ ca.jacobian(load, u)), ca.jacobian(rates, u))
-    H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
+    H = ca.diagcat(_inertia_of_free(free, M), ca.SX.eye(z.shape[0]))
     return K_x, K_u, H
+
+
+def _inertia_of_free(free: ca.SX, M: ca.SX) -> ca.SX:
+    """M of free joints, with ones on the diagonal for held ones."""
+    return free @ M @ free + ca.SX.eye(M.shape[0]) - free
 
 
 class ContactSlopes(NamedTuple):
@@ -225,6 +195,13 @@ def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> 
     q, v, _ = split(x, n)
     force, tau = plant.events["loads"](x, u, p)[1], _torque(plant, x, u, p)
     return ContactSlopes(*contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
+
+
+def _by_contacts(c: Coefficients, slopes: ContactSlopes, dx: ca.SX, da: ca.SX) -> ca.SX:
+    """What the forces of contacts add to the change ``da`` at constant forces."""
+    violation = c.matrix(slopes.rates) @ dx + c.matrix(slopes.rows) @ da
+    mobility, forces = c.matrix(slopes.mobility), c.matrix(slopes.forces)
+    return mobility @ (forces @ violation)
 
 
 @one_at_a_time

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -14,7 +15,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
 from arm_sim.plant.options import SCENE, Options
-from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL, Parameters
 from arm_sim.plant.switches import SwitchedDrives, Switches, case_modes
 
 
@@ -51,7 +52,7 @@ class Symbols:
         self.p = ca.vertcat(ca.SX(0, 1), *p.values())
         self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
         self.gravity = p.get("gravity", gravity_of(model))
-        self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
+        self._switches = ca.vertsplit(p[CONSTRAINTS]) if CONSTRAINTS in p else []
         self._switchable = switchable(model.scene.constraints)
         own = model.friction
         self.friction = own.scaled(p["coulomb"]) if "coulomb" in p else own
@@ -66,8 +67,8 @@ class Symbols:
                 self.cords = case_modes([torque], ca.vertcat(self.q, self.v))
                 (torque,) = self.cords.results
             self.passive += torque
-        if "external" in p:  # acts where friction does: on the link, behind limits and drives
-            self.passive -= p["external"]
+        if EXTERNAL in p:  # acts where friction does: on the link, behind limits and drives
+            self.passive -= p[EXTERNAL]
 
     @property
     def switches(self) -> ca.SX:
@@ -165,3 +166,10 @@ def mode_counts(model: ArmModel, stops: bool = True) -> tuple[int, int]:
 def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
     """A function with dense results, after common-subexpression elimination."""
     return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})
+
+
+def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
+    """Derivative by entries of p, at no cost if there are none."""
+    if not tuned:
+        return type(expression)(expression.shape[0], 0)
+    return ca.jacobian(expression, p)[:, list(tuned)]

@@ -38,9 +38,10 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     plane = np.sort(np.argsort(high - low, kind="stable")[1:])
     middle, half = (low + high)[plane] / 2, 0.6 * max(high - low)
     edges = [_edge(surfaces[:, i][..., plane], middle, half) for i in range(surfaces.shape[1])]
+    base = {"color": "0.4", "marker": "^", "markersize": 9.0, "markevery": (1, 4), "label": "base"}
     film = animation(
         time,
-        [(ground[..., plane], {"color": "0.6"}),
+        [(ground[..., plane], base),
          *((edge, {"color": "0.6", "marker": "", "label": "plane of contact"}) for edge in edges),
          (arm[..., plane], {"label": "arm"})],
         speed=speed, frames=len(time),
@@ -62,7 +63,11 @@ def _shapes(model: ArmModel, q: Array) -> tuple[list[Array], list[Array], list[A
     ground, arm = list[Array](), list[Array]()
     for joint in range(1, tree.njoints):
         here, parent = data.oMi[joint], tree.parents[joint]
-        (arm if parent else ground).extend([data.oMi[parent].translation, here.translation, gap])
+        way = [here.translation, gap]
+        if parent:
+            arm += [data.oMi[parent].translation, *way]
+        else:
+            ground += [data.oMi[0].translation, tree.jointPlacements[joint].translation, *way]
         if joint not in tree.parents:
             arm += [here.translation, here.act(_end(model, joint)), gap]
     surfaces = []

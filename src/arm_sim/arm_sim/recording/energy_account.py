@@ -22,15 +22,14 @@ from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.energy_flows import FLOWS
 from arm_sim.plant.parameters import EXTERNAL
-from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.plant.state_space import split
 from arm_sim.stepping.stepper import Stepper
 
-# Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.
+# Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop
 MARGIN = 2.0
-
+# Part of an energy that counts as rounding, not as motion
 ROUNDING = 1e-9
 
 
@@ -55,29 +54,29 @@ class EnergyAccount:
         self.choice, self._backend = choice, backend
 
     @property
-    def may_make_ticks_again(self) -> bool:
+    def may_repeat(self) -> bool:
         """Whether some motion of the scene needs repeated ticks."""
-        return self._always or self._plant.eventful
+        return self._repeats_always or self._plant.eventful
 
     @property
-    def _always(self) -> bool:
+    def _repeats_always(self) -> bool:
         return bool(self._plant.laws) or self.choice.tolerance is not None
 
     def prepare(self) -> None:
         """Build in advance what the first ``flows`` needs."""
-        if self.may_make_ticks_again:
+        if self.may_repeat:
             self._ledger.restart()
 
-    def makes_ticks_again(self, x: Array) -> bool:
+    def repeats(self, x: Array) -> bool:
         """Whether ``flows`` costs as much as the ticks themselves for states of shape (k+1, nx).
 
         A smooth motion with fixed steps and without internal states requires it only at stops.
         """
-        return bool(self._not_smooth(x).any())
+        return bool(self._to_repeat(x).any())
 
-    def _not_smooth(self, x: Array) -> NDArray[np.bool_]:
+    def _to_repeat(self, x: Array) -> NDArray[np.bool_]:
         """Whether a tick that begins or ends at states of shape (k, nx) is to be repeated."""
-        if self._always or (self._plant.eventful and not self._plant.free):
+        if self._repeats_always or (self._plant.eventful and not self._plant.free):
             return np.ones(len(x), bool)
         q, v, _ = self._parts(x)
         # A rebound is visible in the velocity after it, even if no recorded position is at the
@@ -112,26 +111,6 @@ class EnergyAccount:
         ]
         return np.column_stack([np.concatenate([np.zeros((0, 2)), *parts]), self.stored(x)])
 
-    def multipliers(self, x: Array, tau: Array, p: Array) -> Array:
-        """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
-
-        Args:
-            x: States, shape (k, nx).
-            tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
-            p: Tunable quantities at each state, shape (k, np).
-
-        Returns:
-            In [N] and [N m], shape (k, m); zero for constraints that are switched off there.
-        """
-        q, v, _ = self._parts(x)
-        parts = [
-            self._present.at(p[run.start]).constrained.without_sticking(
-                q[run], v[run], tau[run], holding(self._plant, p[run.start])
-            )[1]
-            for run in self._present.runs(p, "constraints")
-        ]
-        return np.concatenate(parts) if parts else np.zeros((0, 0))
-
     def flows(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """Work supplied and heat lost in each tick, whatever other ticks there are.
 
@@ -144,15 +123,15 @@ class EnergyAccount:
         Returns:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be repeated.
         """
-        again = self._not_smooth(x) | self._not_smooth(after)
-        flows = np.empty((len(u), 2))
-        if again.any():
-            parts = self._repeated(x[again], u[again], p[again]).T
+        repeat = self._to_repeat(x) | self._to_repeat(after)
+        smooth, flows = ~repeat, np.empty((len(u), 2))
+        if repeat.any():
+            parts = self._repeated(x[repeat], u[repeat], p[repeat]).T
             supplied, lost, friction, outside, contacts, impacts = parts
             heat = lost + friction + contacts + impacts
-            flows[again] = np.stack([supplied + outside, heat], axis=1)
-        if not again.all():
-            flows[~again] = self._quadrature(x[~again], after[~again], u[~again], p[~again])
+            flows[repeat] = np.stack([supplied + outside, heat], axis=1)
+        if smooth.any():
+            flows[smooth] = self._quadrature(x[smooth], after[smooth], u[smooth], p[smooth])
         return flows
 
     def _quadrature(self, x: Array, after: Array, u: Array, p: Array) -> Array:
@@ -206,11 +185,6 @@ class EnergyAccount:
         x, n = ca.SX.sym("x", self._plant.nx), self._plant.model.n
         flow = self._plant.laws.equations(*split(x, n), ca.SX(n, 1))
         return ca.Function("stored", [x], [flow.stored])
-
-    @built_once
-    def stepper(self) -> Stepper:
-        """A stepper of the scene, to evaluate recorded states."""
-        return Stepper(self._plant, self.choice, self._backend, acted=True)
 
     @built_once
     def _ledger(self) -> Stepper:

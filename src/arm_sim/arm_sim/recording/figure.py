@@ -15,10 +15,10 @@ from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_sim import figures
 from arm_sim.recording.motion import RecordedMotion
 
+# Of joints: attribute of a recording, and units of revolute and of prismatic ones
 QUANTITIES = {
     "position": ("q", "rad", "m"), "velocity": ("v", "rad/s", "m/s"), "effort": ("tau", "N m", "N")
 }  # fmt: skip
-"""Of joints: attribute of a recording, and units of revolute and of prismatic ones."""
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
@@ -50,6 +50,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
                 [
                     (word, array[:, one.joint_names.index(name)], color)
                     for name, word, color in drawn
+                    if part == "position" or array[:, one.joint_names.index(name)].any()
                 ]
                 for one, array in zip(recordings, arrays, strict=True)
             ]
@@ -99,9 +100,8 @@ def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> l
         joints = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
         raise InvalidInput(f"the recordings share no joint: {joints}")
     if unknown := [name for name in requested if name not in shared]:
-        raise InvalidInput(
-            f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
-        )
+        allowed = choices(unknown[0], shared)
+        raise InvalidInput(f"unknown joint {known_names(unknown)}; allowed: {allowed}")
     if requested:
         return list(requested)
     columns = [recordings[0].joint_names.index(name) for name in shared]
@@ -141,11 +141,11 @@ def _energies(recordings: Sequence[RecordedMotion]) -> list[list[_Curve]]:
     """
     rows = np.hstack([_account(one) for one in recordings])
     rows[1:3] -= np.min(rows[1], where=~np.isnan(rows[1]), initial=np.inf)
-    known, curves = np.nan_to_num(rows), list[_Curve]()
-    apart = _APART * np.ptp(known, axis=1).max()
-    rest = [i for i in range(len(rows)) if abs(known[i]).max() > apart]
+    numbers, curves = np.nan_to_num(rows), list[_Curve]()
+    apart = _APART * np.ptp(numbers, axis=1).max()
+    rest = [i for i in range(len(rows)) if abs(numbers[i]).max() > apart]
     while rest:
-        alike = [i for i in rest if abs(known[i] - known[rest[0]]).max() <= apart]
+        alike = [i for i in rest if abs(numbers[i] - numbers[rest[0]]).max() <= apart]
         label = " = ".join(_ACCOUNT[i] for i in alike)
         curves.append((label, rows[rest[0]], _ENERGY_COLORS[rest[0]]))
         rest = [i for i in rest if i not in alike]
@@ -163,7 +163,7 @@ def _account(recording: RecordedMotion) -> Array:
         return rows
     rest = recording.energy - recording.kinetic
     rows[:3] = recording.kinetic, rest, recording.kinetic + rest
-    if not recording.account.makes_ticks_again(recording.x) or len(recording) <= LONG:
+    if not recording.account.repeats(recording.x) or len(recording) <= LONG:
         rows[3:] = recording.supplied, recording.lost, recording.balance
     return rows
 

@@ -26,8 +26,8 @@ from arm_sim.recording.witness import NUDGE, WINDOWS, Control, SecondRun, doubt
 
 _log = logging.getLogger(__name__)
 
+# Recorded states that a controller is given again
 SAMPLES = 16
-"""Recorded states that a controller is given again."""
 
 
 @sealed
@@ -128,7 +128,7 @@ class RecordedMotion(Contents):
 
         See ``Simulator.stop_torque``.
         """
-        stepper, x, torque = self.account.stepper, self.x, np.zeros_like(self.q)
+        stepper, x, torque = self._physics.replay_stepper, self.x, np.zeros_like(self.q)
         for k in self._at_stops:
             stepper.p[:] = self.p[k]
             torque[k] = stepper.stop_torque(x[k], self.command[k])
@@ -146,11 +146,11 @@ class RecordedMotion(Contents):
         tau = np.array(self.plant.joint_torque(x, self.command))
         tau += 0.0 if outside is None else self.p[:, outside]
         if self.plant.eventful and self.plant.constrained:
-            stepper = self.account.stepper
+            stepper = self._physics.replay_stepper
             for k in self._at_stops if self.plant.free else range(len(self)):
                 stepper.p[:] = self.p[k]
                 tau[k] += stepper.push(x[k], self.command[k])
-        return self.account.multipliers(x, tau, self.p)
+        return self._physics.multipliers(x, tau, self.p)
 
     @cached_property
     def balance(self) -> Array:
@@ -187,7 +187,7 @@ class RecordedMotion(Contents):
         """Largest unexplained energy, relative to the energy that moved; inf if it is unknown."""
         parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
         moved = float(np.ptp(parts, axis=0).sum())
-        if len(self) > 1 and self.account.makes_ticks_again(self.x):
+        if len(self) > 1 and self.account.repeats(self.x):
             moved += self.account.turnover(self.x[:-1], self.ended[1:], self.p[:-1])
         balance = float(np.max(abs(self.balance)))
         return relative_error(balance, moved, float(abs(self._energies).max()))

@@ -15,11 +15,11 @@ import numpy as np
 import pinocchio
 
 from arm_dynamics import InvalidInput, Scene
-from arm_dynamics.scene import scene_of, scene_text
+from arm_dynamics.scene.text import scene_of, scene_text
 from arm_sim.integrators.methods import METHODS
 
 SCENE_FILE, URDF_FILE = "scene.yaml", "robot.urdf"
-GIVEN, FED_BACK = "given", "fed back"
+OPEN_LOOP, CLOSED_LOOP = "given", "fed back"  # as files name them
 
 
 @cache
@@ -42,7 +42,7 @@ class Origin:
         dt: Length of a tick in [s].
         tolerance: Scaled error per sub-step, None for steps of fixed length.
         source: Name or path of the scene when it was loaded; empty if unknown.
-        given: Whether its commands were given in advance, rather than in answer to the state.
+        open_loop: Whether its commands did not answer to the state.
         versions: Versions of the computation.
     """
 
@@ -51,7 +51,7 @@ class Origin:
     dt: float
     tolerance: float | None
     source: str = ""
-    given: bool = False
+    open_loop: bool = False
     versions: Mapping[str, str] = field(default_factory=versions)
 
     def texts(self) -> dict[str, str]:
@@ -64,7 +64,7 @@ class Origin:
         tolerance = "" if self.tolerance is None else repr(self.tolerance)
         return {
             "integrator": self.integrator, "dt": repr(self.dt), "tolerance": tolerance,
-            "source": self.source, "commands": GIVEN if self.given else FED_BACK,
+            "source": self.source, "commands": OPEN_LOOP if self.open_loop else CLOSED_LOOP,
             **{f"version of {k}": v for k, v in self.versions.items()},
         }  # fmt: skip
 
@@ -78,8 +78,8 @@ class Origin:
         """
         try:
             scene = scene_of(texts[SCENE_FILE], texts[URDF_FILE])
-            integrator, dt, tolerance = about["integrator"], float(about["dt"]), about["tolerance"]
-            precise = float(tolerance) if tolerance else None
+            integrator, dt, text = about["integrator"], float(about["dt"]), about["tolerance"]
+            tolerance = float(text) if text else None
         except (KeyError, ValueError) as error:
             if isinstance(error, InvalidInput):
                 raise
@@ -91,5 +91,5 @@ class Origin:
             )
         head = "version of "
         versions = {k.removeprefix(head): v for k, v in about.items() if k.startswith(head)}
-        given = about.get("commands") == GIVEN
-        return cls(scene, integrator, dt, precise, about.get("source", ""), given, versions)
+        open_loop, source = about.get("commands") == OPEN_LOOP, about.get("source", "")
+        return cls(scene, integrator, dt, tolerance, source, open_loop, versions)

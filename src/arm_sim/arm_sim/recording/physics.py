@@ -6,14 +6,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
+import numpy as np
+
 from arm_dynamics import ArmModel
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.parameters import CONSTRAINTS
+from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin
 from arm_sim.recording.witness import Witness
+from arm_sim.stepping.stepper import Stepper
 
 
 class Physics:
@@ -47,6 +54,32 @@ class Physics:
         """Computes the energy account of motions, with dynamics of its own, in any thread."""
         own = PresentDynamics(self.plant)
         return EnergyAccount(self.plant, own, self.choice, self.backend)
+
+    @built_once
+    def replay_stepper(self) -> Stepper:
+        """Ticks under effective commands, to evaluate recorded states."""
+        return Stepper(self.plant, self.choice, self.backend, acted=True)
+
+    def multipliers(self, x: Array, tau: Array, p: Array) -> Array:
+        """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
+
+        Args:
+            x: States, shape (k, nx).
+            tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
+            p: Tunable quantities at each state, shape (k, np).
+
+        Returns:
+            In [N] and [N m], shape (k, m); zero for constraints that are switched off there.
+        """
+        n = self.plant.model.n
+        q, v = x[:, :n], x[:, n : 2 * n]
+        parts = [
+            self.present.at(p[run.start]).constrained.without_sticking(
+                q[run], v[run], tau[run], holding(self.plant, p[run.start])
+            )[1]
+            for run in self.present.runs(p, CONSTRAINTS)
+        ]
+        return np.concatenate(parts) if parts else np.zeros((0, 0))
 
     @cached_property
     def witness(self) -> Witness:

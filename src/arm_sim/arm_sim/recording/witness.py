@@ -29,28 +29,28 @@ from arm_sim.recording.contents import FREE, Contents
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.trial import lasting
 
+# Ticks of the second run in a tick of the first
 FINER = 4
-"""Ticks of the second run in a tick of the first."""
+# Tolerance of a sub-step, relative to the scene's accuracy: a second has up to some 1e4 of them;
+# its bounds are what rounding allows, and what was tried on random scenes.
 MARGIN, FINEST, COARSEST = 1e-4, 1e-13, 1e-10
-"""Tolerance of a sub-step, relative to the scene's accuracy: a second has up to some 1e4 of them;
-its bounds are what rounding allows, and what was tried on random scenes."""
+# Length of a window in [s]: an arm falls little in it, and rounding adds up ten times in one
 WINDOW = 0.1
-"""Length of a window in [s]: an arm falls little in it, and rounding adds up ten times in one."""
+# Length in [s] of a window whose share of the accuracy all shorter ones have
 SHORTEST = 0.01
-"""Length in [s] of a window whose share of the accuracy all shorter ones have."""
+# Ticks that are repeated in one call
 CHUNK = 1000
-"""Ticks that are repeated in one call."""
+# Change of the start by which magnification is measured, and what is called magnification
 NUDGE, MAGNIFIED = 1e-9, 1e3
-"""Change of the start by which magnification is measured, and what is called magnification."""
 
+# How the second run was made
 CLOSED, WHOLE, WINDOWS = (
     "with its controller", "under its commands",
     f"in windows of up to {WINDOW:g} s from recorded states",
 )  # fmt: skip
-"""How the second run was made."""
 
+# Effective command of a tick, from the state at its start and its row
 Control = Callable[[Array, int], Array]
-"""Effective command of a tick, from the state at its start and its row."""
 
 
 @dataclass(frozen=True)
@@ -106,35 +106,35 @@ class Witness:
             control: The controller, if it can be evaluated again.
             nudge: Added to the position of every joint at the start in [rad] or [m].
         """
-        commands_given = motion.origin is not None and motion.origin.given
-        open_loop = WHOLE if commands_given else WINDOWS
-        how = CLOSED if control else open_loop
+        open_loop = motion.origin is not None and motion.origin.open_loop
+        uncontrolled = WHOLE if open_loop else WINDOWS
+        how = CLOSED if control else uncontrolled
         step = max(1, round(WINDOW / self._first.dt)) if how == WINDOWS else CHUNK
         n, x, ended, stepper = len(motion.joint_names), motion.x, motion.ended, self.stepper
-        there, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))
+        states, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))
         was_set = (x != ended).any(axis=1)  # states that were not reached by a tick
         was_set[[0, *motion.gaps]] = True
-        there[0], free = x[0], _free(motion)
-        there[0, :n] += nudge
+        states[0], free = x[0], _free(motion)
+        states[0, :n] += nudge
         stepper.restart()
         spans = list(_spans(motion, step))[::-1]
         while spans:
             row, end = spans.pop()
             if was_set[row]:
-                state, error = x[row] if row else there[0], np.zeros(2 * n)
+                state, error = x[row] if row else states[0], np.zeros(2 * n)
             elif how == WINDOWS or not free[row - 1]:
-                off = abs(there[row] - ended[row])[: 2 * n]
-                state, error = x[row], carried[row] + off
-            carried[row + 1 : end + 1], out = error, there[row + 1 : end + 1]
+                difference = abs(states[row] - ended[row])[: 2 * n]
+                state, error = x[row], carried[row] + difference
+            carried[row + 1 : end + 1], after = error, states[row + 1 : end + 1]
             if not free[row]:  # brakes or servos hold it, or ticks are missing
-                out[:] = ended[row + 1 : end + 1]
+                after[:] = ended[row + 1 : end + 1]
                 continue
             stepper.p[:], state = motion.p[row], state.copy()
             if control is None:
-                ticks = _under(stepper, state, motion.command[row:end], out)
+                ticks = _open_loop(stepper, state, motion.command[row:end], after)
             else:
-                ticks = _controlled(stepper, state, control, row, motion.command.shape[1], out)
-            if how == WINDOWS and end - row > 1 and self._separate(ended[row + 1 : end + 1], out):
+                ticks = _closed_loop(stepper, state, control, row, motion.command.shape[1], after)
+            if how == WINDOWS and end - row > 1 and self._part(ended[row + 1 : end + 1], after):
                 middle = (row + end) // 2
                 spans += [(middle, end), (row, middle)]
             elif ticks < end - row and how != WINDOWS:
@@ -143,14 +143,14 @@ class Witness:
         means = (
             f"{choice.method.name}, tolerance {choice.tolerance:g}, time steps of {choice.dt:g} s"
         )
-        return SecondRun(read_only(there), read_only(carried), how, means)
+        return SecondRun(read_only(states), read_only(carried), how, means)
 
-    def _separate(self, ended: Array, out: Array) -> bool:
-        """Whether what arises in a window may be the arm's answer to commands of another state."""
-        there, here = (x[:, : 2 * self._plant.model.n] for x in (ended, out))
-        off = abs(here - there) / (1.0 + abs(there))
-        most = self._plant.model.scene.sim.accuracy * max(len(out) * self._first.dt, SHORTEST)
-        return not (off <= most).all()
+    def _part(self, first: Array, second: Array) -> bool:
+        """Whether both runs differ in a window as if commands answered to another state."""
+        first, second = (x[:, : 2 * self._plant.model.n] for x in (first, second))
+        difference = abs(second - first) / (1.0 + abs(first))
+        duration = max(len(second) * self._first.dt, SHORTEST)
+        return not (difference <= self._plant.model.scene.sim.accuracy * duration).all()
 
 
 def _free(motion: Contents) -> NDArray[np.bool_]:
@@ -166,28 +166,28 @@ def _spans(motion: Contents, step: int) -> Iterator[tuple[int, int]]:
     yield from zip(ordered, ordered[1:], strict=False)
 
 
-def _under(stepper: Stepper, state: Array, commands: Array, out: Array) -> int:
+def _open_loop(stepper: Stepper, state: Array, commands: Array, after: Array) -> int:
     """Advance in place under commands, and write the states after them; return their number."""
     rows = np.repeat(commands, FINER, axis=0)
     trace = np.empty((len(rows), len(state)))
     steps = stepper.roll(state, rows, trace, np.empty_like(rows), np.empty((len(rows), 2)))
     ticks = steps // FINER
-    out[:ticks] = trace[FINER - 1 : ticks * FINER : FINER]
+    after[:ticks] = trace[FINER - 1 : ticks * FINER : FINER]
     return ticks
 
 
-def _controlled(
-    stepper: Stepper, state: Array, control: Control, row: int, nu: int, out: Array
+def _closed_loop(
+    stepper: Stepper, state: Array, control: Control, row: int, nu: int, after: Array
 ) -> int:
     """The same under a controller that answers to each state, from a row of the motion."""
     command, trace = np.empty(nu), np.empty((FINER, len(state)))
     tick = stepper.ticks(state, command, trace, np.empty((FINER, nu)), np.empty((FINER, 2)))
-    for k in range(len(out)):
+    for k in range(len(after)):
         command[:] = control(state, row + k)
         if tick() < FINER:
             return k
-        out[k] = state
-    return len(out)
+        after[k] = state
+    return len(after)
 
 
 def doubt(

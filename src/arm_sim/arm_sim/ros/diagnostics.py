@@ -10,8 +10,8 @@ from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, La
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.commands.latest import in_force
 
+# Error of the energy balance, relative to the energy that moved, that is worth a warning
 UNBALANCED = 1e-3
-"""Error of the energy balance, relative to the energy that moved, that is worth a warning."""
 
 
 class SimDiagnostics:
@@ -90,16 +90,15 @@ class SimDiagnostics:
 
     def _check_simulation(self) -> Finding:
         node, engine, finding = self._node, self._node.engine, Finding("simulation")
-        state, stops = engine.queue.run(
-            lambda: (engine.simulator.state, engine.simulator.stop_torque)
-        )
-        names, account = engine.simulator.joint_names, node.outputs.energy.account()
+        simulator = engine.simulator
+        state, stops = engine.queue.run(lambda: (simulator.state, simulator.stop_torque))
+        names, account = simulator.joint_names, node.outputs.energy.account()
         pushed = [f"{name} {x:.4g}" for name, x in zip(names, stops, strict=True) if x != 0.0]
         finding.values = {
             "time [s]": state.time, "stamps": node.outputs.stamps.name, "tf": node.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": ", ".join(pushed) or "none",
-            "method": engine.simulator.choice.method.name,
+            "method": simulator.choice.method.name,
             "error estimate": state.error,
             "time-stepped ticks": state.time_stepped,
             "energy balance [J]": "closed" if account is None else account.balance,
@@ -115,7 +114,7 @@ class SimDiagnostics:
             finding.add(
                 WARN,
                 f"the energy account is off by {error:.2g} of the energy that moved, more than "
-                f"{UNBALANCED:g}: with time steps of {engine.simulator.dt:g} s reduce dt or set a "
+                f"{UNBALANCED:g}: with time steps of {simulator.dt:g} s reduce dt or set a "
                 "tolerance",
             )
         return finding

@@ -10,8 +10,8 @@ from pathlib import Path
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import ENTRY
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
-from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
-from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
+from arm_dynamics.ros.joint_state.joint_state_library import HEADER as JOINT_STATE
+from arm_dynamics.ros.joint_state.joint_state_library import SOURCE as JOINT_STATE_SOURCE
 from arm_sim.stepping.arm import ARM
 
 _HERE = Path(__file__).parent

@@ -73,10 +73,9 @@ class SimServices:
         if request.velocity:
             v = named.spread("velocity", "velocity", request.velocity, v)
         limit = _REACH / simulator.dt  # beyond it the next tick would fail
-        kinds = simulator.model.joint_types
-        for name, kind, speed in zip(simulator.joint_names, kinds, v.tolist(), strict=True):
+        units = simulator.model.units("rad", "m")
+        for name, unit, speed in zip(simulator.joint_names, units, v.tolist(), strict=True):
             if abs(speed) > limit:
-                unit = "m" if kind == "prismatic" else "rad"
                 raise InvalidInput(
                     f"velocity of joint '{name}' is {speed:.6g}; allowed: up to {limit:g} "
                     f"{unit}/s, {_REACH:g} {unit} in a time step"

@@ -15,12 +15,12 @@ from arm_sim.ros.timing.stamps import AUTO, CHOICES, ROS, SIM
 from arm_sim.simulation.simulator import Simulator
 
 LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
+# Parameters that act only if ticks are triggered by one of these
 _ONLY_WITH = {
     "realtime_factor": (CLOCK,), "overrun": (CLOCK,),
     "lockstep_retry": (LOCKSTEP,), "lockstep_timeout": (LOCKSTEP,),
     "priority": (CLOCK, LOCKSTEP), "cpus": (CLOCK, LOCKSTEP), "lock_memory": (CLOCK, LOCKSTEP),
 }  # fmt: skip
-"""Parameters that act only if ticks are triggered by one of these."""
 
 
 @dataclass(frozen=True)
@@ -154,9 +154,7 @@ class SimParams(ThreadParams, DescriptionParams):
 def greeting(simulator: Simulator, params: SimParams) -> str:
     """Start-up message: the simulated robot, method, pace and source."""
     model, choice = simulator.model, simulator.choice
-    at = ", ".join(
-        f"{name} {place:.4g}" for name, place in zip(model.joint_names, model.q0, strict=True)
-    )
+    at = ", ".join(f"{name} {q:.4g}" for name, q in zip(model.joint_names, model.q0, strict=True))
     factor = params.realtime_factor
     by_clock = {0.0: "as fast as it goes", 1.0: "in real time"}
     pace = {

@@ -18,8 +18,9 @@ from arm_sim.imperfections import Line, command_line
 from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
-from arm_sim.ros.commands.stopping import Servos, Stopping
-from arm_sim.ros.energy_account import EnergyAccount
+from arm_sim.ros.commands.servos import Servos
+from arm_sim.ros.commands.stopping import Stopping
+from arm_sim.ros.energy_trail import EnergyTrail
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
@@ -104,7 +105,7 @@ class TickEngine:
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
         self.on_seldom = Listeners()
         self.ticks = ticks = Ticks()
-        self.energy, self.round_trip = EnergyAccount(self._arm, ticks), RoundTrip()
+        self.energy, self.round_trip = EnergyTrail(self._arm, ticks), RoundTrip()
         for listeners in (self.on_jump, self.on_pause, self.on_staleness):
             listeners.append(self.round_trip.forget)
         self._share(ticks)
@@ -188,10 +189,8 @@ class TickEngine:
             error, ticks.error, ticks.broken = ticks.error, None, 0
             if error is not None:
                 raise error
-            reason = self._arm.diverged()
-            self._fail(
-                f"paused, the last good state is kept; reset or set the joint state: {reason}"
-            )
+            advice = "the last good state is kept; reset or set the joint state"
+            self._fail(f"paused, {advice}: {self._arm.diverged()}")
         return result
 
     def step(self, steps: int) -> None:
@@ -247,16 +246,14 @@ class TickEngine:
         """Execute a tick under what C does not compute; return whether it can be computed."""
         arm, stopping = self._arm, self.stopping
         command: str | Command | None = self.commands.command(self.ticks.acts, self._q)
-        if isinstance(command, JointCommand) and self.paused:
-            stopping.servos.build()  # time waits
         if isinstance(command, str):
-            command = stopping.command(command)
-        elif isinstance(command, JointCommand) and not stopping.servos.ready:
+            command = stopping.stop(command)
+        elif isinstance(command, JointCommand) and not stopping.servos.request(wait=self.paused):
             command = None
         elif stopping.acts:
             stopping.release()
             if stopping.servos.in_background and self.stale_policy in (BRAKE, SERVO):
-                stopping.servos.ready  # noqa: B018 - begins to build what may have to stop the arm
+                stopping.servos.request()  # which may have to stop the arm
         try:
             if command is None:
                 if not stopping.locked:  # the energy that brakes absorb is a change

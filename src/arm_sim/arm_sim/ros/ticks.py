@@ -35,10 +35,6 @@ class Ticks(Structure):
         for name, function in functions.items():
             self._answers[TICKS.constants[name.upper()]] = function
 
-    def read_from(self, source: int, reader: int) -> None:
-        """Let C take commands from a ``source_t`` with a ``joint_state_t``, by their addresses."""
-        self.source, self.reader = source, reader
-
     def accept(self, kinds: Sequence[bool]) -> None:
         """Let C accept commands of some kinds of messages without Python."""
         self.leads[:] = [*kinds, *[False] * (len(self.leads) - len(kinds))]

@@ -12,8 +12,8 @@ from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_sim.servo.command import JointCommand
-    from arm_sim.servo.rest import Rest
+    from arm_sim.servo.rest import Balance, Rest
     from arm_sim.servo.servo import Servo
 
-__all__ = ["JointCommand", "Rest", "Servo"]
+__all__ = ["Balance", "JointCommand", "Rest", "Servo"]
 __getattr__, __dir__ = on_demand(__name__, __file__)

@@ -41,19 +41,19 @@ class JointCommand:
 
     def __post_init__(self) -> None:
         """Validate the fields and convert them to arrays of one shape."""
-        given = {
+        arrays = {
             name: real_array(name, value)
             for name in ("position", "velocity", "effort")
             if (value := getattr(self, name)) is not None
         }
-        if not given:
+        if not arrays:
             raise InvalidInput("nothing is commanded; position, velocity or effort is expected")
-        shapes = {name: array.shape for name, array in given.items()}
+        shapes = {name: array.shape for name, array in arrays.items()}
         shape = next(iter(shapes.values()))
         if len(set(shapes.values())) > 1 or len(shape) not in (1, 2):
             raise InvalidInput(f"shapes {shapes}; one shape is expected, (n,) or (k, n)")
         for name in ("position", "velocity", "effort"):
-            array = given.get(name, np.full(shape, np.nan))
+            array = arrays.get(name, np.full(shape, np.nan))
             if np.isinf(array).any():
                 raise InvalidInput(f"{name} is {array}; numbers, or NaN for none, are expected")
             object.__setattr__(self, name, read_only(np.array(array, dtype=float)))
@@ -97,5 +97,5 @@ class JointCommand:
                 f"commands of shape {self.shape}; expected ({n},) or ({ticks}, {n}): "
                 f"a row for each time step of {dt} s"
             )
-        both = zip(self.position, self.velocity, self.effort, strict=True)
-        return (JointCommand.of_rows(*row, stamp=0) for row in both)
+        table = zip(self.position, self.velocity, self.effort, strict=True)
+        return (JointCommand.of_rows(*row, stamp=0) for row in table)

@@ -22,7 +22,7 @@ from arm_dynamics.equations.elementary import within
 from arm_dynamics.equations.tree import constant
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.symbols import Symbols
+from arm_sim.plant.symbols import Symbols, dense_function
 
 # Default bandwidth ω in [rad/s]; lower where ticks are longer than a fifth of 1/ω, or a
 # transmission would oscillate.
@@ -43,17 +43,17 @@ ROUNDING = 1e-9
 class Gains:
     """Gains of the servos, each of shape (n,).
 
-    The position loop sets the speed v_d + ratio (q_d - q); the velocity loop sets the
-    acceleration, ``rate`` times the speed error, or the torque, ``damping`` times it.
+    The position loop sets the speed v_d + ``position`` (q_d - q); the velocity loop sets the
+    acceleration, ``velocity`` times the speed error, or the torque, ``damping`` times it.
 
     Attributes:
-        ratio: Gain of the position loop in [1/s].
-        rate: Gain of the velocity loop in [1/s], zero for joints with a given stiffness.
+        position: Gain of the position loop in [1/s].
+        velocity: Gain of the velocity loop in [1/s], zero for joints with a given stiffness.
         damping: Torque gain in [N m s/rad] or [N s/m], zero for the others.
     """
 
-    ratio: Array
-    rate: Array
+    position: Array
+    velocity: Array
     damping: Array
 
     @classmethod
@@ -65,16 +65,17 @@ class Gains:
             soft: Compliance of the actual transmissions, see ``flexibility``, shape (n,).
             dt: Time in [s] for which a command is held.
         """
-        chosen = [model.scene.joint(name).servo for name in model.joint_names]
-        ratio = np.array([servo.damping_ratio for servo in chosen])
-        given = np.array([servo.bandwidth or np.nan for servo in chosen])
-        bandwidth = np.where(np.isnan(given), default_bandwidth(model, soft, dt), given)
-        kp, kd = held_gains(bandwidth, ratio, model.n, dt)
-        stiffness = np.array([servo.stiffness or np.nan for servo in chosen])
-        critical = 2.0 * ratio * np.sqrt(stiffness * inertia(model))
-        damping = np.where([servo.damping is None for servo in chosen], critical, [
-            servo.damping or 0.0 for servo in chosen
-        ])  # fmt: skip
+        servos = [model.scene.joint(name).servo for name in model.joint_names]
+        inertia = _inertia(model)
+        damping_ratio = np.array([servo.damping_ratio for servo in servos])
+        defaults = _default_bandwidth(inertia, soft, dt).tolist()
+        bandwidth = [s.bandwidth or default for s, default in zip(servos, defaults, strict=True)]
+        kp, kd = held_gains(np.array(bandwidth), damping_ratio, model.n, dt)
+        stiffness = np.array([servo.stiffness or np.nan for servo in servos])
+        damping = 2.0 * damping_ratio * np.sqrt(stiffness * inertia)
+        for i, servo in enumerate(servos):
+            if servo.damping is not None:
+                damping[i] = servo.damping
         stiff = ~np.isnan(stiffness)
         return cls(
             np.where(stiff, stiffness / damping, kp / kd),
@@ -84,20 +85,20 @@ class Gains:
 
 
 @one_at_a_time
-def inertia(model: ArmModel) -> Array:
+def _inertia(model: ArmModel) -> Array:
     """Joint inertias at the initial position, diag M(q₀) in [kg m²] or [kg], shape (n,)."""
     s = Symbols(model, Parameters(model))
     M = ca.Function("M", [s.q, s.p], [ca.diag(rigid_body.mass_matrix(s.tree, s.q))])
     return np.array(M(model.q0, Parameters(model).nominal)).ravel()
 
 
-def default_bandwidth(model: ArmModel, soft: Array, dt: float) -> Array:
+def _default_bandwidth(inertia: Array, soft: Array, dt: float) -> Array:
     """Default bandwidths in [rad/s], shape (n,)."""
     most = min(BANDWIDTH, OF_A_TICK / dt)
     if not soft.any():
-        return np.full(model.n, most)
-    swinging = np.sqrt(np.maximum(soft * inertia(model), OF_A_TRANSMISSION**2 / most**2))
-    return np.minimum(most, OF_A_TRANSMISSION / swinging)
+        return np.full(len(inertia), most)
+    period = np.sqrt(np.maximum(soft * inertia, OF_A_TRANSMISSION**2 / most**2))  # over 2 pi
+    return np.minimum(most, OF_A_TRANSMISSION / period)
 
 
 def servo_law(plant: Plant, dt: float) -> ca.Function:
@@ -123,46 +124,52 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
     Returns:
         CasADi function ``servo`` (x, r, p) -> commands of shape (n,), with r the rows of
         ``Setpoints``: 1 or 0 for joints that track a velocity and a position; q_d, v_d and the
-        added effort, which is applied alone where neither is tracked.
+        feed-forward effort, which is applied alone where neither is tracked.
     """
     model, n = plant.model, plant.model.n
     rigid = rigid_model(model)
     gains, s = Gains.of(rigid, flexibility(model), dt), Symbols(rigid, plant.parameters)
     x, r = ca.SX.sym("x", plant.nx), ca.SX.sym("r", 5 * n)
     q, v = _encoders(plant, x)
-    moves, leads, q_d, v_d, added = ca.vertsplit(r, n)
+    tracks_velocity, tracks_position, q_d, v_d, effort = ca.vertsplit(r, n)
     inverse = partial(spring.frictionless, rigid.springs, s.tree, gravity=s.gravity)
-    still = ca.SX(n, 1)
-    twist = constant(flexibility(model)) * inverse(q, still, still)
-    wanted = v_d + leads * constant(gains.ratio) * (q_d - (q - twist))
+    zero = ca.SX(n, 1)
+    twist = constant(flexibility(model)) * inverse(q, zero, zero)
+    set_speed = v_d + tracks_position * constant(gains.position) * (q_d - (q - twist))
     limit = constant(np.minimum(model.velocity_limit, np.finfo(float).max))
-    wanted = within(wanted, -limit, limit)
-    missing = moves * (wanted - v)
-    direction = within(wanted / SLOW, -1.0, 1.0)
+    set_speed = within(set_speed, -limit, limit)
+    speed_error = tracks_velocity * (set_speed - v)
+    direction = within(set_speed / SLOW, -1.0, 1.0)
     friction, commands = SteadyFriction.of(rigid), CommandMap(rigid)
 
     def command_for(a: ca.SX) -> ca.SX:
         tau = held_torque(inverse, friction, (q, v, a), direction, dt)
-        return ca.SX(commands(q, v, tau + constant(gains.damping) * missing))
+        return ca.SX(commands(q, v, tau + constant(gains.damping) * speed_error))
 
-    standing = command_for(still)
-    quickening = command_for(constant(gains.rate) * missing) - standing
-    acting = standing + commands.compensation(q)
-    command = standing + _possible(acting, moves * quickening, model) * quickening + added
-    acts = [ca.if_else(moves[i] > 0, command[i], added[i]) for i in range(n)]
-    return ca.Function("servo", [x, r, s.p], [ca.densify(ca.vertcat(*acts))], {"cse": True})
+    bias = command_for(zero)
+    acceleration = command_for(constant(gains.velocity) * speed_error) - bias
+    fraction = _possible(bias + commands.compensation(q), tracks_velocity * acceleration, model)
+    command = bias + fraction * acceleration + effort
+    acts = [ca.if_else(tracks_velocity[i] > 0, command[i], effort[i]) for i in range(n)]
+    return dense_function("servo", [x, r, s.p], ca.vertcat(*acts))
 
 
-def _possible(acting: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
-    """Largest fraction of an acceleration, at most 1, for which no drive saturates.
+def _possible(bias: ca.SX, acceleration: ca.SX, model: ArmModel) -> ca.SX:
+    """Largest fraction of the commands of an acceleration, at most 1, that saturates no drive.
 
     If each drive were clipped separately, saturated drives would disturb the other joints.
+
+    Args:
+        bias: Commands without the acceleration.
+        acceleration: Commands for it, to be added.
+        model: The arm.
     """
-    part = ca.SX(1)
+    fraction = ca.SX(1)
     for i in np.flatnonzero(np.isfinite(model.standing_limit)).tolist():
-        left = ca.sign(quickening[i]) * (1.0 - ROUNDING) * model.standing_limit[i] - acting[i]
-        part = ca.fmin(part, ca.if_else(quickening[i] == 0, 1, left / quickening[i]))
-    return ca.fmax(LEAST, part)
+        limit = ca.sign(acceleration[i]) * (1.0 - ROUNDING) * model.standing_limit[i]
+        share = (limit - bias[i]) / acceleration[i]
+        fraction = ca.fmin(fraction, ca.if_else(acceleration[i] == 0, 1, share))
+    return ca.fmax(LEAST, fraction)
 
 
 def rigid_model(model: ArmModel) -> ArmModel:
@@ -173,17 +180,15 @@ def rigid_model(model: ArmModel) -> ArmModel:
 
 def flexibility(model: ArmModel) -> Array:
     """Twist per torque of the joints' transmissions in [rad/(N m)] or [m/N], shape (n,)."""
-    soft = (drive.coupling if drive else None for drive in model.drives)
-    return np.array([1.0 / each.stiffness if each and each.stiffness else 0.0 for each in soft])
+    couplings = (drive.coupling if drive else None for drive in model.drives)
+    return np.array([1.0 / c.stiffness if c and c.stiffness else 0.0 for c in couplings])
 
 
 def _encoders(plant: Plant, x: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Positions and velocities measured by the servos, reflected to the joints."""
-    n, states = plant.model.n, plant.laws.states
+    n = plant.model.n
     q, v = ca.SX(x[:n]), ca.SX(x[n : 2 * n])
-    for k, state in enumerate(states, 2 * n):
-        if state.kind is StateKind.MOTOR_POSITION:
-            q[state.joint] = x[k]
-        if state.kind is StateKind.MOTOR_VELOCITY:
-            v[state.joint] = x[k]
+    for measured, kind in ((q, StateKind.MOTOR_POSITION), (v, StateKind.MOTOR_VELOCITY)):
+        places, joints = plant.laws.places(kind)
+        measured[joints.tolist()] = x[places.tolist()]
     return q, v

@@ -49,7 +49,7 @@ class PositionLimits:
         clipped = np.clip(position, np.minimum(lower, q), np.maximum(upper, q))
         beyond = abs(clipped - position) > ROUNDING
         for i in np.flatnonzero(beyond & (step - self._last_beyond > self._quiet_ticks)).tolist():
-            unit = "m" if self._model.joint_types[i] == "prismatic" else "rad"
+            unit = self._model.units("rad", "m")[i]
             _log.warning(
                 "position %.6g %s of joint '%s' is beyond its stops and is clipped; allowed: "
                 "%.6g to %.6g", position[i], unit, self._model.joint_names[i], lower[i], upper[i],

@@ -9,6 +9,7 @@ the answer does not depend on the tick.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +24,21 @@ AT_REST = 1e-10
 # Rounding of an acceleration, relative to what adds up to it.
 ROUNDING = 100 * np.finfo(float).eps
 
-Slope = Callable[[Array, Array], tuple[Array, Array]]
+StateRates = Callable[[Array, Array], tuple[Array, Array]]
 """Function of state and command -> x', and the torques of the drives on the joints."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A place at which the torques on an arm balance.
+
+    Attributes:
+        place: Positions and tunable quantities, as bytes.
+        rounding: Rounding of the accelerations of joints, and of motors behind transmissions.
+    """
+
+    place: bytes
+    rounding: Array
 
 
 class Rest:
@@ -36,23 +50,14 @@ class Rest:
     """
 
     def __init__(self, plant: Plant, dt: float) -> None:
-        rigid = rigid_model(plant.model)
-        soft = flexibility(plant.model)
-        self._gains = Gains.of(rigid, soft, dt)
-        self._n, self._rigid = plant.model.n, Dynamics(rigid)
-        self._dynamics = Dynamics(plant.model)
-        self._stiffness = np.divide(1.0, soft, out=np.zeros_like(soft), where=soft > 0.0)
-        states = plant.laws.states
-        turning = [
-            (k, state.joint)
-            for k, state in enumerate(states, 2 * self._n)
-            if state.kind is StateKind.MOTOR_VELOCITY
-        ]
-        self._places, self._joints = np.array(turning, dtype=int).reshape(-1, 2).T
+        rigid, compliance = rigid_model(plant.model), flexibility(plant.model)
+        self._n, self._dt, self._gains = plant.model.n, dt, Gains.of(rigid, compliance, dt)
+        self._rigid, self._dynamics = Dynamics(rigid), Dynamics(plant.model)
+        self._stiffness = np.zeros_like(compliance)
+        np.divide(1.0, compliance, out=self._stiffness, where=compliance > 0.0)
+        self._motors, self._driven = plant.laws.places(StateKind.MOTOR_VELOCITY)
         inertias = [drive.rotor_inertia if drive else 0.0 for drive in plant.model.drives]
-        self._inertia = np.array(inertias)[self._joints]
-        self._dt = dt
-        self._known: tuple[bytes, Array] = (b"", np.zeros(0))
+        self._rotor_inertia = np.array(inertias)[self._driven]
 
     def slow(self, x: Array) -> bool:
         """Whether no joint and no motor moves faster than ``AT_REST``."""
@@ -60,48 +65,49 @@ class Rest:
 
     def stopped(self, x: Array) -> Array:
         """The state with joints and motors at rest."""
-        still = x.copy()
-        still[self._n : 2 * self._n] = still[self._places] = 0.0
-        return still
+        stopped = x.copy()
+        stopped[self._n : 2 * self._n] = stopped[self._motors] = 0.0
+        return stopped
 
-    def balanced(self, x: Array, command: Array, p: Array, slope: Slope) -> bool:
-        """Whether nothing moves an arm at rest.
+    def balance(self, x: Array, command: Array, p: Array, rates: StateRates) -> Balance | None:
+        """The balance of an arm at rest; None if something moves it.
 
         Args:
             x: State at rest, see ``stopped``.
             command: Commands of the servos there, shape (n,).
             p: Tunable quantities, shape (np,).
-            slope: What the arm does.
+            rates: Of the arm's state.
         """
-        rates, torque = slope(x, command)
+        slope, torque = rates(x, command)
         rounding = self._rounding(x[: self._n], torque)
-        self._known = self._key(x, p), rounding
-        return bool((abs(self._speeds(rates)) <= rounding).all())
+        balanced = (abs(self._speeds(slope)) <= rounding).all()
+        return Balance(self._place(x, p), rounding) if balanced else None
 
-    def knows(self, x: Array, p: Array) -> bool:
-        """Whether ``balanced`` was asked for these positions and quantities last."""
-        return self._known[0] == self._key(x, p)
+    def is_at(self, balance: Balance | None, x: Array, p: Array) -> bool:
+        """Whether there is a balance, and it is that of these positions and quantities."""
+        return balance is not None and balance.place == self._place(x, p)
 
-    def stays(self, before: Array, after: Array) -> bool:
-        """Whether an arm known to be balanced was still so in a tick, by what it did."""
+    def lasts(self, balance: Balance, before: Array, after: Array) -> bool:
+        """Whether an arm stayed balanced in a tick, by the states before and after it."""
         gained = abs(self._speeds(after) - self._speeds(before))
-        return bool((gained <= self._dt * self._known[1]).all())
+        return bool((gained <= self._dt * balance.rounding).all())
 
-    def _key(self, x: Array, p: Array) -> bytes:
+    def _place(self, x: Array, p: Array) -> bytes:
         return x[: self._n].tobytes() + p.tobytes()
 
     def _speeds(self, x: Array) -> Array:
         """Velocities of joints and of motors behind transmissions, or their rates in x'."""
-        return np.concatenate([x[self._n : 2 * self._n], x[self._places]])
+        return np.concatenate([x[self._n : 2 * self._n], x[self._motors]])
 
     def _rounding(self, q: Array, torque: Array) -> Array:
         """Rounding of the accelerations of joints and of motors behind transmissions."""
-        dynamics, gains, place = self._dynamics, self._gains, 1.0 + abs(q)
+        dynamics, gains = self._dynamics, self._gains
+        size = 1.0 + abs(q)  # of the numbers whose difference is a position error, or a twist
         load = abs(torque) + abs(dynamics.gravity(q)) + abs(dynamics.spring(q, 0.0 * q))
-        load += self._stiffness * place
+        load += self._stiffness * size
         mobility = abs(np.linalg.inv(dynamics.mass_matrix(q)))
-        position = place * gains.ratio
-        joints = mobility @ (load + gains.damping * position) + gains.rate * position
+        speed = size * gains.position  # set by the position loop
+        joints = mobility @ (load + gains.damping * speed) + gains.velocity * speed
         inertia = np.diag(self._rigid.mass_matrix(q))
-        driven = load + (gains.damping + inertia * gains.rate) * position
-        return ROUNDING * np.concatenate([joints, driven[self._joints] / self._inertia])
+        motors = load + (gains.damping + inertia * gains.velocity) * speed
+        return ROUNDING * np.concatenate([joints, motors[self._driven] / self._rotor_inertia])

@@ -34,14 +34,15 @@ class Setpoints:
 
     def __init__(self, n: int, dt: float) -> None:
         self._dt, self.rows = dt, np.zeros(5 * n)
-        self._moves, self._leads, self._q, self._v, self._added = self.rows.reshape(5, n)
-        self._moving = np.zeros(n)
+        self._tracks_velocity, self._tracks_position, *reference = self.rows.reshape(5, n)
+        self._q, self._v, self._effort = reference
+        self._stream_velocity = np.zeros(n)
         self.restart()
 
     @property
     def all_follow(self) -> bool:
         """Whether every joint tracks a position or a velocity."""
-        return bool((self._moves > 0.0).all())
+        return bool((self._tracks_velocity > 0.0).all())
 
     def restart(self) -> None:
         """Discard earlier commands."""
@@ -51,26 +52,27 @@ class Setpoints:
     def at(self, command: JointCommand, step: int) -> None:
         """Set ``rows`` for the tick that begins after ``step`` ticks, under a command."""
         if command is not self._last:
-            self._take(command, step)
+            self._begin(command, step)
         elif step > self._since and not self.at_rest:
-            self._go_on(step)
+            self._extrapolate(step)
 
-    def _take(self, command: JointCommand, step: int) -> None:
+    def _begin(self, command: JointCommand, step: int) -> None:
         q, v, effort = command.position, command.velocity, command.effort
-        leads, drives = q == q, v == v  # NaN differs from itself
+        has_position, has_velocity = ~np.isnan(q), ~np.isnan(v)
         period, last = self._period(command, step), self._last
-        moving = np.zeros(len(q))
+        velocity = np.zeros(len(q))
         if last is not None and period:
-            moving = (q - last.position) / period
-            moving[moving != moving] = 0.0
-        moving[drives] = v[drives]
-        self._leads[:], self._moves[:] = leads, leads | drives
-        self._q[:] = np.where(leads, q, 0.0)
-        self._v[:], self._moving = moving, np.where(leads, moving, 0.0)
-        self._added[:] = np.where(effort == effort, effort, 0.0)
+            velocity = (q - last.position) / period
+            velocity[np.isnan(velocity)] = 0.0
+        velocity[has_velocity] = v[has_velocity]
+        self._tracks_position[:] = has_position
+        self._tracks_velocity[:] = has_position | has_velocity
+        self._q[:], self._v[:] = np.where(has_position, q, 0.0), velocity
+        self._stream_velocity = np.where(has_position, velocity, 0.0)
+        self._effort[:] = np.where(np.isnan(effort), 0.0, effort)
         self._last, self._since = command, step
         self._until = step + round(LATE * period / self._dt)
-        self.at_rest = not moving.any()
+        self.at_rest = not velocity.any()
 
     def _period(self, command: JointCommand, step: int) -> float:
         """Time between this command and the previous one in [s]; 0 if they are not a stream."""
@@ -81,16 +83,16 @@ class Setpoints:
         sent = 1e-9 * (command.stamp - last.stamp) if stamped else (step - self._since) * self._dt
         return sent if 0.0 < sent <= STREAM else 0.0
 
-    def _go_on(self, step: int) -> None:
+    def _extrapolate(self, step: int) -> None:
         """Extrapolate between two commands, or after the last."""
-        last, moving = self._last, self._moving
-        if last is None or not moving.any():
+        last, velocity = self._last, self._stream_velocity
+        if last is None or not velocity.any():
             return
-        leads = self._leads > 0.0
+        tracked = self._tracks_position > 0.0
         if step <= self._until:
             passed = (step - self._since) * self._dt
-            self._q[leads] = last.position[leads] + passed * moving[leads]
+            self._q[tracked] = last.position[tracked] + passed * velocity[tracked]
             return
-        self._q[leads], self._v[leads] = last.position[leads], 0.0
-        self._moving = np.zeros(len(moving))
+        self._q[tracked], self._v[tracked] = last.position[tracked], 0.0
+        self._stream_velocity = np.zeros(len(velocity))
         self.at_rest = not self._v.any()

@@ -60,7 +60,7 @@ def _mobility(model: ArmModel, M: Array) -> Array:
 def _tick(gains: Gains, mobility: Array, h: float) -> Array:
     """How errors of positions and velocities change in a tick, shape (2 n, 2 n)."""
     n = len(mobility)
-    unit, push = np.eye(n), np.diag(gains.rate) + mobility * gains.damping
-    a = -np.hstack([push * gains.ratio, push])
+    unit, push = np.eye(n), np.diag(gains.velocity) + mobility * gains.damping
+    a = -np.hstack([push * gains.position, push])
     held = np.block([[unit, h * unit], [0.0 * unit, unit]])
     return np.asarray(held + np.vstack([0.5 * h**2 * a, h * a]))

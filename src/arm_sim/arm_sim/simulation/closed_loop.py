@@ -19,11 +19,11 @@ from arm_dynamics.attributes import check_arguments, sealed, with_arguments
 from arm_dynamics.control.controller import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller, mismatch, overreach
-from arm_dynamics.control.wrappers import Switch
+from arm_dynamics.control.switch import Switch
 from arm_dynamics.exceptions import UnknownArgument, not_copied
 from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.trajectory import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.follower import Follower
-from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_sim.plant.placing import warn_of_degrees
 from arm_sim.recording.recording import Recording
 from arm_sim.simulation.simulator import Simulator

@@ -49,12 +49,12 @@ def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
         InvalidInput: If the scene has no contact.
     """
     compiled = sim.arm.compiled
-    account, x, u, p = compiled.energy_account, recording.x, recording.command, recording.p
+    stepper, x, u, p = compiled.replay_stepper, recording.x, recording.command, recording.p
     forces = []
     for state, command, tuned in zip(x, u, p, strict=True):
-        account.stepper.p[:] = tuned
-        forces.append(contact_forces(compiled.plant, account.stepper, state, command))
-    losses = account.contact_losses(x[:-1], u[:-1], p[:-1])
+        stepper.p[:] = tuned
+        forces.append(contact_forces(compiled.plant, stepper, state, command))
+    losses = compiled.energy_account.contact_losses(x[:-1], u[:-1], p[:-1])
     losses[~recording.moved] = 0.0
     losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
     return ContactHistory(

@@ -65,10 +65,10 @@ class _Jump(NamedTuple):
 
 
 class EnergyMeter:
-    """Notes every tick and change, and evaluates the account on request.
+    """Records every tick and change, and evaluates the account on request.
 
-    Ticks and changes are noted by the ticking thread, which computes nothing for it. Other threads
-    may evaluate the account at any time.
+    Ticks and changes are recorded by the ticking thread, which computes nothing for it. Other
+    threads may evaluate the account at any time.
 
     Attributes:
         error: Unexplained energy of the last account, relative to the largest that moved in any.
@@ -77,7 +77,7 @@ class EnergyMeter:
     def __init__(self, arm: SimulatedArm) -> None:
         """Open the account at the arm's current state."""
         self._arm, self.error = arm, 0.0
-        self._noted, self._evaluating = deque[_Ticks | _Jump](), Lock()
+        self._records, self._evaluating = deque[_Ticks | _Jump](), Lock()
         self._start: Array | None = None
         self._here = _Moment.of(arm)  # up to which the account is evaluated
         self._flows, self._changed, self._most = np.zeros(2), 0.0, np.zeros(3)
@@ -96,13 +96,13 @@ class EnergyMeter:
         """
         arm = self._arm
         p = arm.parameters.copy()
-        self._noted.append(_Ticks(arm.compiled.energy_account, x.copy(), u.copy(), p, step))
+        self._records.append(_Ticks(arm.compiled.energy_account, x.copy(), u.copy(), p, step))
 
     def change(self, action: Callable[[], Any]) -> None:
         """Run an action that changes payload, friction, gravity or state; record its energy."""
         before = _Moment.of(self._arm)
         action()
-        self._noted.append(_Jump(before, _Moment.of(self._arm)))
+        self._records.append(_Jump(before, _Moment.of(self._arm)))
 
     def account(self) -> Account:
         """The energies since the account was opened."""
@@ -121,16 +121,16 @@ class EnergyMeter:
             return Account(kinetic, potential, total, supplied, lost, self._changed, balance, step)
 
     def _add_up(self) -> None:
-        """Evaluate what was noted; ticks between two changes at once."""
+        """Evaluate the records; ticks between two changes at once."""
         ticks = list[_Ticks]()
-        for _ in range(len(self._noted)):
-            noted = self._noted.popleft()
-            if isinstance(noted, _Ticks):
-                ticks.append(noted)
+        for _ in range(len(self._records)):
+            record = self._records.popleft()
+            if isinstance(record, _Ticks):
+                ticks.append(record)
                 continue
             self._add_ticks(ticks)
-            ticks, self._here = [], noted.after
-            self._changed += float(sum(noted.after.energies()) - sum(noted.before.energies()))
+            ticks, self._here = [], record.after
+            self._changed += float(sum(record.after.energies()) - sum(record.before.energies()))
         self._add_ticks(ticks)
 
     def _add_ticks(self, ticks: Sequence[_Ticks]) -> None:

@@ -20,8 +20,9 @@ from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import counted
 from arm_dynamics.model.stops import Stops
-from arm_dynamics.scene import Line, Scene
+from arm_dynamics.scene import Scene
 from arm_dynamics.scene.constraint import WORLD
+from arm_dynamics.scene.imperfections import Line
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from struct import Struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,18 +16,22 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.scene import Scene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, command_line, sensors_of
-from arm_sim.inputs import SaturationNotice, row, torque, whole
+from arm_sim.inputs import row, torque, whole
 from arm_sim.plant.placing import constraint_hint, holding
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.origin import Origin
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.compiled_scene import CompiledScene
+from arm_sim.simulation.saturation import SaturationNotice
 from arm_sim.state import State, read_only_view
 from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.contact_forces import trouble
 from arm_sim.stepping.python_step import PythonStep, python_step
 from arm_sim.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from arm_sim.servo import Balance
 
 _put = object.__setattr__  # of what others cannot set
 
@@ -54,7 +58,7 @@ class SimulatedArm:
         n: Degrees of freedom.
         joint_names: Order of every vector.
         dt: Length of a tick in [s].
-        source: As given.
+        source: Name or path of the scene.
         compiled: Equations and compiled ticks, see ``use``.
         x: The current state (q, v, z), shape (nx,): a read-only view that ticks change.
         acted: The effective command of the last tick, limits applied, shape (n,), likewise.
@@ -82,6 +86,7 @@ class SimulatedArm:
         self.notes, self.compiled = read_only_view(self._notes[0]), compiled
         self.pointers: Arm | None = None
         self._saturation = SaturationNotice(model)
+        self._servo_saturation = SaturationNotice(model, "servo's command")
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
         self.line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
         self._bind(compiled)
@@ -93,6 +98,7 @@ class SimulatedArm:
         _put(self, "compiled", compiled)
         _put(self, "pointers", arm)
         self._step: PythonStep | None = None  # compiled when it is first used
+        self._balance: Balance | None = None  # in which servos hold the arm
 
     @property
     def step_count(self) -> int:
@@ -170,14 +176,14 @@ class SimulatedArm:
             return self.state
         if state is False:
             raise self.diverged()
-        self._passed(state.step, state)
+        self._passed(state.step, state, self._saturation)
         return state
 
     def _catch_up(self) -> None:
         """Register a tick at the end of which the handler of a signal raised an exception."""
         state, x = self._now.state, self._x.tobytes()
         if state is not None and x != np.concatenate([state.q, state.v, state.z]).tobytes():
-            self._passed(self.step_count + 1, None)
+            self._passed(self.step_count + 1, None, self._saturation)
 
     def _step_by_python(self, tau: object) -> None:
         if isinstance(tau, JointCommand):
@@ -207,7 +213,7 @@ class SimulatedArm:
             SimulationDiverged: If the tick cannot be computed; the state is kept.
         """
         self._put(self._command, 0, *tau)
-        self._advance()
+        self._advance(self._saturation)
 
     def follow(self, command: JointCommand) -> None:
         """The same under a command of shape (n,).
@@ -215,36 +221,36 @@ class SimulatedArm:
         The same object means the same command; another one, the next command of a stream. A joint
         that a servo holds at a position stays exactly at rest there.
         """
-        servo, x, n = self.compiled.servo, self._x, self.n
-        self._command[:] = servo.command(command, x, self._stepper.p, self.step_count)
-        rest = self.compiled.rest
-        held = self.hold == SERVOS and rest.knows(x, self._stepper.p)
-        before = x.copy() if servo.at_rest and rest.slow(x) else None
-        if before is None or not (held or self._balances(command)):
-            self._advance(servo=True)
+        servo, rest = self.compiled.servo, self.compiled.rest
+        x, p, n = self._x, self._stepper.p, self.n
+        self._command[:] = servo.command(command, x, p, self.step_count)
+        if not (servo.at_rest and rest.slow(x)):
+            self._advance(self._servo_saturation)
             return
-        self._advance(servo=True)
-        if rest.stays(before, x) if held else rest.slow(x):
+        held, before = self.hold == SERVOS and rest.is_at(self._balance, x, p), x.copy()
+        balance = self._balance if held else self._balance_under(command)
+        self._advance(self._servo_saturation)
+        if balance and (rest.lasts(balance, before, x) if held else rest.slow(x)):
             x[:n], x[n : 2 * n] = before[:n], 0.0
-            self._now.hold = SERVOS
+            self._balance, self._now.hold = balance, SERVOS
 
-    def _balances(self, command: JointCommand) -> bool:
-        """Whether the servos would hold the arm at rest where it is."""
+    def _balance_under(self, command: JointCommand) -> Balance | None:
+        """The balance of the arm where it is, at rest under its servos."""
         servo, rest, stepper = self.compiled.servo, self.compiled.rest, self._stepper
-        still = rest.stopped(self._x)
-        holding = servo.command(command, still, stepper.p, self.step_count)
-        return rest.balanced(still, holding, stepper.p, stepper.slope)
+        stopped = rest.stopped(self._x)
+        torques = servo.command(command, stopped, stepper.p, self.step_count)
+        return rest.balance(stopped, torques, stepper.p, stepper.slope)
 
-    def _advance(self, servo: bool = False) -> None:
+    def _advance(self, notice: SaturationNotice) -> None:
         if self._tick() != 1:
             raise self.diverged()
-        self._passed(self.step_count + 1, None, servo)
+        self._passed(self.step_count + 1, None, notice)
 
-    def _passed(self, count: int, state: State | None, servo: bool = False) -> None:
+    def _passed(self, count: int, state: State | None, notice: SaturationNotice) -> None:
         """Register ticks up to the ``count``-th, and the state after them if that is known."""
         now = self._now
         now.step_count, now.state, now.hold = count, state, FREE
-        self._saturation.check(self._command, self._effort, servo)
+        notice.check(self._command, self._effort)
         self._sense()
 
     def share(self, now: Any) -> None:
@@ -298,10 +304,9 @@ class SimulatedArm:
     def lock(self) -> None:
         """Close the brakes: joints and motors stop at once, and drives are switched off."""
         self._x[self.n : 2 * self.n] = 0.0
-        states = self.plant.laws.states
-        for k, state in enumerate(states, 2 * self.n):
-            if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
-                self._x[k] = 0.0
+        for kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
+            places, _ = self.plant.laws.places(kind)
+            self._x[places] = 0.0
         self._effort[:], self._now.state = 0.0, None
 
     @property

@@ -27,9 +27,10 @@ from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
-from arm_sim.inputs import answers, function_of_state, named, tick_count, torque, torque_table
+from arm_sim.inputs import named, tick_count, torque, torque_table
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plant.actuation import CompiledControl
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.placing import closed, placed, warn_of_degrees, warn_of_speeds
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
@@ -37,6 +38,7 @@ from arm_sim.recording.witness import Control as Again
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
+from arm_sim.simulation.control import Control, check_function, commands_of
 from arm_sim.simulation.plan import Plan
 from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.simulated_arm import SimulatedArm
@@ -46,10 +48,9 @@ from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from arm_dynamics.control.wrappers import AnyController
+    from arm_dynamics.control.controller import AnyController
     from arm_sim.derivatives import Derivatives
 
-Control = Callable[[State], Any]
 FIRST_SLICE, TICKS_PER_PART = 10, 2000  # of a controller in Python, and of a recording
 
 
@@ -353,7 +354,7 @@ class Simulator:
 
     def _driver_of(self, control: Any, reference: Motion | None, ticks: int) -> Driver:
         if hasattr(control, "torque"):
-            control = answers(control, reference, self.dynamics, self.measured)
+            control = commands_of(control, reference, self.dynamics, self.measured)
         elif reference is not None:
             raise InvalidInput("a reference is for a controller with torque(state, reference)")
         if isinstance(control, CompiledControl):
@@ -368,7 +369,8 @@ class Simulator:
             commands = control.rows(ticks, self.n, self.dt)
             return Driver(partial(self._run_function, lambda _: next(commands)), open_loop=False)
         if callable(control):
-            return Driver(partial(self._run_function, function_of_state(control)), open_loop=False)
+            check_function(control)
+            return Driver(partial(self._run_function, control), open_loop=False)
         table = torque_table(control, ticks, self.joint_names, self.dt)
         open_loop = not gravity_compensated(self.model.scene)
         return Driver(partial(self._run_table, table), open_loop)
@@ -387,8 +389,8 @@ class Simulator:
             sent = table[at + first : at + end] if table.ndim == 2 else table
             if arm.line is None:
                 return sent
-            each = np.broadcast_to(sent, (end - first, n)).tolist()
-            return np.array([arm.arrived(row, k) for k, row in enumerate(each)])
+            rows = np.broadcast_to(sent, (end - first, n)).tolist()
+            return np.array([arm.arrived(row, k) for k, row in enumerate(rows)])
 
         trace.roll(self._stepper, commands)
 
@@ -516,7 +518,7 @@ class Simulator:
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
         state, names = self.state, self.held_constraints
-        outside = self.arm.plant.parameters.of("external", self._stepper.p)
+        outside = self.arm.plant.parameters.of(EXTERNAL, self._stepper.p)
         tau = self.effort + outside if outside.size else self.effort
         if self.arm.plant.eventful and self.arm.plant.constrained:
             tau = tau + self._stepper.push(self.arm.x, self.arm.acted)
@@ -549,7 +551,7 @@ class Simulator:
         names = {*self.held_constraints, name} if on else {*self.held_constraints} - {name}
         n, x = self.n, closed(self.arm.plant, self.arm.x, names)
         x = self._placed(x[:n], x[n : 2 * n], x[2 * n :], names)
-        self.set_parameter("constraints", [float(place in names) for place in places])
+        self.set_parameter(CONSTRAINTS, [float(place in names) for place in places])
         self.arm.place(x)
         return self.state
 

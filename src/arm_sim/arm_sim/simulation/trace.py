@@ -33,8 +33,8 @@ class Trace:
         at: Ticks of the run before.
 
     Attributes:
-        ticks: As given.
-        at: As given.
+        ticks: Their number.
+        at: Ticks of the run before.
         done: How many of the ticks were made.
         time: Time at the start and after each tick in [s], shape (k+1,).
 
@@ -43,8 +43,8 @@ class Trace:
     """
 
     def __init__(self, arm: SimulatedArm, ticks: int, progress: Progress, at: int = 0) -> None:
-        each = 3 + arm.plant.nx + arm.n + len(arm.parameters) + 3 * arm.n * bool(arm.sensors)
-        refuse_beyond_memory(ticks, 8 * each)
+        row = 3 + arm.plant.nx + arm.n + len(arm.parameters) + 3 * arm.n * bool(arm.sensors)
+        refuse_beyond_memory(ticks, 8 * row)
         self._arm, self.ticks, self.at, self.done = arm, ticks, at, 0
         self._progress = progress
         steps = arm.step_count + np.arange(ticks + 1)
@@ -97,7 +97,7 @@ class Trace:
 
     def begin(self, row: int) -> None:
         """Register what a controller changed before the tick from a row."""
-        self._changes.look(row, self._x)
+        self._changes.detect(row, self._x)
 
     def end(self, row: int) -> None:
         """Record the tick from a row, which the arm has executed."""
@@ -126,7 +126,7 @@ class Trace:
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
         n, measured = arm.n, self._measured
-        origin = replace(arm.origin, given=open_loop)
+        origin = replace(arm.origin, open_loop=open_loop)
         return Recording(
             time=time, q=x[:, :n], v=x[:, n : 2 * n], z=x[:, 2 * n :], command=command,
             local_error=notes[:, 0], time_stepped=notes[:, 1], joint_names=arm.joint_names,
@@ -152,8 +152,8 @@ class _Changes:
         self._tuned, self._last = [self._present()], self._token()
         self.state = arm.state
 
-    def look(self, row: int, x: Array) -> None:
-        """Compare with the last call; a changed state is written to its row of ``x``."""
+    def detect(self, row: int, x: Array) -> None:
+        """Compare with the last call; a changed state replaces its row of ``x``."""
         arm = self._arm
         token, here = self._token(), arm.x
         same = arm.state is self.state or here.tobytes() == x[row].tobytes()
@@ -165,9 +165,9 @@ class _Changes:
         self._substeps.append(self._arm.substep)
         self._last, x[row] = token, here
 
-    def held(self, row: int, how: int) -> None:
+    def held(self, row: int, hold: int) -> None:
         """Record what held the arm (servos or brakes) in the tick that begins at a row."""
-        self._holds[row] = how
+        self._holds[row] = hold
 
     def hold(self, rows: int) -> NDArray[np.uint8] | None:
         """What held the arm in the tick from each time, shape (rows,); None if nothing did."""

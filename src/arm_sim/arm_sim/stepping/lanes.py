@@ -103,18 +103,23 @@ def built_of_lanes(
     return Compiled(own, engine)
 
 
+def check_lanes(lanes: int | None) -> None:
+    """Refuse a number of lanes that is not one of ``WIDTHS``; None is allowed."""
+    if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
+        raise InvalidInput(f"lanes = {lanes!r}; allowed: {', '.join(map(str, WIDTHS))}")
+
+
 def widths(lanes: int | None) -> tuple[int, ...]:
     """Numbers of lanes to try in turn: as requested, else the processor's and fewer; then one.
 
     Code compiled elsewhere, for all processors of a level, may be of fewer lanes than fit here.
 
     Raises:
-        InvalidInput: If ``lanes`` is not one of ``WIDTHS``.
+        InvalidInput: As of ``check_lanes``.
     """
+    check_lanes(lanes)
     if lanes is None:
         return WIDTHS[WIDTHS.index(natural_width()) :]
-    if isinstance(lanes, bool) or lanes not in WIDTHS:
-        raise InvalidInput(f"lanes = {lanes!r}; allowed: {', '.join(map(str, WIDTHS))}")
     return (lanes, 1) if lanes > 1 else (1,)
 
 

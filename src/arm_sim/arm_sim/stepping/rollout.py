@@ -26,11 +26,11 @@ from arm_sim.stepping.lanes import (
     ADDRESS,
     NUMBER,
     built_of_lanes,
+    check_lanes,
     has_unmonitored_switches,
     natural_width,
     ticks_of_lanes,
     widest,
-    widths,
 )
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.threads import share
@@ -91,7 +91,7 @@ class Rollouts:
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
-        widths(lanes)  # which checks them
+        check_lanes(lanes)
         together = self._in_registers
         short = self._choice.tolerance is None and not self._smooth.eventful
         if lanes is None and not (short or self._code_of.cache_info().currsize):

@@ -23,8 +23,8 @@ POINTS = 1200  # points of a curve
 FLAT = 1e-9  # values that count as zero, relative to 1 or to the largest value
 WIDTH = 380  # size of the panel in pixels
 
+# Titles of rolling plots by field of a sample, in their order: energies are never all zero
 ROLLING = {"energies": "energy [J]", "error": "error [rad]", "torque": "torque [N m]"}
-"""Titles of rolling plots by field of a sample, in their order: energies are never all zero."""
 
 
 class Sample(NamedTuple):

@@ -14,7 +14,7 @@ import pinocchio as pin
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel, postures
 from arm_sim.view import shapes
-from arm_sim.view.framing import keep_framed
+from arm_sim.view.framing import direction, keep_framed
 from arm_sim.view.marks import Instant, Marker, Marks
 
 if TYPE_CHECKING:
@@ -24,20 +24,19 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
+# Colours of contact forces, friction cones, constraint forces, springs, stops, the path, the whole
+# path of a recording, and the library's arrow of a drag.
 CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE, MOUSE = (
     (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20),
     (150, 150, 150), (255, 140, 66),
 )  # fmt: skip
-"""Colours of contact forces, friction cones, constraint forces, springs, stops, the path, the
-whole path of a recording, and the library's arrow of a drag.
-"""
 
+# Of a legend: mark, colour and meaning
 type Row = tuple[str, tuple[int, ...], str]
-"""Of a legend: mark, colour and meaning."""
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
 LEAST = 3e-3  # force, relative to the arm's weight, whose arrow is long enough to be seen
-KEPT = 300  # points of the path behind a moving hand
+KEPT = 300  # points of the path behind the end effector
 _POSTURES = 300  # among which the lowest point of an arm is found
 _TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 _CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN), 0.0 * _TURN])
@@ -70,6 +69,7 @@ class DrawnArm:
         links: Names and handles of links, and of joints that are drawn in their place.
         extent: Points around the arm at its start and of its path, or wherever it swings if it
             has no base, in [m], shape (k, 3).
+        axes: Those of its joints that turn, at its start, shape (3, k).
         lowest: Height in [m] below which it has no point: at its start if it has a base to stand
             on, else wherever it turns.
     """
@@ -101,6 +101,8 @@ class DrawnArm:
         ]  # fmt: skip
         carried = [(x.joint, x.corners) for x in visuals if x.joint or x.name == shapes.PIVOT]
         self.extent = self.base + self.marker.extent(model.q0, carried)
+        jacobian = model.pin, model.pin.createData(), model.configuration(model.q0)
+        self.axes = pin.computeJointJacobians(*jacobian)[3:]
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
         self._hangs = any(visual.name in (shapes.PIVOT, shapes.RAIL) for visual in visuals)
         if self._hangs:
@@ -131,12 +133,12 @@ class DrawnArm:
         return marks
 
     def clear_path(self) -> None:
-        """Restart the hand's path."""
+        """Restart the path of the end effector."""
         self._path = []
         self._marks["path"].set(_pairs(np.zeros((0, 3))))
 
     def show_path(self, path: Array) -> None:
-        """Draw a complete, permanent path of the hand, shape (k, 3), which extends the arm."""
+        """Draw the complete path of the end effector, shape (k, 3), which extends the arm."""
         self.extent = np.vstack([self.extent, self.base + path])
         self._marks["whole path"].set(_pairs(path))
 
@@ -146,7 +148,7 @@ class DrawnArm:
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
         whole_path = not self._marks["whole path"].empty
         for exists, mark, colour, text in (
-            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail, fixed to the world"),
+            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail"),
             (scene.payloads, "●", _bytes(shapes.LOAD), "payload"),
             (scene.contacts, "●", _bytes(shapes.TOUCH), "point of contact"),
             (scene.contacts, "■", _bytes(shapes.SURFACE), "plane of contact"),
@@ -155,8 +157,8 @@ class DrawnArm:
             (scene.bilateral, "➔", TIE, "force of a constraint"),
             (springs, "≈", SPRING, "spring"),
             (np.isfinite(stops).any(), "●", STOP, "joint at its end stop"),
-            (True, "━", PATH, "path of the hand"),
-            (whole_path, "━", WHOLE, "whole path of the hand"),
+            (True, "━", PATH, "path of the end effector"),
+            (whole_path, "━", WHOLE, "whole path of the end effector"),
         ):
             if exists:
                 yield mark, colour, text
@@ -251,20 +253,22 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
     size = max(actor.size for actor in actors)
     lowest = min(actor.lowest for actor in actors)
     level = min(lowest, 0.0) - (0.15 * size if lowest < -1e-3 else 0.0)
-    extent, section = 2.0 * (width + 2.0 * size), float(10.0 ** np.round(np.log10(size)))
+    extent, section = 6.0 * (width + 2.0 * size), float(10.0 ** np.round(np.log10(size)))
     server.scene.add_grid(
         "/ground", extent, extent, cell_size=0.1 * section, section_size=section,
-        position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
+        position=(0.0, 0.0, level), fade_distance=0.8 * extent, shadow_opacity=0.25,
     )  # fmt: skip
-    # A pale blue sky, against which white arms are visible.
-    column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64, dtype=np.uint8)
+    # A sky and a ground against which white arms and dark ones are visible.
+    column = np.linspace([205.0, 218.0, 232.0], [178.0, 191.0, 205.0], 64, dtype=np.uint8)
     server.scene.set_background_image(np.repeat(column[:, None], 4, axis=1), format="png")
     keep_framed(server, *around(actors))
 
 
-def around(actors: Iterable[DrawnArm]) -> tuple[Array, float]:
-    """Points around arms, shape (k, 3), and how near a camera comes to their middle, in [m]."""
-    return np.concatenate([x.extent for x in actors]), 1.5 * max(x.size for x in actors)
+def around(actors: Sequence[DrawnArm]) -> tuple[Array, float, Array]:
+    """Points around arms, shape (k, 3), the least distance of a camera in [m], and where it is."""
+    from_arms = direction(np.hstack([x.axes for x in actors]))
+    points = np.concatenate([x.extent for x in actors])
+    return points, 1.5 * max(x.size for x in actors), from_arms
 
 
 def legend(rows: Iterable[Row]) -> str:

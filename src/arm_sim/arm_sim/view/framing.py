@@ -28,7 +28,18 @@ def axes(to_camera: Array) -> Array:
     return np.stack([right, np.cross(right, forward), forward])
 
 
-def fitted(points: Array, nearest: float, aspect: float) -> tuple[Array, Array]:
+def direction(joint_axes: Array) -> Array:
+    """From arms to the camera: almost along joint axes, shape (3, k), if all are level and one."""
+    directions, sizes, _ = np.linalg.svd(joint_axes)
+    axis = directions[:, 0]
+    if sizes[:1].sum() == 0.0 or sizes[1:].any() > 1e-6 or abs(axis[2]) > 0.7:
+        return TO_CAMERA
+    return np.sign(axis @ TO_CAMERA) * axis + 0.35 * TO_CAMERA + [0.0, 0.0, 0.2]
+
+
+def fitted(
+    points: Array, nearest: float, aspect: float, to_camera: Array = TO_CAMERA
+) -> tuple[Array, Array]:
     """The nearest camera from which all points are in the free part of its picture, centred.
 
     Each edge of that part is a plane through the camera behind which no point may be: an
@@ -39,11 +50,12 @@ def fitted(points: Array, nearest: float, aspect: float) -> tuple[Array, Array]:
         points: In [m], shape (k, 3).
         nearest: Least distance from the middle of the points in [m].
         aspect: Width over height of the picture.
+        to_camera: Direction of the camera from the arm.
 
     Returns:
         Its position, and a point that it looks at, at the distance of the points' middle.
     """
-    x, y, depth = axes(TO_CAMERA) @ points.T
+    x, y, depth = axes(to_camera) @ points.T
     side = FILLED_PART * aspect
     edges = np.array(ABOVE_SHEET if aspect < PORTRAIT_BELOW else (-FILLED_PART, FILLED_PART))
     bounds = [
@@ -56,15 +68,17 @@ def fitted(points: Array, nearest: float, aspect: float) -> tuple[Array, Array]:
     near = min(-(below + above) / (high - low) for below, above, low, high in bounds)
     near = min(near, middle - nearest)
     place = [(above - below + (high + low) * near) / 2 for below, above, low, high in bounds]
-    position = np.array([*place, near]) @ axes(TO_CAMERA)
-    return position, position + (middle - near) * axes(TO_CAMERA)[2]
+    position = np.array([*place, near]) @ axes(to_camera)
+    return position, position + (middle - near) * axes(to_camera)[2]
 
 
-def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> None:
+def keep_framed(
+    server: viser.ViserServer, points: Array, nearest: float, to_camera: Array = TO_CAMERA
+) -> None:
     """Frame points for everybody who opens a page, until they move the camera themselves."""
-    first = server.initial_camera
+    first = server.initial_camera  # also of pages without a server
     first.fov = FIELD
-    first.position, first.look_at = fitted(points, nearest, 1.0)  # also of pages without a server
+    first.position, first.look_at = fitted(points, nearest, 1.0, to_camera)
 
     async def welcome(client: viser.ClientHandle) -> None:
         placed, aspect = [first.position], 0.0
@@ -77,7 +91,7 @@ def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> Non
             if moved or abs(camera.aspect - aspect) < MOVED_TOLERANCE * aspect:
                 return
             aspect = camera.aspect
-            position, look_at = fitted(points, nearest, aspect)
+            position, look_at = fitted(points, nearest, aspect, to_camera)
             placed.append(position)
             with client.atomic():
                 camera.position, camera.look_at = position, look_at

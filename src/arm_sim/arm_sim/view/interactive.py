@@ -161,7 +161,7 @@ class Interactive(View):
         model, sliders = rig.simulation.model, []
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
             for i, name in enumerate(model.joint_names):
-                label = f"{name} [m]" if model.joint_types[i] == "prismatic" else name
+                label = name if model.turning[i] else f"{name} [m]"
                 scale = slider_scale(model, i, rig.simulation.state.q[i])
                 sliders.append(self._server.gui.add_slider(label, *scale))
                 self._on_change(sliders[i], partial(self.slide, rig, i))
@@ -183,7 +183,7 @@ class Interactive(View):
     async def _drag(self, rig: InteractiveArm, actor: DrawnArm, frame: str, event: Any) -> None:
         """Pull at a link; called in order of events, as plain functions would not be."""
         if event.phase == "end":
-            self._order(rig.release)
+            self._order(rig.mouse.release)
         else:
             ends = np.array([event.start_position, event.end_position]) - actor.base
             self._order(partial(rig.pull, frame, *ends))

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,10 +20,10 @@ from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.view.charts import Sample
 from arm_sim.view.marks import Instant, contacts_of
+from arm_sim.view.mouse_pull import PULL, MousePull
 
 ENERGIES = ("kinetic", "potential", "supplied", "lost", "balance", "total")  # the total on top
 BANDWIDTH = 4.0  # [rad/s] with which references move to the sliders
-PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
 
 _log = logging.getLogger(__name__)
 
@@ -37,32 +36,30 @@ class Mode(StrEnum):
     NOTHING = "nothing"
 
 
-class _Pull(NamedTuple):
-    """Of the mouse at a frame."""
-
-    frame: str
-    point: Array  # that is held, in the frame, homogeneous, shape (4,)
-    mouse: Array  # its place in the world, shape (3,)
-
-
 class InteractiveArm:
-    """A simulation with its controller, external forces and energies; for one thread."""
+    """A simulation with its controller, external forces and energies; for one thread.
 
-    _step: int  # up to which the energies are known
+    Attributes:
+        simulation: The simulation.
+        wrenches: Pushes.
+        mouse: The pull of the mouse.
+        damping: 1/T in [1/s] of gravity compensation, by which speeds decay.
+        mode: The controller.
+        target: Positions of the sliders in [rad] or [m], shape (n,).
+    """
 
     def __init__(self, simulation: Simulator) -> None:
         self.simulation, model = simulation, simulation.model
         simulation.arm.use(simulation.arm.compiled.pushable())
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._pushed = False
-        self._pull: _Pull | None = None
         self._command = CommandMap(model)
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
         self._tracking = PDGravity(simulation.dynamics, *gains)
         self._compensation = GravityCompensation(simulation.dynamics)
         self._rigid = RigidTerms(model)
-        # 1/T in [1/s] of gravity compensation, by which speeds decay; critical: what the mouse
-        # holds, a mass on its spring, does not swing.
+        self.mouse = MousePull(model, self._rigid)
+        # Critical: what the mouse holds, a mass on its spring, does not swing.
         self.damping = 2.0 * np.sqrt(PULL / model.reach)
         try:
             simulation.arm.compiled.energy_account.prepare()
@@ -70,8 +67,8 @@ class InteractiveArm:
         except ArmError as error:
             _log.warning("no energies are known: %s", error)
             self._metered = False
-        self.mode, self.target = Mode.GRAVITY, simulation.state.q.copy()
-        self._reference = self.target.copy(), np.zeros(simulation.n)
+        self.choose(Mode.GRAVITY)
+        self._step = 0  # up to which the energies are known
         self._open_account()
 
     @property
@@ -106,54 +103,28 @@ class InteractiveArm:
         self.mode, self.target = Mode(mode), q.copy()
         self._reference = q.copy(), np.zeros(self.simulation.n)
 
+    def pull(self, frame: str, held: Array, mouse: Array) -> None:
+        """Pull a frame where it was seized towards the mouse, both in [m] in the world."""
+        self.mouse.pull(self.simulation.state.q, frame, held, mouse)
+
     def push(self, frame: str, wrench: Array, ticks: int) -> None:
         """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
 
-    def pull(self, frame: str, held: Array, mouse: Array) -> None:
-        """Pull a frame where it is seized, in [m], towards the mouse, as by a spring."""
-        if self._pull is None or self._pull.frame != frame:
-            pose = self.simulation.dynamics.pose(self.simulation.state.q, frame)
-            point = np.linalg.solve(pose, np.append(held, 1.0))
-        else:
-            point = self._pull.point
-        self._pull = _Pull(frame, point, mouse)
-
-    def release(self) -> None:
-        """End the pull."""
-        self._pull = None
-
     @property
     def external(self) -> Array:
         """Torques of pushes and the pull now, shape (n,)."""
-        q, step = self.simulation.state.q, self.simulation.state.step
-        torque = self.wrenches.torque(q, step)
-        return torque if self._pull is None else torque + self._pulled(q, *self._pull)
-
-    def _pulled(self, q: Array, frame: str, point: Array, mouse: Array) -> Array:
-        """Torque of the pull, which accelerates what is held alike, be it light or heavy.
-
-        A force along u meets the mass 1/(uᵀ J M⁻¹ Jᵀ u) (Khatib, "Inertial properties in robotic
-        manipulation", Int. J. Robotics Research 14(1), 1995); near singularities, that of the arm.
-        """
-        dynamics = self.simulation.dynamics
-        pose, J = dynamics.pose(q, frame), dynamics.jacobian(q, frame)
-        held = pose @ point
-        way = mouse - held[:3]
-        turned = np.append(way, np.cross(held[:3] - pose[:3, 3], way)) @ J
-        ease = turned @ self._rigid.mobility(q) @ turned
-        whole = dynamics.model.total_mass
-        mass = way @ way / ease if whole * ease > way @ way else whole
-        return np.asarray(PULL * mass / dynamics.model.reach * turned)
+        state = self.simulation.state
+        return self.wrenches.torque(state.q, state.step) + self.mouse.torque(state.q)
 
     def tick(self) -> None:
         """Make a tick."""
         simulation, state = self.simulation, self.simulation.state
         if state.step != self._step:
             self._open_account()  # the state was changed from elsewhere
-        if self.wrenches.active or self._pull or self._pushed:
+        if self.wrenches.active or self.mouse.frame or self._pushed:
             simulation.set_parameter("external", self.external)
-            self._pushed = bool(self.wrenches.active or self._pull)
+            self._pushed = bool(self.wrenches.active or self.mouse.frame)
         simulation.arm.advance(self._commanded(state).tolist())
         self._step = state.step + 1
         if self._meter is not None:
@@ -169,7 +140,7 @@ class InteractiveArm:
     def let_go(self) -> None:
         """End all external forces."""
         self.wrenches.clear()
-        self.release()
+        self.mouse.release()
         self.simulation.set_parameter("external", np.zeros(self.simulation.n))
         self._pushed = False
 

@@ -166,7 +166,8 @@ class View(AbstractContextManager["View"]):
         return path
 
     def _camera(self, size: tuple[int, int]) -> AbstractContextManager[Callable[[], np.ndarray]]:
-        pose = fitted(*around(self.actors), size[0] / size[1])
+        points, nearest, from_arms = around(self.actors)
+        pose = fitted(points, nearest, size[0] / size[1], from_arms)
         return pictures.camera(self._server, size, *pose)
 
     def _with_figures(self, page: str) -> str:

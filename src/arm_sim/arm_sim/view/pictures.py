@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import viser
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-HOW_TO_GET_ONE = (
+INSTALL_ONE = (
     "install one (Debian: sudo apt install chromium; Ubuntu: sudo snap install chromium), or name "
     "one in ARM_BROWSER"
 )
@@ -42,9 +42,7 @@ def browser() -> str:
         raise ViewError(f"ARM_BROWSER = {named!r} is not a program; a Chromium is expected")
     program = named or next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
-        raise ViewError(
-            f"no browser for pictures: none of {', '.join(BROWSERS)}; {HOW_TO_GET_ONE}"
-        )
+        raise ViewError(f"no browser for pictures: none of {', '.join(BROWSERS)}; {INSTALL_ONE}")
     return program
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import viser
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
-WAY_POINTS = 1500  # points of the path of a hand
+WAY_POINTS = 1500  # points of the path of the end effector
 POINTS = 4000  # points of curves of energies
 FIGURES = (
     "<style>body {display: flex} #root {flex: 3; min-width: 0} #figures {order: -1; flex: 2; "
@@ -123,8 +123,8 @@ def instant(recording: Recording, time: float) -> Instant:
     part, model = recording.part([row]), recording.plant.model
     tied, stopped = model.scene.bilateral, model.stops.touched(part.q).any()
     contacts = np.zeros((0, 3, 3))
-    if recording.plant.points:
-        stepper = part.account.stepper
+    if part.physics is not None and part.plant.points:
+        stepper = part.physics.replay_stepper
         stepper.p[:] = part.p[0]
         forces = contact_forces(part.plant, stepper, part.x[0], part.command[0])
         contacts = contacts_of(model, forces)
@@ -149,7 +149,7 @@ def _curves(recording: Recording) -> Iterator[tuple[str, Sequence[str], Array, A
     rows = np.unique(np.linspace(0, len(recording) - 1, POINTS).astype(int))
     part = recording.part(rows)
     curves = {"kinetic": part.kinetic, "potential": part.potential, "total": part.energy}
-    if len(recording) <= LONG or not recording.account.makes_ticks_again(recording.x):
+    if len(recording) <= LONG or not recording.account.repeats(recording.x):
         supplied, lost = recording.supplied[rows], recording.lost[rows]
         curves |= {"supplied": supplied, "lost": lost, "balance": recording.balance[rows]}
     yield ("energy [J]", tuple(curves), part.time, np.column_stack(list(curves.values())))

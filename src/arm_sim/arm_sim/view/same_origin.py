@@ -34,9 +34,8 @@ def refusal(requested: str | None, origin: str | None, host: str) -> str:
         if not own and not name.endswith(".localhost"):
             ip_address(name)  # a plain address cannot be rebound to another machine
     except ValueError:
-        return (
-            f"Host is {requested!r}; localhost, {machine}, {host} and plain addresses are answered"
-        )
+        allowed = f"localhost, {machine}, {host} and plain addresses"
+        return f"Host is {requested!r}; {allowed} are answered"
     if origin is not None and origin.partition("://")[2].lower() != requested:
         return f"the page of {origin!r} may not use the server of {requested!r}"
     return ""

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 HERE = "127.0.0.1"
 PORT, TRIED = 8080, 50  # the default port, and how many after it are tried
 CONTROLS = 320  # width of the panel of controls in pixels
+# Boxes of sliders wide enough for eight digits; those of the library hold five
 ROOMY = "<style>.mantine-Slider-root + .mantine-NumberInput-root {width: 4rem !important}</style>"
-"""Boxes of sliders wide enough for eight digits; those of the library hold five."""
 
 _log = logging.getLogger(__name__)
 

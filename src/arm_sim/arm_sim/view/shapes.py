@@ -16,21 +16,21 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.scene.files import find_file
-from arm_dynamics.scene.urdf import xml_root
+from arm_dynamics.scene.urdf.xml import xml_root
 
 _log = logging.getLogger(__name__)
 
+# Red, green, blue and opacity, 0 to 1
 type Colour = tuple[float, ...]
-"""Red, green, blue and opacity, 0 to 1."""
 
-METAL: Colour = (0.72, 0.74, 0.78, 1.0)
+METAL: Colour = (0.36, 0.47, 0.6, 1.0)
 LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
 SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)
 TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)
 BEARING: Colour = (0.25, 0.27, 0.3, 1.0)
 PIVOT, RAIL = "pivot", "rail"  # names of what is drawn in place of a base
-LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads
-THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to the robot's reach
+DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads and point masses
+THIN, THICK = 0.016, 0.08  # least and largest radius of capsules, relative to the robot's reach
 
 
 class Visual(NamedTuple):
@@ -73,9 +73,8 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
 
 def _described(robot: Robot, folder: Path) -> Iterable[Visual]:
     root = xml_root(robot.scene.robot.urdf)
-    colours = {
-        material.get("name"): _colour(material, {}) for material in root.findall("material")
-    }
+    materials = root.findall("material")
+    colours = {material.get("name"): _colour(material, {}) for material in materials}
     for link in root.findall("link"):
         name = str(link.get("name"))
         frame = robot.frame(name)
@@ -143,7 +142,8 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
 
     A cylinder of mass m, radius r and length l has m r²/2 about its axis and m (3 r² + l²)/12
     across (Goldstein, Classical Mechanics, section 5.3); these are solved for r and l, with the
-    mean of the two larger moments as the transverse one, and the ends are rounded.
+    mean of the two larger moments as the transverse one, and the ends are rounded. Point masses
+    are balls, and hinges between bodies dark pins.
     """
     model, size = robot.bare, robot.reach
     thin, visuals = THIN * size, []
@@ -161,16 +161,27 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
             along, across = max(float(moments[0]), 0.0), float(moments[1:].mean())
             radius = np.sqrt(2 * along / body.mass)
             length = np.sqrt(max(12 * across / body.mass - 3 * radius**2, 0.0))
+            if length < thin:
+                radius = max(_ball(body.mass), 3 * thin)
             add(joint, axes[:, 0], body.lever, float(np.clip(radius, thin, THICK * size)), length)
         ways = [
             model.jointPlacements[child].translation
             for child in range(1, model.njoints)
             if model.parents[child] == joint
         ]
+        axis = np.asarray(model.joints[joint].createData().S).ravel()[3:]
+        if model.parents[joint] and axis.any():
+            pin_ = pin.SE3(turn_to(axis), np.zeros(3)), "cylinder", (4 * thin, 4 * thin, 9 * thin)
+            visuals.append(Visual(model.names[joint], joint, *pin_, BEARING))
         for way in ways or [body.lever]:
             if (length := float(np.linalg.norm(way))) > thin:
                 add(joint, way, way / 2, thin, length)
     return visuals
+
+
+def _ball(mass: float) -> float:
+    """Radius of the ball that represents a mass."""
+    return float((3 * mass / (4 * np.pi * DENSITY)) ** (1 / 3))
 
 
 def turn_to(direction: Array) -> Array:
@@ -188,7 +199,7 @@ def _pivots(robot: Robot) -> Iterable[Visual]:
             slide, turn = np.asarray(model.joints[joint].createData().S).reshape(2, 3)
             at, slides = model.joints[joint].idx_q, slide.any()
             low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
-            far, thick = (2.0, 0.3 * THIN) if slides else (1.2 * THICK, 1.5 * THIN)
+            far, thick = (2.0, 0.3 * THIN) if slides else (0.8 * THICK, 1.5 * THIN)
             if slides and low < high:
                 low, high = np.clip([low, high], -far * size, far * size)
             else:
@@ -206,7 +217,7 @@ def _pivots(robot: Robot) -> Iterable[Visual]:
 def _payloads(robot: Robot) -> Iterable[Visual]:
     for i, payload in enumerate(robot.scene.payloads):
         joint, place = _in_joint(robot, payload.frame, payload.com)
-        radius = (3 * payload.mass / (4 * np.pi * LOAD_DENSITY)) ** (1 / 3)
+        radius = _ball(payload.mass)
         if radius > 0.0:
             yield Visual(f"payload_{i}", joint, place, "sphere", 3 * (2 * radius,), LOAD)
 

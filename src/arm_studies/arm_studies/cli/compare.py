@@ -50,16 +50,17 @@ def compare(
         last: Use only this fraction of the recording, counted from its end.
         names: Name of a joint in the recording; may be repeated.
     """
-    from arm_studies.identification import compare as set_beside
+    from arm_studies import identification
     from arm_studies.identification.data import read_joint_record
 
     record = read_joint_record(recording, topic)
     scenes, comparisons = [name for name in (scene, scene2) if name is not None], []
     for name in scenes:
         click.echo(f"comparing {name} with {recording.name} …", err=True)
-        comparisons.append(
-            set_beside(name, record, band=band, window=window, last=last, names=dict(names))
+        comparison = identification.compare(
+            name, record, band=band, window=window, last=last, names=dict(names)
         )
+        comparisons.append(comparison)
     if figure is not None:
         from arm_studies.identification.figures import draw_comparison
 

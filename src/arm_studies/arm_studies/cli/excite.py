@@ -79,15 +79,14 @@ def excite(
         raise click.UsageError("--box and --frame must be given together")
     from arm_dynamics import Dynamics
     from arm_dynamics.trajectory import JointTrajectory
-    from arm_studies.identification.excitation import Box, Room
-    from arm_studies.identification.excitation import excite as find
+    from arm_studies.identification import excitation
     from arm_studies.identification.figures import draw_excitation
 
     dynamics = Dynamics(scene)
-    inside = Box(box.rows[0][:3], box.rows[0][3:], frames) if box else None
+    inside = excitation.Box(box.rows[0][:3], box.rows[0][3:], frames) if box else None
     begin = start.flat(dynamics.joint_names) if start else None
     most = math.inf if acceleration is None else acceleration
-    room = Room(dynamics, share, margin, most, inside, clearance, begin)
+    room = excitation.Room(dynamics, share, margin, most, inside, clearance, begin)
 
     def in_lines(completed: int, **_: object) -> None:
         click.echo(f"{completed} of {attempts} attempts", err=True)
@@ -95,7 +94,7 @@ def excite(
     if not sys.stderr.isatty():
         click.echo(f"searching: {attempts} attempts, a few seconds each", err=True)
     with progress(sys.stderr, in_lines, description="searching", total=attempts) as bar:
-        best = find(
+        best = excitation.excite(
             room, period=period, harmonics=harmonics, aim=aim, attempts=attempts, seed=seed,
             on_progress=lambda done: bar(completed=done),
         )  # fmt: skip
@@ -106,9 +105,9 @@ def excite(
     draw_excitation(best.motion, room, figure)
     if as_json:
         names = ("condition", "information", "masses", "parameters", "attempts")
-        facts = {name: getattr(best, name) for name in names}
+        result = {name: getattr(best, name) for name in names}
         files = {"trajectory": out, "figure": figure}
-        click.echo(to_json(facts | {"duration": best.motion.duration} | files))
+        click.echo(to_json(result | {"duration": best.motion.duration} | files))
         return
     _show(best, room)
     say(out, figure)

@@ -64,7 +64,7 @@ def identify(
             "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
             "--total-mass and --mass are not allowed with it"
         )
-    from arm_studies.identification import identify as find
+    from arm_studies import identification
     from arm_studies.identification.data import read_joint_record
     from arm_studies.identification.report import write
 
@@ -72,7 +72,7 @@ def identify(
     if payload is not None:
         facts, lines, files = _payload(records, scene, payload, out, band, dict(names))
     else:
-        result = find(
+        result = identification.identify(
             scene, records, band=band, effort=dict(units) or effort, names=dict(names),
             total_mass=total_mass, masses=dict(masses), accept_worse=accept_worse,
             on_progress=lambda step: click.echo(f"{step} …", err=True),

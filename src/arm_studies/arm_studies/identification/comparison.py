@@ -201,11 +201,11 @@ def _free_run(model: ArmModel, motion: MeasuredMotion, window: float) -> FreeRun
     tau = effort[at] * (1.0 - part) + effort[at + 1] * part
     begin, measured = motion.q[starts], motion.q[starts + rows]
     ends = sim.rollout(begin, motion.v[starts], tau, ticks, last_only=True)[:, :n]
-    kept = np.isfinite(ends).all(axis=1)
+    finite = np.isfinite(ends).all(axis=1)
     error = moved = unknown
-    if kept.any():
+    if finite.any():
         error, moved = (
-            np.sqrt(np.mean(x[kept] ** 2, axis=0)) for x in (ends - measured, measured - begin)
+            np.sqrt(np.mean(x[finite] ** 2, axis=0)) for x in (ends - measured, measured - begin)
         )
-    lost = int(np.count_nonzero(~kept))
+    lost = int(np.count_nonzero(~finite))
     return FreeRun(rows * motion.dt, len(starts), lost, read_only(error), read_only(moved))

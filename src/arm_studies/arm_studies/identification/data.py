@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -203,11 +203,6 @@ class MeasuredMotion:
         for stretch in self.stretches:
             smooth[stretch] = self.low_pass(values[stretch])
         return smooth
-
-    def parts(self) -> Iterator[MeasuredMotion]:
-        """Each stretch as a motion of its own."""
-        for stretch in self.stretches:
-            yield self.span(stretch)
 
     def span(self, rows: slice) -> MeasuredMotion:
         """Consecutive rows as a motion of its own.

@@ -52,20 +52,16 @@ def torque_panels(
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
             span = 1.05 * np.nanmax(abs(measured[:, j]))
             right.set_ylim(-span, span)
-        for axis, title in (axes[0, 0], "torque [{}]"), (axes[0, 1], "residual [{}], % of torque"):
-            axis.annotate(title.format(unit), (0, 1.34), xycoords="axes fraction", weight="bold")
+        titles = f"torque [{unit}]", f"residual [{unit}], RMS / torque"
+        for axis, title in zip(axes[0], titles, strict=True):
+            axis.annotate(title, (0, 1.34), xycoords="axes fraction", weight="bold")
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         yield axes
 
 
 def draw_torques(identification: Identification, path: Path) -> None:
-    """Draw measured and predicted torques of each joint, and the residuals.
-
-    Args:
-        identification: The identification.
-        path: The figure, in any format of Matplotlib.
-    """
+    """Draw measured and predicted torques of each joint, and the residuals."""
     shown = identification.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
@@ -98,10 +94,6 @@ def draw_friction(identification: Identification, path: Path) -> None:
     """Draw torques minus those of links and drives over speed, and the identified friction law.
 
     The law is drawn under the joint's typical load.
-
-    Args:
-        identification: The identification.
-        path: The figure.
     """
     shown, types = identification.torques, ArmModel(identification.scene).joint_types
     names = joint_words(identification.joint_names)
@@ -134,14 +126,15 @@ def draw_excitation(motion: Trajectory, room: Room, path: Path) -> None:
     with figure(path, rows, 2, size, sharex=True, sharey=True) as axes:
         for j, (axis, name) in enumerate(zip(axes.flat, names, strict=False)):
             for label, values in curves.items():
-                axis.plot(times, values[:, j], lw=1.2, label=label)
-            axis.axhspan(-1.0, 1.0, color="0.96", lw=0, zorder=0)
-            axis.set(title=name, ylim=(-1.1, 1.1), xlim=(0.0, motion.duration))
+                axis.plot(times, 100.0 * values[:, j], lw=1.2, label=label)
+            axis.axhspan(-100.0, 100.0, color="0.96", lw=0, zorder=0)
+            axis.set(title=name, ylim=(-110.0, 110.0), xlim=(0.0, motion.duration))
         for axis in axes.flat[max(0, len(names) - 2) : len(names)]:
             axis.set_xlabel("time [s]")
             axis.tick_params(labelbottom=True)
+            axis.xaxis.set_in_layout(axis in [*axes.flat[-2:]])  # above nothing, it has room
         for axis in axes.flat[::2]:
-            axis.set_ylabel("share of limit")
+            axis.set_ylabel("% of limit")
 
 
 def _curves(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
@@ -152,8 +145,8 @@ def _curves(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
     middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
     limited = np.isfinite(room.limits.acceleration).all()
     return times, {
-        "position in its range": (q - middle) / half,
-        "speed": v / _or_largest(room.limits.velocity, v),
+        "position": (q - middle) / half,
+        "velocity": v / _or_largest(room.limits.velocity, v),
         "acceleration" if limited else "acceleration, of its largest": a
         / _or_largest(room.limits.acceleration, a),
         "torque": tau / _or_largest(room.effort, tau),

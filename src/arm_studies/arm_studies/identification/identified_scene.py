@@ -19,7 +19,8 @@ from arm_dynamics.model.friction import STEEPEST
 from arm_dynamics.model.friction_table import steepest
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
-from arm_dynamics.scene.urdf import set_inertial, xml_root
+from arm_dynamics.scene.urdf.inertial import set_inertial
+from arm_dynamics.scene.urdf.xml import xml_root
 from arm_studies.identification.regression import friction as terms
 from arm_studies.identification.regression.regressor import MASSLESS_BELOW, PER_BODY
 

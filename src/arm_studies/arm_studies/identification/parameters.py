@@ -25,7 +25,7 @@ def details_of(
     """Every parameter of an arm, and friction that was not identified.
 
     Args:
-        estimates: Of ``fit``, see ``estimates_of``.
+        estimates: Of ``fit``, see ``estimated``.
         fit: The fit of all parameters.
         ranges: How far each joint moved without sticking in [rad] or [m], shape (n,).
         written: The fit that is written into the scene.
@@ -57,20 +57,13 @@ def details_of(
     return details
 
 
-def estimates_of(fit: Fit) -> Estimates:
-    """Estimates of base parameters, by their leading unknowns, and of friction."""
-    numbers, n = len(fit.theta), fit.rows.samples.n
-    order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
-    return estimated(fit, [order[k] for k in fit.rows.samples.regressor.base.independent])
-
-
 def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     """The friction of a fit without terms that may be zero, or of either sign, after all.
 
     Selection sees gains in prediction, which errors that are correlated over the recording can
     cause; intervals count these.
     """
-    estimates = iter(estimates_of(fit).linear[fit.rows.samples.regressor.base.count :])
+    estimates = iter(estimated(fit).linear[fit.rows.samples.regressor.base.count :])
     laws = []
     for own in fit.friction:
         sure = {kind: not abs(each.value) < SIGNIFICANT_RATIO * (each.high - each.value) < np.inf

@@ -21,8 +21,9 @@ from arm_studies._renaming import renamed_argument
 from arm_studies.identification import checks
 from arm_studies.identification.identified_scene import central_inertia
 from arm_studies.identification.regression import bodies, estimation, uncertainty
-from arm_studies.identification.regression.bandwidth import noise_above
+from arm_studies.identification.regression.bandwidth import noise_frequency
 from arm_studies.identification.regression.efforts import with_age
+from arm_studies.identification.regression.regressor import PER_BODY
 from arm_studies.identification.regression.rows.rows import Rows, Sampled, nominal_efforts
 
 # Of a payload's mass, centre of mass and inertia about it, in order.
@@ -105,13 +106,15 @@ def estimate_payload(
     place, carrier = _carried(model, frame)
     data = Sampled.of(model, records, band, held_out=0.0)
     notes, G = data.notes, place.homogeneous
-    moved = np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
-    rows, places = data.rows(), data.regressor.places(carrier)
+    transforms = [bodies.inertial_parameters(G @ basis @ G.T) for basis in bodies.BASIS]
+    to_carrier = np.column_stack(transforms)
+    rows, places = data.rows(), slice(PER_BODY * carrier, PER_BODY * (carrier + 1))
     near = estimation.Prior.near(data.regressor.nominal, *ARM_DEVIATIONS)
     use = rows.samples.use
-    notes += (late := checks.check_rows(estimation.Problem(rows, use, near), notes)[1])
-    first = _fitted(rows, places, moved)
-    limit = noise_above(rows, use, first.residual) if band is None else None
+    _, late = checks.check_rows(estimation.Problem(rows, use, near), notes)
+    notes += late
+    first = _fitted(rows, places, to_carrier)
+    limit = noise_frequency(rows, use, first.residual) if band is None else None
     if limit is not None:
         data = replace(data, band=limit)
         rows = data.rows()
@@ -119,7 +122,7 @@ def estimate_payload(
     def fit_at(age: float) -> tuple[_Fit, float, float]:
         """The correction of an age of the efforts, and its standard deviation."""
         now = rows if age == 0.0 else replace(data, age=age).rows()
-        fit = _without_sticking(_fitted(now, places, moved))
+        fit = _without_sticking(_fitted(now, places, to_carrier))
         solution = fit.unbiased(fit.columns, fit.torque)
         return fit, float(solution.values[-1]), float(solution.deviations[-1])
 
@@ -127,7 +130,7 @@ def estimate_payload(
         fit, more = with_age(fit_at, rows.samples.band)
         notes += more
     else:
-        fit = _without_sticking(_fitted(rows, places, moved))
+        fit = _without_sticking(_fitted(rows, places, to_carrier))
     for note in dict.fromkeys(notes):
         on_note(note)
     mass, com, inertia = central_inertia(fit.x)
@@ -153,7 +156,7 @@ class _Fit:
     Attributes:
         rows: Of the arm without the payload.
         places: Of the parameters of the body that carries the payload.
-        moved: Map from the payload's parameters in its frame to those in that body's joint.
+        to_carrier: Map from the payload's parameters in its frame to those in that body's joint.
         columns: Of the payload in its frame, shape (n, k, 10).
         torque: What it explains, shape (k, n).
         weights: Of each joint; zero where not used, shape (k, n).
@@ -162,7 +165,7 @@ class _Fit:
 
     rows: Rows
     places: slice
-    moved: Array
+    to_carrier: Array
     columns: Array
     torque: Array
     weights: Array
@@ -176,7 +179,7 @@ class _Fit:
     def unbiased(self, columns: Array, torque: Array) -> uncertainty.Unbiased:
         """The unknowns of some columns, without the prior."""
         rows, regressor = self.rows, self.rows.samples.regressor
-        theta, body = regressor.nominal + regressor.payload, self.moved @ self.x
+        theta, body = regressor.nominal + regressor.payload, self.to_carrier @ self.x
         theta[self.places] += body
         plain = rows.plain
         predicted = nominal_efforts(plain) + plain.rigid[:, :, self.places] @ body
@@ -186,24 +189,24 @@ class _Fit:
         return uncertainty.unbiased(rows, own, self.weights * torque, ageing, noise, size)
 
 
-def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
+def _fitted(rows: Rows, places: slice, to_carrier: Array) -> _Fit:
     """Weight the joints, and fit the payload."""
     torque = rows.effort - rows.clear(nominal_efforts(rows.plain))
-    columns = np.swapaxes(rows.rigid[:, :, places] @ moved, 0, 1)
+    columns = np.swapaxes(rows.rigid[:, :, places] @ to_carrier, 0, 1)
     residual = [
         y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
         for c, y, used in zip(columns, torque.T, rows.samples.use.T, strict=True)
     ]
     predicted = rows.effort - np.array(residual).T
     weights = rows.samples.use / estimation.deviations(rows.effort, predicted, rows.samples.use)
-    flat = (columns * weights.T[:, :, None]).reshape(-1, 10)
+    flat = (columns * weights.T[:, :, None]).reshape(-1, PER_BODY)
     y, count = (weights * torque).T.ravel(), np.sqrt(rows.samples.independent)
-    ball = bodies.numbers_of(np.diag([PRIOR_RADIUS**2 / 5.0] * 3 + [1.0]))
+    ball = bodies.inertial_parameters(np.diag([PRIOR_RADIUS**2 / 5.0] * 3 + [1.0]))
     T, z = estimation.Prior.near(ball, PRIOR_WIDTH, PRIOR_WIDTH).combined(count * flat, count * y)
     x = estimation.solved(T, z)
     if not bodies.consistent(x, 1e-9):
         x = estimation.consistent_solution(T, z, ball, ball, ())
-    return _Fit(rows, places, moved, columns, torque, weights, x)
+    return _Fit(rows, places, to_carrier, columns, torque, weights, x)
 
 
 def _without_sticking(fit: _Fit) -> _Fit:
@@ -213,7 +216,7 @@ def _without_sticking(fit: _Fit) -> _Fit:
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
     rows = rows.cleared(uncertainty.UNKNOWN_FRICTION * levels, sizes)
-    return _fitted(rows, fit.places, fit.moved)
+    return _fitted(rows, fit.places, fit.to_carrier)
 
 
 def _estimated(fit: _Fit, values: Array) -> list[uncertainty.Estimate]:
@@ -232,7 +235,7 @@ def _numbers(values: Any) -> Any:
     mass, com, inertia = values[0], values[1:4], values[4:][[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
     density = 0.5 * np.trace(inertia) * np.eye(3) - inertia + mass * np.outer(com, com)
     first = mass * com[:, None]
-    return bodies.numbers_of(np.block([[density, first], [first.T, mass * np.eye(1)]]))
+    return bodies.inertial_parameters(np.block([[density, first], [first.T, mass * np.eye(1)]]))
 
 
 def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:

@@ -225,8 +225,8 @@ def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
     dt = stride * motion.dt
     low_pass = filtering.ZeroPhase(motion.band, dt)
     parts = []
-    for part in motion.parts():
-        rows = slice(0, None, stride)
+    for stretch in motion.stretches:
+        part, rows = motion.span(stretch), slice(0, None, stride)
         values: dict[str, Any] = {
             key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "valid")
         }

@@ -86,8 +86,8 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
             "standard errors"
         )
     return Validation(
-        Errors(error, before), [*map(Errors, each, each_before)], residuals.tolist(), nominal,
-        ratios, worse, notes,
+        error=Errors(error, before), joints=[*map(Errors, each, each_before)], notes=notes,
+        residuals=residuals.tolist(), nominal=nominal, ratios=ratios, excess=worse,
     )  # fmt: skip
 
 

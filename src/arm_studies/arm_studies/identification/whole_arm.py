@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from arm_studies._renaming import renamed_argument
 from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.identified_scene import scene_with
-from arm_studies.identification.regression import bandwidth, irregularities
+from arm_studies.identification.regression import bandwidth, irregularities, uncertainty
 from arm_studies.identification.regression.efforts import NOMINAL_ERRORS, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
@@ -34,7 +34,6 @@ from arm_studies.identification.regression.rows.rows import Rows, Sampled
 from arm_studies.identification.regression.rows.samples import HELD_OUT
 from arm_studies.identification.regression.selection import selected
 from arm_studies.identification.regression.tables import tabled
-from arm_studies.identification.regression.uncertainty import UNKNOWN_FRICTION, added_coefficients
 from arm_studies.identification.result import Identification, IdentifiedJoint, Torques
 from arm_studies.identification.validation import validate
 
@@ -91,52 +90,33 @@ def identify(
     model, records = checks.fitting(scene, recordings, names)
     report("filtering")
     data = Sampled.of(model, [_in_torques(each, effort) for each in records], band, held_out)
-    rows, notes, nominal = data.rows(), data.notes, data.regressor.nominal
-    near, train = Prior.near(nominal, *NOMINAL_ERRORS), rows.samples.train[:, None]
+    rows, notes = data.rows(), data.notes
+    train, near = rows.samples.train[:, None], Prior.near(data.regressor.nominal, *NOMINAL_ERRORS)
     moving = Problem(rows, rows.samples.valid & ~rows.samples.rests & train, near)
     ranges, late = checks.check_rows(moving, notes)
     notes += late
     if effort != "scale":
         notes += checks.check_scales(Problem(rows, rows.samples.use & train, near))
     known_masses = _known_masses(data.regressor, total_mass, masses or {})
-    prior = partial(Prior.near, nominal, known_masses=known_masses)
-    report("fitting bodies with simple friction")
-    scales = np.ones(model.n)
-    if effort == "scale":
-        scales, more = scales_of(rows, [SIMPLE] * model.n, prior)
-        data, rows = replace(data, scales=scales), replace(rows, scales=scales)
-        notes += more
-    some_late = 0 < len(late) < model.n
-    first, more = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=not some_late)
-    notes += more
-    report("selecting friction laws by cross-validation")
-    trial, more = _with_selected_laws(first.before(prior=most_evident(first, prior)))
-    notes += more
-    trial = tabled(trial)
-    report("fitting all parameters")
-    trial, final, strict = _consistent(trial.before(prior=most_evident(trial, prior)))
+    prior = partial(Prior.near, data.regressor.nominal, known_masses=known_masses)
 
-    ranges = ranges * final.rows.samples.use.any(axis=0)
-    validation = validate(trial, ranges, held_out)
-    notes += validation.notes
-    estimates = parameters.estimates_of(strict)
-    details = parameters.details_of(estimates, strict, ranges, final)
-    notes += irregularities.all_of(trial, final)
-    if effort != "scale" and not known_masses:  # else the unit of efforts is not the cause
-        checks.check_masses(
-            final.theta[::PER_BODY], nominal[::PER_BODY], model.joint_names, validation.ratios
-        )
-    missing = {name for name, parameter in details.items() if parameter.missing}
-    identified, laws = _scene(final, ranges, missing, notes)
-    if not accept_worse:
-        checks.check_better(*validation.error, validation.excess)
-    columns = laws, scales.tolist(), validation.joints, validation.residuals
-    joints = tuple(map(IdentifiedJoint, model.joint_names, *columns))
-    return Identification(
-        scene=identified, joints=joints, details=details, bodies=final.theta.reshape(-1, PER_BODY),
-        body_names=data.regressor.bodies, error=validation.error, band=final.rows.samples.band,
-        effort_band=final.rows.effort_band, condition=estimates.condition, notes=tuple(notes),
-        torques=_torques(trial, final, validation.nominal),
+    report("fitting bodies with simple friction")
+    if effort == "scale":
+        scales, remarks = scales_of(rows, [SIMPLE] * model.n, prior)
+        data, rows = replace(data, scales=scales), replace(rows, scales=scales)
+        notes += remarks
+    some_late = 0 < len(late) < model.n
+    fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=not some_late)
+    notes += remarks
+    report("selecting friction laws by cross-validation")
+    fit, remarks = _with_selected_laws(fit.before(prior=most_evident(fit, prior)))
+    notes += remarks
+    fit = tabled(fit)
+    report("fitting all parameters")
+    fits = _consistent(fit.before(prior=most_evident(fit, prior)))
+    return _judged(
+        fits, ranges, held_out, notes, check_units=effort != "scale" and not known_masses,
+        accept_worse=accept_worse,
     )  # fmt: skip
 
 
@@ -198,10 +178,11 @@ def _first(
         return simple(fit.rows.cleared(levels, np.maximum(sizes, exact)))
 
     fit = bandwidth.with_bandwidth(simple(rows))
-    limit = bandwidth.noise_above(fit.rows, fit.problem.use, fit.residual) if chosen_band else None
-    if limit is not None:
-        data = replace(data, band=limit)
-        fit = bandwidth.with_bandwidth(simple(data.rows(fit.rows.effort_band)))
+    if chosen_band:
+        limit = bandwidth.noise_frequency(fit.rows, fit.problem.use, fit.residual)
+        if limit is not None:
+            data = replace(data, band=limit)
+            fit = bandwidth.with_bandwidth(simple(data.rows(fit.rows.effort_band)))
     fit = without_sticking(fit)
     if not aged or all(motion.aged for motion in fit.rows.samples.motions):
         return fit, []
@@ -212,7 +193,7 @@ def _first(
             rows = replace(data, age=age).rows(fit.rows.effort_band)
             now = without_sticking(simple(rows))
         ageing = now.rows.ageing(now.predicted(now.rows.plain))
-        by, sd = added_coefficients(now, ageing[:, :, None])
+        by, sd = uncertainty.added_coefficients(now, ageing[:, :, None])
         return now, float(by[0]), float(sd[0])
 
     return with_age(fit_at, fit.rows.samples.band)
@@ -259,19 +240,29 @@ def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
     return fit, notes
 
 
-def _consistent(fit: Fit) -> tuple[Fit, Fit, Fit]:
+class _Fits(NamedTuple):
     """Fits of the same laws with possible bodies, without friction terms that may be zero.
 
-    Returns:
-        That of the rows that are not held out; that of all rows; and one of all rows for which
-        nothing is assumed of friction while joints may stick. Predictions gain by the assumption
-        that it is then of the size of dry friction, but intervals have to do without it.
+    Attributes:
+        trial: Of the rows that are not held out.
+        final: Of all rows.
+        strict: Of all rows, with nothing assumed of friction while joints may stick. Predictions
+            gain by the assumption that it is then of the size of dry friction, but intervals have
+            to do without it.
     """
+
+    trial: Fit
+    final: Fit
+    strict: Fit
+
+
+def _consistent(fit: Fit) -> _Fits:
+    """Fit possible bodies to the rows that are not held out, and to all rows."""
     rows = fit.rows
     trial = fit.again(consistent=True)
     whole = fit.problem.use | (rows.samples.use & ~rows.samples.train[:, None])
     final = trial.again(use=irregularities.without_outliers(trial, whole)[0], consistent=True)
-    strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
+    strict = final.again(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
     laws = parameters.without_doubtful(strict)
     if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
         use = final.problem.use
@@ -279,8 +270,49 @@ def _consistent(fit: Fit) -> tuple[Fit, Fit, Fit]:
         before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean))
         if after < LEAN_RATIO * before:
             trial, final = fitted(trial.problem, laws, consistent=True), lean
-            strict = final.again(rows=rows.stricter(UNKNOWN_FRICTION))
-    return trial, final, strict
+            strict = final.again(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+    return _Fits(trial, final, strict)
+
+
+def _judged(
+    fits: _Fits, ranges: Array, held_out: float, notes: list[str], *, check_units: bool,
+    accept_worse: bool,
+) -> Identification:  # fmt: skip
+    """The result of fits, unless what was held out, or the masses, speak against it.
+
+    Args:
+        fits: The fits.
+        ranges: How far each joint moved in [rad] or [m], shape (n,).
+        held_out: Fraction of each recording that is held out.
+        notes: Irregularities so far; receives those of the result.
+        check_units: Whether masses far from the nominal ones show a wrong unit of efforts.
+        accept_worse: Whether the scene may be worse than the nominal one.
+    """
+    trial, final, strict = fits
+    samples = final.rows.samples
+    regressor = samples.regressor
+    ranges = ranges * samples.use.any(axis=0)
+    validation = validate(trial, ranges, held_out)
+    notes += validation.notes
+    estimates = uncertainty.estimated(strict)
+    details = parameters.details_of(estimates, strict, ranges, final)
+    notes += irregularities.all_of(trial, final)
+    if check_units:
+        masses = final.theta[::PER_BODY], regressor.nominal[::PER_BODY]
+        checks.check_masses(*masses, samples.names, validation.ratios)
+    missing = {name for name, parameter in details.items() if parameter.missing}
+    scene, laws = _scene(final, ranges, missing, notes)
+    if not accept_worse:
+        checks.check_better(*validation.error, validation.excess)
+    scales = np.broadcast_to(final.rows.scales, samples.n).tolist()
+    columns = samples.names, laws, scales, validation.joints, validation.residuals
+    return Identification(
+        scene=scene, joints=tuple(map(IdentifiedJoint, *columns)), details=details,
+        bodies=final.theta.reshape(-1, PER_BODY), body_names=regressor.bodies,
+        error=validation.error, band=samples.band, effort_band=final.rows.effort_band,
+        condition=estimates.condition, notes=tuple(notes),
+        torques=_torques(trial, final, validation.nominal),
+    )  # fmt: skip
 
 
 def _scene(

@@ -55,8 +55,8 @@ def backward(
     Raises:
         CompilerMissing: If there is no C compiler.
     """
-    nodes, nx, both = slopes.shape
-    n = both - nx
+    nodes, nx, width = slopes.shape
+    n = width - nx
     k, K, promised = np.empty((nodes, n)), np.empty((nodes, n, nx)), np.empty(1)
     inputs = [
         np.ascontiguousarray(array, float)

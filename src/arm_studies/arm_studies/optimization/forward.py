@@ -11,7 +11,6 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address, strides
-from arm_sim.plant.plant import Plant
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper, lanes
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
@@ -39,16 +38,18 @@ class Course:
 
 
 class Forward:
-    """Rollouts of one simulator's arm under policies; its own state does not change."""
+    """Rollouts of one simulator's arm under policies; its own state does not change.
+
+    Attributes:
+        eventful: Whether ticks of arms in lanes may have events.
+    """
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
         self._plant, self._choice = simulator.arm.plant, simulator.choice
-
-    @property
-    def eventful(self) -> bool:
-        """Whether ticks of arms in lanes may have events."""
-        return self._ticking.eventful
+        # The equations in lanes: away from stops, if those are all that causes events.
+        self._ticking = self._plant.free or self._plant
+        self.eventful = self._ticking.eventful
 
     def prepare(self) -> None:
         """Compile what arms side by side need, unless that is done."""
@@ -108,11 +109,6 @@ class Forward:
     def _engine(self) -> Engine | None:
         """In a scene with events, what arms in lanes ask; it has its own memory."""
         return Engine.of(self._stepper) if self.eventful else None
-
-    @property
-    def _ticking(self) -> Plant:
-        """The equations in lanes: away from stops, if those are all that causes events."""
-        return self._plant.free or self._plant
 
     @cached_property
     def _library(self) -> Compiled | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from arm_studies.sweeps.table import Table
 
 _MOST = 5  # rows and columns of a figure, and curves in it
 _DECADES = 10.0  # ratio of the ends above which an axis is logarithmic
+_MARKS = "o^sDv"  # of the curves
 _MANY = 2000  # number of points above which markers are small
 
 
@@ -39,6 +41,9 @@ def draw(study: Study, table: Table, folder: Path) -> list[Path]:
     metrics = [name for name in table.metrics if np.ptp(_finite(table[name])) > 0.0][:_MOST]
     if not metrics:
         return []
+    without_unit = [name for name in metrics if METRICS[name.partition(".")[0]].unit == "1"]
+    percent = {name: 100.0 * table[name] for name in without_unit}
+    table = replace(table, columns=table.columns | percent)
     files, axes_of = [], dict(zip(metrics, _headings(study, metrics), strict=True))
     numbers = [name for name in table.varied if table[name].dtype.kind == "f"]
     numbers = [name for name in numbers if np.ptp(table[name]) > 0.0][:_MOST]
@@ -63,21 +68,22 @@ def groups(table: Table) -> dict[str, NDArray[np.bool_]]:
 def _scatter(
     table: Table, metrics: dict[str, str], numbers: list[str], spread: set[str], path: Path
 ) -> Path:
-    dots: dict[str, Any] = {"s": 2.0 if len(table) > _MANY else 12.0, "alpha": 0.6, "lw": 0}
+    dots: dict[str, Any] = {"s": 2.0 if len(table) > _MANY else 14.0, "alpha": 0.6, "lw": 0}
     size = min(WIDTH, 3.4 * len(numbers)), 1.8 * len(metrics) + 0.7
     shared: dict[str, Any] = {"sharex": "col", "sharey": "row", "squeeze": False}
     with figure(path, len(metrics), len(numbers), size, **shared) as axes:
         for row, (metric, words) in zip(axes, metrics.items(), strict=True):
             for at, name in zip(row, numbers, strict=True):
-                for label, runs in _some(table).items():
+                for (label, runs), mark in zip(_some(table).items(), _MARKS, strict=False):
                     x, y = table[name][runs], table[metric][runs]
-                    at.scatter(x, y, label=label or None, **dots)
+                    at.scatter(x, y, marker=mark, label=label, **dots)
                 _scale(at.set_yscale, table[metric])
                 if name in spread:
                     _scale(at.set_xscale, table[name])
             row[0].set_ylabel(words)
         for at, name in zip(axes[-1], numbers, strict=True):
             at.set_xlabel(heading(name))
+        axes[0, 0].plot([], [], " ", label="one mark per run")
     return path
 
 
@@ -88,10 +94,10 @@ def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
             for label, runs in _some(table).items():
                 values = np.sort(_finite(table[metric][runs]))
                 share = np.arange(1, len(values) + 1) / max(1, len(values))
-                at.step(values, share, where="post", label=label or None)
+                at.step(values, 100 * share, where="post", label=label)
             _scale(at.set_xscale, table[metric])
             at.set_xlabel(words)
-        axes[0, 0].set_ylabel("share of runs below")
+        axes[0, 0].set_ylabel("runs below [%]")
     return path
 
 
@@ -108,7 +114,7 @@ def _headings(study: Study, metrics: list[str]) -> list[str]:
     """Metrics in words, with their joints and units."""
     words, types = [], ArmModel(load_scene(study.scene)).joint_types
     for key, _, joint in (metric.partition(".") for metric in metrics):
-        turning, *sliding = METRICS[key].unit.replace("1", "share").split(", ")
+        turning, *sliding = METRICS[key].unit.replace("1", "%").split(", ")
         unit = units(types, turning, *sliding) if sliding else turning
         words.append(f"{METRICS[key].name}{f' of {joint}' if joint else ''}\n[{unit}]")
     return words

@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
-from arm_dynamics.exceptions import SceneError, choices, known_names
-from arm_dynamics.scene import Scene
+from arm_dynamics.exceptions import SceneError, known_names
 
 _TUNABLE = {
     "payload": re.compile(r"payloads\.\d+\.(mass|com\.\d|inertia\.\d)"),
@@ -27,20 +26,6 @@ OF_RUN = (
     "motion", "controller.settings", "initial.position", "initial.velocity", "sensors", "commands",
 )  # fmt: skip
 IN_EQUATIONS = ("commands.gravity_compensated",)
-
-
-def check_key(key: str) -> None:
-    """Reject a key whose first part cannot be varied.
-
-    Raises:
-        SceneError: If it does.
-    """
-    first = key.partition(".")[0]
-    allowed = [*OF_STUDY, *Scene.model_fields]
-    if first not in allowed:
-        raise SceneError(
-            f"study: unknown key 'vary.{key}'; allowed here: {choices(first, allowed)}"
-        )
 
 
 def tunable(key: str) -> str | None:

@@ -36,11 +36,9 @@ class MeasuredRun:
 
     def of(self, joint: int) -> MeasuredRun:
         """The run of one joint alone."""
-        one = slice(joint, joint + 1)
-        return replace(
-            self, q=self.q[:, one], reference=self.reference[:, one], torque=self.torque[:, one],
-            command=self.command[:, one], limit=self.limit[one], stops=self.stops[:, one],
-        )  # fmt: skip
+        names = "q", "reference", "torque", "command", "limit", "stops"
+        own = {name: getattr(self, name)[..., joint : joint + 1] for name in names}
+        return replace(self, **own)
 
 
 @dataclass(frozen=True)

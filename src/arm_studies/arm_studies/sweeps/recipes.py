@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import arm_sim
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.exceptions import SceneError
+from arm_dynamics.exceptions import SceneError, choices
 from arm_dynamics.scene import Scene
 from arm_sim.plant.parameters import Parameters
 from arm_studies.sweeps import keys
@@ -60,8 +60,12 @@ class Planner:
 
     def __init__(self, study: Study) -> None:
         self.study, self._contents = study, dict[str, dict[str, Any]]()
+        allowed = [*keys.OF_STUDY, *Scene.model_fields]
         for key in study.vary:
-            keys.check_key(key)
+            if (first := key.partition(".")[0]) not in allowed:
+                raise SceneError(
+                    f"study: unknown key 'vary.{key}'; allowed here: {choices(first, allowed)}"
+                )
 
     def groups(self, points: Sequence[Point]) -> list[Group]:
         """The runs grouped by worlds, in order."""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 
 from arm_dynamics.exceptions import SceneError, choices
-from arm_dynamics.scene.complaints import complaints
+from arm_dynamics.scene.complaints import Schema, complaints
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
@@ -140,7 +140,7 @@ class Study(Part):
     """A study; only the scene and the duration are required.
 
     Attributes:
-        scene: The arm: name of a ready scene, path (relative to the study), or a mapping as in a
+        scene: The arm: name of a bundled scene, path (relative to the study), or a mapping as in a
             scene file.
         changes: Changes merged into the scene, as in a scene file.
         duration: Duration of each run in [s].
@@ -224,7 +224,7 @@ def validated[P: Part](kind: type[P], data: Any, *place: str) -> P:
         errors = error.errors()
     for each in errors:
         each["loc"] = (*place, *each["loc"])
-    raise SceneError("\n".join(complaints(errors, Study, {}, (), _NAME)))
+    raise SceneError("\n".join(complaints(errors, Schema(Study, {}, (), _NAME))))
 
 
 def _resolved(study: Study, folder: Path) -> Study:
@@ -244,7 +244,7 @@ def _resolved(study: Study, folder: Path) -> Study:
 
 
 def _absolute(scene: Any, folder: Path) -> Any:
-    """A scene with absolute paths; ready scenes keep their bare names."""
+    """A scene with absolute paths; bundled scenes keep their bare names."""
     if isinstance(scene, str):
         path = find_scene(scene, folder)
         return scene if "/" not in scene and not (folder / scene).is_file() else str(path)

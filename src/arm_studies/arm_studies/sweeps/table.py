@@ -86,8 +86,7 @@ def table_of(study: Study, runs: Sequence[Point], rows: Mapping[int, Row]) -> Ta
         "run": np.array([run.index for run in runs]),
         "sample": np.array([run.sample for run in runs]),
     }
-    for key in study.vary:
-        columns[key] = _column([run.values[key] for run in runs])
+    columns |= {key: _column([run.values[key] for run in runs]) for key in study.vary}
     for i, name in enumerate(study.metrics):
         columns[name] = np.array([row.metrics[i] for row in ordered])
     columns["status"] = np.array([row.status for row in ordered])

@@ -4,28 +4,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import batched
-from typing import Any
 
 import numpy as np
 
 from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.control.controller import Measured
+from arm_dynamics.control.controller import AnyController, Measured
 from arm_dynamics.control.custom import is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
-from arm_dynamics.control.wrappers import AnyController
-from arm_dynamics.exceptions import choices
-from arm_dynamics.scene import Scene
+from arm_dynamics.scene import Scene, Sensors
 from arm_dynamics.scene.effect import has_chance
-from arm_dynamics.scene.imperfections import Sensors
-from arm_dynamics.trajectory import JointTrajectory
-from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.trajectory import Limits, Reference
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import tick_count
 from arm_sim.plant.actuation import CompiledControl
@@ -33,6 +27,7 @@ from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.stepping.rollout import Batch, Rollouts
 from arm_sim.stepping.stepper import Stepper
+from arm_studies.sweeps import course
 from arm_studies.sweeps.controllers import IMPERFECT, controller_of, gains, law, runs_compiled
 from arm_studies.sweeps.keys import tunable, values_below, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
@@ -48,6 +43,9 @@ _CACHED = 64  # number of courses, and of gains, of a world that are kept
 class World:
     """Simulates runs one after another; no run depends on those before it.
 
+    Attributes:
+        joint_names: Joints of the arm.
+
     Args:
         recipe: Its inputs.
 
@@ -61,12 +59,12 @@ class World:
         self._simulator = Simulator(self._scene)
         self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.controller_scene))))
         simulator, dynamics = self._simulator, self._dynamics
+        self.joint_names = tuple(simulator.joint_names)
         if simulator.joint_names != dynamics.joint_names:
             raise InvalidInput(
                 f"the controller's scene has joints {dynamics.joint_names}, the arm has "
                 f"{simulator.joint_names}; the same are expected"
             )
-        self._limits = Limits.of(dynamics.model)
         self._ticks = tick_count(recipe.duration, simulator.dt)
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
@@ -74,11 +72,6 @@ class World:
         self._gains_of = lru_cache(_CACHED)(
             lambda name, settings: gains(name, dynamics, Settings(**json.loads(settings)))
         )
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Joints of the arm."""
-        return tuple(self._simulator.joint_names)
 
     def compile(self) -> None:
         """Compile the controller into the simulation, unless that is done."""
@@ -143,46 +136,15 @@ class World:
 
     def _course(self, values: str) -> tuple[Array, Array]:
         """Start and references at all ticks, of varied values: shapes (nx,), (ticks + 1, 3n)."""
-        varied = json.loads(values)
-        x0 = self._start(values_below(varied, "initial"))
-        motion = {"motion": json.loads(self._recipe.motion)}
-        motion = with_values(motion, values_below(varied, "motion"))["motion"]
-        choice = validated(MotionChoice, motion, "motion")
-        course = self._motion(choice, x0[: len(self.joint_names)])
-        if course.torques is not None:
-            raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")
-        times = np.arange(self._ticks + 1) * self._simulator.dt
-        samples = (course.sample(float(t)) for t in times)
-        rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
-        return read_only(x0), read_only(rows)
-
-    def _start(self, values: Mapping[str, Any]) -> Array:
-        """The state at the start of a run with varied values of ``initial``, shape (nx,)."""
-        model, names = self._simulator.model, self.joint_names
-        q, v = model.q0.copy(), model.v0.copy()
-        for key, value in values.items():
-            _, quantity, joint = key.split(".", 2)
-            if joint not in names:
-                raise InvalidInput(f"'{key}': allowed joints: {choices(joint, names)}")
-            {"position": q, "velocity": v}[quantity][names.index(joint)] = value
-        self._simulator.reset(*((q, v) if values else ()))
-        return self._simulator.arm.x.copy()
-
-    def _motion(self, choice: MotionChoice, q0: Array) -> Trajectory:
-        names = self.joint_names
-        if choice.file is not None:
-            return JointTrajectory.load(choice.file).motion(names)
-        waypoints, q = [Waypoint(0.0, q0)], q0.copy()
-        for i, point in enumerate(choice.points):
-            for joint, value in point.position.items():
-                if joint not in names:
-                    raise InvalidInput(
-                        f"'motion.points.{i}.position.{joint}': unknown joint '{joint}'; "
-                        f"allowed: {choices(joint, names)}"
-                    )
-                q[names.index(joint)] = value
-            waypoints.append(Waypoint(point.time, q.copy()))
-        return quintic(waypoints, self._limits) if choice.points else hold(q0)
+        varied, names = json.loads(values), self.joint_names
+        x0 = course.start(self._simulator, values_below(varied, "initial"))
+        content = {"motion": json.loads(self._recipe.motion)}
+        content = with_values(content, values_below(varied, "motion"))
+        choice = validated(MotionChoice, content["motion"], "motion")
+        limits = Limits.of(self._dynamics.model)
+        trajectory = course.motion(choice, names, x0[: len(names)], limits)
+        times = self._simulator.dt * np.arange(self._ticks + 1.0)
+        return read_only(x0), read_only(course.references(trajectory, times))
 
     # --- runs ----------------------------------------------------------------------------------
 
@@ -190,8 +152,8 @@ class World:
         """Metrics of positions, torques and commands."""
         model, n = self._simulator.model, len(self.joint_names)
         measurements = MeasuredRun(
-            self._simulator.dt, q, run.rows[:, :n], torque, command, model.standing_limit,
-            model.stops.place,
+            dt=self._simulator.dt, q=q, reference=run.rows[:, :n], torque=torque, command=command,
+            limit=model.standing_limit, stops=model.stops.place,
         )  # fmt: skip
         values = measured(measurements, self._recipe.metrics, self.joint_names)
         return Row(run.job.index, DONE, "", tuple(values))
@@ -204,12 +166,13 @@ class World:
             return Row.failed(run.job, error, self._recipe.metrics)
 
     def _compiled(self, run: _Run) -> Row:
-        stepper, n, (trace, effort, notes) = self._stepper, len(self.joint_names), self._buffers
+        stepper, n, ticks = self._stepper, len(self.joint_names), self._ticks
+        trace, effort, notes = (np.empty((ticks, width)) for width in (len(run.x0), n, 2))
         stepper.restart()
         stepper.p[:] = run.p
-        ticks = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
-        if ticks < self._ticks:
-            raise _diverged(ticks + 1, self._simulator.dt)
+        good = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
+        if good < ticks:
+            raise SimulationDiverged(f"at t = {(good + 1) * self._simulator.dt:.6g} s")
         torque = self._simulator.arm.plant.joint_torque(trace, effort)
         return self._row(run, np.vstack([run.x0[:n], trace[:, :n]]), torque, effort)
 
@@ -227,7 +190,8 @@ class World:
         try:
             motion = simulator.run(self._ticks * simulator.dt, answer)
         except SimulationDiverged as error:
-            raise _diverged(len(error.recording), simulator.dt) from None
+            last = len(error.recording) * simulator.dt
+            raise SimulationDiverged(f"at t = {last:.6g} s") from None
         return self._row(run, motion.q, motion.tau[:-1], motion.command[:-1])
 
     def _side_by_side(self, runs: Sequence[_Run]) -> dict[int, Row]:
@@ -266,12 +230,6 @@ class World:
     def _rollouts(self) -> Rollouts:
         scene = self._simulator.arm.compiled
         return Rollouts(scene.plant, scene.choice, scene.stepper, scene.backend, self._control_law)
-
-    @cached_property
-    def _buffers(self) -> tuple[Array, Array, Array]:
-        """For states, efforts and notes of all ticks."""
-        n, nx = len(self.joint_names), self._simulator.arm.plant.nx
-        return np.empty((self._ticks, nx)), np.empty((self._ticks, n)), np.empty((self._ticks, 2))
 
     def _inputs(self, run: _Run) -> Array:
         """Inputs of the compiled controller in each tick: references and gains."""
@@ -314,10 +272,6 @@ class _Run:
     rows: Array
     choice: ControllerChoice
     compiled: bool
-
-
-def _diverged(tick: int, dt: float) -> SimulationDiverged:
-    return SimulationDiverged(f"at t = {tick * dt:.6g} s")
 
 
 def _no_reference(times: Array) -> Array:

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 from arm_dynamics import ArmModel, ModelError, load_scene
-from arm_dynamics.scene import SceneSource
-from arm_dynamics.scene.urdf import read_urdf
+from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.scene.urdf.description import read_urdf
 
 URDF = """<robot name="arm">
   <link name="base"/>

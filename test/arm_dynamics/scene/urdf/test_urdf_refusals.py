@@ -5,8 +5,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, ModelError
-from arm_dynamics.scene.urdf import read_urdf
-from arm_dynamics.scene.urdf.description import DEEPEST
+from arm_dynamics.scene.urdf.description import DEEPEST, read_urdf
 
 GOOD = (models.FOLDER / "planar_3r.urdf").read_text()
 JOINT2 = '<joint name="joint2" type="revolute">'

@@ -8,8 +8,8 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, ModelError, SceneError, load_scene
-from arm_dynamics.scene import SceneSource
-from arm_dynamics.scene.urdf import xml_root
+from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.scene.urdf.xml import xml_root
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.view.shapes import visuals_of
 from arm_studies.identification.identified_scene import urdf_with

@@ -10,12 +10,12 @@ from arm_studies.identification.regression.base_parameters import base_parameter
 from arm_studies.identification.regression.estimation import Prior, consistent_solution
 from arm_studies.identification.regression.regressor import RigidRegressor
 
-BALL = bodies.numbers_of(np.diag([0.01, 0.01, 0.01, 2.0]))
+BALL = bodies.inertial_parameters(np.diag([0.01, 0.01, 0.01, 2.0]))
 
 
 def test_numbers_and_pseudo_inertia_are_each_others_inverse():
     numbers = np.array([2.0, 0.1, -0.2, 0.3, 0.5, 0.01, 0.6, 0.02, 0.03, 0.7])
-    np.testing.assert_allclose(bodies.numbers_of(bodies.pseudo_inertia(numbers)), numbers)
+    np.testing.assert_allclose(bodies.inertial_parameters(bodies.pseudo_inertia(numbers)), numbers)
 
 
 def test_bodies_are_distinguished_from_impossible_ones():
@@ -27,29 +27,29 @@ def test_bodies_are_distinguished_from_impossible_ones():
     far[1] = 1.0  # a centre of mass beyond what the moments allow
     assert not bodies.consistent(far)
     np.testing.assert_array_equal(bodies.nearest(BALL), BALL)
-    plate = bodies.numbers_of(np.diag([0.01, 0.01, 0.0, 2.0]))
+    plate = bodies.inertial_parameters(np.diag([0.01, 0.01, 0.0, 2.0]))
     assert bodies.consistent(bodies.nearest(plate)) and not bodies.consistent(plate)
 
 
 def test_the_barrier_has_the_derivatives_that_differences_have():
-    value, gradient, hessian = bodies.log_det(BALL)
+    value, gradient, hessian = bodies.log_det_barrier(BALL)
     assert value == pytest.approx(-np.log(np.linalg.det(bodies.pseudo_inertia(BALL))))
     h = 1e-6
     for k, step in enumerate(h * np.eye(10)):
-        up, down = bodies.log_det(BALL + step), bodies.log_det(BALL - step)
+        up, down = bodies.log_det_barrier(BALL + step), bodies.log_det_barrier(BALL - step)
         assert gradient[k] == pytest.approx((up[0] - down[0]) / (2 * h), rel=1e-5, abs=1e-5)
         np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-4, atol=1e-3)
 
 
 def test_density_is_a_distance_of_its_own():
-    rows = bodies.prior(BALL, 0.1, 0.001)
+    rows = bodies.prior_factor(BALL, 0.1, 0.001)
     prior = rows.T @ rows
     assert 0.1 * BALL @ prior @ (0.1 * BALL) == pytest.approx(1.0)
 
 
 def test_a_plate_of_less_density_is_believed_to_be_a_body():
     """One that a description has too thin, too: it has no direction to shrink in."""
-    plate = bodies.numbers_of(np.diag([0.01, 0.01, 1e-7, 2.0]))
+    plate = bodies.inertial_parameters(np.diag([0.01, 0.01, 1e-7, 2.0]))
     belief = Prior.near(plate, 0.1, 1e-4)
     lighter = 0.8 * belief.x0
     assert bodies.consistent(lighter)
@@ -64,7 +64,7 @@ def test_the_best_possible_body_is_found():
     weights = np.array([np.linalg.norm(b) for b in bodies.BASIS])
     gram = np.einsum("kab,lab->kl", bodies.BASIS, bodies.BASIS)
     R = np.linalg.cholesky(gram).T  # so that ‖R x‖ is Frobenius' norm of J
-    found = consistent_solution(R, R @ bodies.numbers_of(wanted), BALL, BALL, ())
+    found = consistent_solution(R, R @ bodies.inertial_parameters(wanted), BALL, BALL, ())
     best = np.diag([0.01, 0.01, 0.0, 2.0])
     np.testing.assert_allclose(bodies.pseudo_inertia(found), best, atol=1e-4)
     assert bodies.consistent(found) and weights.all()

@@ -96,8 +96,8 @@ def usage(kind: type[Node], params: type) -> str:
         "",
         about,
         "",
-        "SCENE is the name of a ready scene such as panda, a scene file, a URDF, or a package:// "
-        "URI;",
+        "SCENE is the name of a bundled scene such as panda, a scene file, a URDF, or a "
+        "package:// URI;",
         "it sets the parameter 'scene'.",
         "",
         "parameters, with their defaults:",

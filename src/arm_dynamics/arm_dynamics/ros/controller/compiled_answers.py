@@ -25,7 +25,8 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
-from arm_dynamics.control.wrappers import AnyController, Switch
+from arm_dynamics.control.controller import AnyController
+from arm_dynamics.control.switch import Switch
 from arm_dynamics.ros.common.endpoints import guarded
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.controller.answer_log import AnswerLog
@@ -38,7 +39,8 @@ from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.ros.joint_state import FAILED, JointStateReader, JointStateSink
-from arm_dynamics.trajectory.reference import Motion, Trajectory
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import Trajectory
 
 _ENDED = HEADER.constants["ENDED"]
 _NEVER = 2**63 - 1
@@ -182,21 +184,21 @@ class CompiledAnswers:
         self.obstacle = self._find_obstacle(motion, factors)
         if self.obstacle:
             return
-        law = self._law
         answers.interrupt = 0
-        parts.report.prepare(params.state_period, parts.goals)
+        law, (gain, back_emf) = self._law, factors or (None, None)
+        (inputs, _, memory), (torque, next_memory) = law.call.inputs, law.call.outputs
+        arrays = {
+            "input": inputs, "memory": memory, "torque": torque, "next_memory": next_memory,
+            "limit": law.limit, "gain": gain, "back_emf": back_emf,
+            "knots": motion.times, "polynomials": motion.polynomials, "ends": motion.ends,
+            "torques": motion.torques,
+        }  # fmt: skip
+        for field, array in arrays.items():
+            setattr(answers, field, None if array is None else array.ctypes.data)
+        answers.law, answers.remembered = addressof(law.call.entry), memory.size
+        answers.segments, answers.start = len(motion.times) - 1, start
+        answers.until = _NEVER if follower.next_begin is None else follower.next_begin
         answers.gap, answers.far = params.gap_limit, params.jump_limit
-        (inputs, _, memory), (torque, after) = law.call.inputs, law.call.outputs
-        answers.law, answers.limit = addressof(law.call.entry), _place(law.limit)
-        answers.input, answers.torque = _place(inputs), _place(torque)
-        answers.memory, answers.next_memory = _place(memory), _place(after)
-        answers.remembered = memory.size
-        answers.gain, answers.back_emf = map(_place, factors or (None, None))
-        path = motion.times, motion.polynomials, motion.ends, motion.torques
-        answers.knots, answers.polynomials, answers.ends, answers.torques = map(_place, path)
-        answers.segments = len(motion.times) - 1
-        next_begin = follower.next_begin
-        answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
         allowed = answers.path = None
         if goal is not None:
             checked = max(goal.begin, goal.next_check)  # from then on every state
@@ -204,7 +206,8 @@ class CompiledAnswers:
             if not goal.tolerances.path.is_none:
                 allowed = goal.tolerances.allowed(goal.tolerances.path)
                 answers.path = addressof(allowed)
-        self._used = factors, law, path, allowed
+        self._used = law, arrays, allowed
+        parts.report.prepare(params.state_period, parts.goals)
         answers.active = 1
 
     def _find_obstacle(self, motion: Motion, factors: object) -> str:
@@ -252,7 +255,3 @@ class CompiledAnswers:
             self._answer(self._reader.raw)
         elif message := self._newest.take():  # or it raises an error with the reason
             self._answer(message[0])
-
-
-def _place(array: Array | None) -> int | None:
-    return None if array is None else array.ctypes.data

@@ -26,9 +26,11 @@ from arm_dynamics.ros.controller.messages import PathBytes, TrajectoryBytes, pat
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower, Outset
 from arm_dynamics.trajectory.joint_paths import paced
+from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
-from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, hold
+from arm_dynamics.trajectory.reference import Motion, Reference
 from arm_dynamics.trajectory.time_optimal import retimed
+from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import stop
 
 _TIMINGS = {"smooth": paced, "time_optimal": retimed}

@@ -9,6 +9,7 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from arm_dynamics.control.compiled_law import Job, preparation
+from arm_dynamics.control.controller import AnyController
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.factory import (
@@ -19,7 +20,8 @@ from arm_dynamics.control.factory import (
     overreach,
     refuse_unsteady,
 )
-from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
+from arm_dynamics.control.switch import Switch
+from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.ros.common.diagnostics import Lateness

@@ -40,8 +40,10 @@ from arm_dynamics.ros.controller.tolerances import Tolerances, Verdict
 from arm_dynamics.ros.interfaces import FOLLOW_JOINT_TRAJECTORY as ACTION
 from arm_dynamics.trajectory.excess import Bounds
 from arm_dynamics.trajectory.follower import Follower, Outset
-from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Waypoint, hold
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Motion, Reference, Waypoint
 from arm_dynamics.trajectory.splines import spline, stretched_spline
+from arm_dynamics.trajectory.trajectory import hold
 
 _KIND = "action goal"
 _KEPT = 60  # [s] for which results are kept for late clients
@@ -117,7 +119,7 @@ class TrajectoryAction:
         kinds = enumerate(model.joint_types)
         self._continuous = tuple(i for i, kind in kinds if kind == "continuous")
         self.active: Active | None = None
-        self._coming: Active | None = None  # followed, its request to be accepted
+        self._pending: Active | None = None  # followed, its request to be accepted
         self._server: _Server | None = None
         self.params: FollowParams = declare(node, follow_params(model.joint_names))
         watch(node, self.params, partial(setattr, self, "params"))
@@ -135,7 +137,7 @@ class TrajectoryAction:
         if self._server is not None:
             self._server.destroy()
 
-    def watch(self, stamp: int, reference: Reference, state: Moving) -> None:
+    def monitor(self, stamp: int, reference: Reference, state: Moving) -> None:
         """Monitor the goal, after the answer to every joint state, whose stamp is in [ns]."""
         if (active := self.active) is None:
             return
@@ -162,17 +164,21 @@ class TrajectoryAction:
         if verdict is Verdict.REACHED:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
         elif verdict is not None:
-            names = self._model.joint_names
-            worst = active.tolerances.worst(verdict, names, reference, state)
-            self._late.update()
-            cause = self._late.message
-            self._log.warning(f"{worst}; {cause}" if cause else worst)
+            self._log_violation(active, verdict, reference, state)
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             code, why = "PATH_TOLERANCE_VIOLATED", "Aborted due to path tolerance violation"
             if verdict is Verdict.MISSED_GOAL:
                 code = "GOAL_TOLERANCE_VIOLATED"
                 why = f"Aborted due to goal_time_tolerance exceeding by {overdue:f} seconds"
             self._end("abort", code, why)
+
+    def _log_violation(
+        self, active: Active, verdict: Verdict, reference: Reference, state: Moving
+    ) -> None:
+        """Name the joint that is farthest outside its tolerance, and late states as the cause."""
+        text = active.tolerances.worst(verdict, self._model.joint_names, reference, state)
+        self._late.update()
+        self._log.warning("; ".join(filter(None, (text, self._late.message))))
 
     def _feedback(self, active: Active, stamp: int, reference: Reference, state: Moving) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
@@ -236,7 +242,7 @@ class TrajectoryAction:
                 follower = self._goals.follower
                 begin = follower.newest[0]
                 start = message.stamp or begin
-                self._coming = Active(motion, begin, start, allowed, follower, goal)
+                self._pending = Active(motion, begin, start, allowed, follower, goal)
             accepted.set_result(motion is not None)
 
         plan = partial(self._plan, message, params)
@@ -270,12 +276,12 @@ class TrajectoryAction:
 
     def _on_accepted(self, handle: Any) -> None:
         with self._lock:
-            coming = self._coming
+            pending = self._pending
             handle.execute()
-            if coming is None or coming.request is not handle.request or not coming.is_followed:
+            if pending is None or pending.request is not handle.request or not pending.is_followed:
                 self._publish_result(handle, "abort", "INVALID_GOAL", _REPLACED)
                 return
-            self._coming, self.active, coming.handle = None, coming, handle
+            self._pending, self.active, pending.handle = None, pending, handle
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         self._node.executor.create_task(self._cancelled, handle)  # after the response

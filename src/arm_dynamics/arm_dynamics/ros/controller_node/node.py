@@ -42,13 +42,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import (
-    Expected,
-    JointStateReader,
-    JointStateSink,
-    JointStateWriter,
-)
-from arm_dynamics.trajectory.reference import Limits, Reference
+from arm_dynamics.ros.joint_state.expected import Expected
+from arm_dynamics.ros.joint_state.reader import JointStateReader
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
+from arm_dynamics.ros.joint_state.sink import JointStateSink
+from arm_dynamics.trajectory.limits import Limits
+from arm_dynamics.trajectory.reference import Reference
 
 
 class ControllerNode(Node):
@@ -240,7 +239,7 @@ class ControllerNode(Node):
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
         self.send(command)
         self._log.note(raw, command)
-        self.action.watch(stamp, reference, state)
+        self.action.monitor(stamp, reference, state)
         self._report.publish(stamp, self.params.state_period, self.goals, reference, state, tau)
         return command
 

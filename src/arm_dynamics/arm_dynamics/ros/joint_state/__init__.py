@@ -5,12 +5,11 @@ Depends on the interfaces, ``common`` and the core's compiler, and on none of th
 """
 
 from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.joint_state_library import HEADER, SOURCE
 from arm_dynamics.ros.joint_state.reader import FAILED, NONE, Clip, JointStateReader, Numbers, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter, parsed
-from arm_dynamics.ros.joint_state.sink import JointStateSink, Sink
+from arm_dynamics.ros.joint_state.sink import JointStateSink
 
 __all__ = [
-    "FAILED", "HEADER", "NONE", "SOURCE", "Clip", "Expected", "JointStateReader",
-    "JointStateSink", "JointStateWriter", "Numbers", "Read", "Sink", "parsed",
+    "FAILED", "NONE", "Clip", "Expected", "JointStateReader", "JointStateSink",
+    "JointStateWriter", "Numbers", "Read", "parsed",
 ]  # fmt: skip

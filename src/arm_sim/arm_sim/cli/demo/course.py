@@ -109,9 +109,8 @@ def _run(
         processes.stop("sim")
         processes.stop("view", "controller", "dynamics")
         if not timing.exists():
-            raise DemoFailed(
-                "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
-            )
+            log = processes.tail("sim")
+            raise DemoFailed(f"the sim node did not end cleanly; its log says:\n{log}")
         return observer.observations(), json.loads(timing.read_text(encoding="utf-8"))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import Initial
-from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
+from arm_dynamics.trajectory import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
 TURN, SLIDE = 0.6, 0.15  # [rad], [m]: largest excursion from the start
@@ -76,7 +76,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> DemoMotion | N
     swings = np.sin(2.0 * np.pi * (point * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
     swings[-1] = 0.0
     span = model.position_upper - model.position_lower
-    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
+    most = np.where(model.turning, TURN, SLIDE)
     excursion = np.minimum(most, SHARE_OF_RANGE * span)
     # At a distance from the limits, unless the start is closer.
     margin = MARGIN * np.where(np.isfinite(span), span, 0.0)

@@ -22,8 +22,6 @@ _IN_TIME = f"within {_START_TIMEOUT:g} s"
 _CHECK_PERIOD = 0.2  # [s]
 _DISCOVERY = 0.5  # [s]: of a node, which may block the others for a third of a second
 _RETRY = 1.0  # [s] until an unanswered request is repeated
-_FIELDS = ("reference_position", "feedback_position", "position_error", "effort")
-_ENERGIES = ("kinetic", "potential", "total", "input", "dissipated", "balance")
 
 
 class Observations(NamedTuple):
@@ -39,7 +37,9 @@ class Observations(NamedTuple):
         query_effort: Torques returned for the reference motion, shape (m, n).
         query_command: Torques commanded at those times, shape (m, n).
         latencies: Durations of the service calls in [s], shape (m,).
-        energy: kinetic, potential, total, input, dissipated and balance in [J], shape (e, 6).
+        work: Work since the sim's energy account was opened in [J], shape (e,).
+        heat: Energy dissipated since then, likewise.
+        residual: Unexplained energy since then, likewise.
     """
 
     time: Array
@@ -51,7 +51,9 @@ class Observations(NamedTuple):
     query_effort: Array
     query_command: Array
     latencies: Array
-    energy: Array
+    work: Array
+    heat: Array
+    residual: Array
 
 
 class _Query(NamedTuple):
@@ -113,7 +115,7 @@ class Observer(Listener):
         )
         silence = f"the sim node did not answer {_IN_TIME}"
         self._demand(self._reset.service_is_ready, silence)
-        self.until(lambda: False, _DISCOVERY)
+        self.spin_for(_DISCOVERY)
         self._demand(self._answers(self._reset), silence)
 
     def _demand(self, condition: Callable[[], bool], failure: str) -> None:
@@ -173,18 +175,23 @@ class Observer(Listener):
 
     def observations(self) -> Observations:
         """All observations since the trajectory began."""
-        states = [s for s in self._states if self._time(s) >= 0.0]
+        states = [state for state in self._states if self._time(state) >= 0.0]
+        energies = [energy for energy in self._energies if self._time(energy) >= 0.0]
         queries = [query for query in self._queries if query.response.success]
-        energy = [[getattr(e, name) for name in _ENERGIES] for e in self._energies]
         return Observations(
-            np.array(list(map(self._time, states))),
-            *(np.array([getattr(s, field) for s in states]) for field in _FIELDS),
+            time=np.array([self._time(state) for state in states]),
+            reference=np.array([state.reference_position for state in states]),
+            position=np.array([state.feedback_position for state in states]),
+            error=np.array([state.position_error for state in states]),
+            effort=np.array([state.effort for state in states]),
             query_time=np.array([self._time(query.state) for query in queries]),
             query_effort=np.array([query.response.effort for query in queries]),
             query_command=np.array([query.state.effort for query in queries]),
             latencies=np.array([query.latency for query in queries]),
-            energy=np.reshape(energy, (-1, len(_ENERGIES))),
+            work=np.array([energy.input for energy in energies]),
+            heat=np.array([energy.dissipated for energy in energies]),
+            residual=np.array([energy.balance for energy in energies]),
         )
 
-    def _time(self, state: Any) -> float:
-        return 1e-9 * (to_nanoseconds(state.header.stamp) - self.start)
+    def _time(self, message: Any) -> float:
+        return 1e-9 * (to_nanoseconds(message.header.stamp) - self.start)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.ticker import EngFormatter
 
 from arm_dynamics.arrays import Array
 from arm_sim.cli.demo.observer import Observations
@@ -31,8 +30,9 @@ LEAST_COMMANDS = 100  # commands per second of the motion
 MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
 
-DOTS = 45  # number of service answers that are drawn
-REFERENCE: dict[str, Any] = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
+DOTS = 30  # number of service answers that are drawn
+APART = 5e-3  # of all positions: references that are closer to them are not drawn
+WEAK = 0.1  # of the largest torque: joints with less are drawn in a panel of their own
 CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
 
@@ -61,9 +61,9 @@ def numbers(motion: DemoMotion, observed: Observations, clock: dict[str, Any]) -
         "error_rms": float(np.sqrt(np.mean(error**2))), "error_max": float(abs(error).max()),
         "goal_distance": _largest(observed.position[-1] - np.asarray(motion.waypoints[-1].q)),
         "effort_share": motion.effort_share,
-        "energy_moved": float(abs(np.diff(observed.energy[:, 3])).sum()),
-        "energy_dissipated": float(observed.energy[:, 4].max(initial=0.0)),
-        "energy_balance": _largest(observed.energy[:, 5]),
+        "energy_moved": float(abs(np.diff(observed.work)).sum()),
+        "energy_dissipated": float(np.diff(observed.heat).sum()),
+        "energy_balance": _largest(observed.residual - observed.residual[:1]),
     }  # fmt: skip
 
 
@@ -152,27 +152,30 @@ def result_table(n: Numbers) -> Table:
 
 
 def draw(
-    file: Path,
-    run: Observations,
-    names: Sequence[str],
-    types: Sequence[str],
-    duration: float,
+    file: Path, run: Observations, names: Sequence[str], types: Sequence[str], duration: float,
     title: str,
-) -> None:
+) -> None:  # fmt: skip
     """Draw a PNG; ``types`` are the joint types, ``duration`` is that of the motion in [s]."""
     joints = most_moved(run.position)
     short = [joint_words(names)[i] for i in joints]
-    with figure(file, 3, 1, (WIDTH, 6.2), sharex=True) as (position, error, torque):
+    effort, answers = run.effort[:, joints], run.query_effort[:, joints]
+    largest, every = np.max(abs(effort), axis=0), max(1, len(answers) // DOTS)
+    weak = largest < WEAK * largest.max()  # their curves would coincide at zero
+    panels, size = (4, 7.0) if weak.any() else (3, 6.0)
+    with figure(file, panels, 1, (WIDTH, size), sharex=True) as (position, error, *torques):
         position.plot(run.time, run.position[:, joints], label=short)
-        position.plot(run.time, run.reference[:, joints], label="reference", **REFERENCE)
+        if abs(run.error).max() > APART * np.ptp(run.position):
+            wide = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
+            position.plot(run.time, run.reference[:, joints], label="reference", **wide)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
-        error.plot(run.time, run.error[:, joints], lw=1.0)
-        error.yaxis.set_major_formatter(EngFormatter(units(types, "rad", "m")))  # as 5 µrad
-        error.set_ylabel("tracking error")
-        torque.plot(run.time, run.effort[:, joints])
-        for color, answers in zip(COLORS, run.query_effort.T[joints], strict=False):
-            every = max(1, len(answers) // DOTS)
-            torque.plot(run.query_time[::every], answers[::every], color=color, **CIRCLES)
-        torque.plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
-        torque.set(xlabel="time [s]", xlim=(0.0, max(duration, float(run.time[-1]))))
-        torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")
+        prefix, scale = ("m", 1e3) if abs(run.error).max() > 1e-4 else ("µ", 1e6)
+        error.plot(run.time, scale * run.error[:, joints], lw=1.0)
+        error.set_ylabel(f"error [{units(types, f'{prefix}rad', f'{prefix}m')}]")
+        for torque, drawn in zip(torques, (~weak, weak), strict=False):
+            for i in np.flatnonzero(drawn):
+                torque.plot(run.time, effort[:, i], color=COLORS[i])
+                dots = run.query_time[::every], answers[::every, i]
+                torque.plot(*dots, color=COLORS[i], **CIRCLES)
+            torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")
+        torques[0].plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
+        torques[-1].set(xlabel="time [s]", xlim=(0.0, max(duration, float(run.time[-1]))))

@@ -56,6 +56,10 @@ class Listener(TemporaryNode):
                 self._executor.spin_once(timeout_sec=min(_CHECK_PERIOD, left))
         return met
 
+    def spin_for(self, duration: float) -> None:
+        """Process messages for a duration in [s]."""
+        self.until(lambda: False, duration)
+
     def publishers(self, topic: str) -> list[str]:
         """Full names of the nodes that publish a topic."""
         return sorted(publishers(self._node, topic).values())

@@ -16,10 +16,10 @@ from arm_sim.cli.output import console, shortened, table, to_json
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
 
+# By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes
 KINDS = (
     "unset", "bool", "int", "double", "string", "list", "bool[]", "int[]", "double[]", "string[]"
 )  # fmt: skip
-"""By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes."""
 _DISCOVERY = 3.0  # [s] for two processes to discover each other
 
 
@@ -45,7 +45,7 @@ def get(
 
         with Listener() as listener:
             listener.until(lambda: bool(listener.nodes()), timeout)
-            listener.until(lambda: False, _DISCOVERY)
+            listener.spin_for(_DISCOVERY)
             nodes = [name for name in listener.nodes() if "/_" not in name]
             place = listener.where()
         if not (nodes or as_json):

@@ -75,7 +75,7 @@ def watch(
                 f"sim SCENE; --topic selects another topic\n  {listener.where()}"
             )
         listener.until(lambda: arm.measured, 0.3)
-        listener.until(lambda: False, _WAIT if once else 0.0)  # warnings come once a second
+        listener.spin_for(_WAIT if once else 0.0)  # warnings come once a second
         try:
             _show(listener, arm, once, 1.0 / rate, as_json)
         except BrokenPipeError:  # the pipe was closed
@@ -140,17 +140,16 @@ class WatchedArm:
 
     def remarks(self) -> list[str]:
         """Lines below the table."""
-        complaints = self.reports.complaints()
+        remarks = list[str]()
+        if self.age > _OLD:
+            remarks.append(f"stale: no joint state for {self.age:.1f} s")
+        if len(names := self.publishers()) > 1:
+            remarks.append(f"only the newest of the joint states of {', '.join(names)} are shown")
+        remarks += self.reports.complaints()
         for key in _CONDITIONS:
             values = self.reports.values(key).items()
-            complaints += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
-        if len(names := self.publishers()) > 1:
-            complaints.insert(
-                0, f"only the newest of the joint states of {', '.join(names)} are shown"
-            )
-        if self.age > _OLD:
-            complaints.insert(0, f"stale: no joint state for {self.age:.1f} s")
-        return complaints
+            remarks += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
+        return remarks
 
     @property
     def stamp(self) -> float:
@@ -163,7 +162,7 @@ def _show(listener: Listener, arm: WatchedArm, once: bool, period: float, as_jso
         line = _json if as_json else _line
         click.echo(line(arm))
         while not once:
-            listener.until(lambda: False, period)
+            listener.spin_for(period)
             click.echo(line(arm))
         return
     if once:
@@ -173,7 +172,7 @@ def _show(listener: Listener, arm: WatchedArm, once: bool, period: float, as_jso
 
     with Live(_picture(arm), console=console(), auto_refresh=False) as live:
         while True:
-            listener.until(lambda: False, period)
+            listener.spin_for(period)
             live.update(_picture(arm), refresh=True)
 
 

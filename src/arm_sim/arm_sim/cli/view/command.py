@@ -90,10 +90,10 @@ def view(
 ) -> None:
     """Show WHAT in the browser until Ctrl-C, or write its pictures.
 
-    WHAT is a scene (a scene file, a URDF, or the name of a ready scene) that can be run, stepped,
-    placed, pushed and pulled with the mouse; or a recording to play: a file written by the sim
-    node's parameter record or by Recording.save, a bag of a robot, or a .csv table. Several are
-    shown side by side.
+    WHAT is a scene (a scene file, a URDF, or the name of a bundled scene) that can be run,
+    stepped, placed, pushed and pulled with the mouse; or a recording to play: a file written by
+    the sim node's parameter record or by Recording.save, a bag of a robot, or a .csv table.
+    Several are shown side by side.
 
     Args:
         live: Follow a running robot over its topics, in a namespace by --live=NAMESPACE. WHAT is

@@ -30,14 +30,14 @@ from arm_sim.view.view import opened
 if TYPE_CHECKING:
     import viser
 
+# Fields of energies in messages by their names in the plot
 ENERGIES = {"kinetic": "kinetic", "potential": "potential", "total": "total", "supplied": "input",
             "dissipated": "dissipated"}  # fmt: skip
-"""Fields of energies in messages by their names in the plot."""
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
 LISTENING = 0.01  # [s] of listening before each picture
 OLD = 0.5  # [s] without data after which an arm is reported as silent
-_ERROR, _ENERGY = "controller/state", "sim/energy"
+_CONTROL, _ENERGY = "controller/state", "sim/energy"
 _WAIT = 5.0  # [s] for joint states and for a description
 
 
@@ -55,7 +55,7 @@ class RunningArm:
         self._model: ArmModel | None = None
         for topic, name in (
             (JOINT_STATES, JOINT_STATES.name), (ROBOT_DESCRIPTION, ROBOT_DESCRIPTION.name),
-            (CONTROLLER_STATE, _ERROR), (ENERGY, _ENERGY),
+            (CONTROLLER_STATE, _CONTROL), (ENERGY, _ENERGY),
         ):  # fmt: skip
             keep = partial(self._newest.__setitem__, name)
             listener.subscribe(topic, self._name(name), keep, raw=topic is JOINT_STATES)
@@ -103,7 +103,7 @@ class RunningArm:
             return None
         complete = len(state.effort) == len(state.name)
         torque = of_joints(state.name, state.effort if complete else ())
-        control, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
+        control, energy = self._newest.get(_CONTROL), self._newest.get(_ENERGY)
         error = of_joints(control.joint_names, control.position_error) if control else np.nan * q
         energies = np.array([getattr(energy, field, np.nan) for field in ENERGIES.values()])
         now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec

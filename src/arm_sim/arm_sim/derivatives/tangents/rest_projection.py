@@ -14,9 +14,9 @@ import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations.contact import Mode
+from arm_sim.coefficients import Coefficients
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import Kept, jacobian_by
-from arm_sim.plant.symbols import dense_function
+from arm_sim.plant.symbols import dense_function, jacobian_by
 
 
 class RestProjection:
@@ -86,7 +86,7 @@ class RestProjection:
 
 def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
     """``rest_begin`` and ``begin_at_rest``."""
-    n, kept = plant.model.n, Kept()
+    n, c = plant.model.n, Coefficients()
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     dx = ca.SX.sym("dx", plant.nx)
     dq, dv, dz = ca.vertsplit(dx, [0, n, 2 * n, plant.nx])
@@ -96,19 +96,19 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
         struck = plant.mechanics.impact_map(qv, p, change, ca.SX(3 * len(plant.points), 1))[0]
         gain = ca.jacobian(struck, change)  # which is linear in it
         held = direction == 0
-        dv = dv - kept.matrix(gain @ ca.diag(held)) @ dv
+        dv = dv - c.matrix(gain @ ca.diag(held)) @ dv
         if plant.model.stops.rigid.any():
             back = ca.logic_and(held, _leans(plant, x, u, p))
-            dq = dq - kept.matrix(gain @ ca.diag(back)) @ dq
+            dq = dq - c.matrix(gain @ ca.diag(back)) @ dq
     if plant.mechanics.contact:
         closed = ca.sum1(Mode.of(contacts).closed) > 0
         settled = plant.mechanics.contact.closing()(qv, p)[0]
         loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
-        dv = kept.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
+        dv = c.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
     moved = ca.densify(ca.vertcat(dq, dv, dz))
     return (
-        ca.Function("rest_begin", [x, u, p], [kept.values], {"cse": True}),
-        ca.Function("begin_at_rest", [kept.symbols, dx], [moved], {"cse": True}),
+        ca.Function("rest_begin", [x, u, p], [c.values], {"cse": True}),
+        ca.Function("begin_at_rest", [c.symbols, dx], [moved], {"cse": True}),
     )
 
 
@@ -122,7 +122,7 @@ def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 
 def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
     """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
-    n, kept = plant.model.n, Kept()
+    n, c = plant.model.n, Coefficients()
     names = ("begin", "end", "dbegin", "dend")
     begin, end, dbegin, dend = (ca.SX.sym(name, plant.nx) for name in names)
     p, dw = ca.SX.sym("p", plant.rhs.size1_in(2)), ca.SX.sym("dw", n + len(tuned))
@@ -133,12 +133,11 @@ def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
         by_end, by_anchor = ca.horzsplit(
             contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
         )
-        back = kept.matrix(by_anchor) @ (
-            kept.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
-        )
-        moved = ca.vertcat(kept.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
-    arguments = [kept.symbols, dbegin, dend, dw]
+        danchor = c.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
+        back = c.matrix(by_anchor) @ danchor
+        moved = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
+    arguments = [c.symbols, dbegin, dend, dw]
     return (
-        ca.Function("rest_end", [begin, end, p], [kept.values], {"cse": True}),
+        ca.Function("rest_end", [begin, end, p], [c.values], {"cse": True}),
         ca.Function("end_at_rest", arguments, [ca.densify(moved)], {"cse": True}),
     )

@@ -14,11 +14,13 @@ from functools import partial
 import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import built_once
+from arm_sim.coefficients import Coefficients
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import Kept, Slopes, scaled_jacobian
+from arm_sim.plant.slopes import Slopes, scaled_jacobian
+from arm_sim.plant.symbols import dense_function
 
 
 class StepTangent:
@@ -85,11 +87,10 @@ class StepTangent:
 
 def command_tangent(plant: Plant) -> tuple[ca.Function, ca.Function]:
     """(x, r) -> command that acts and coefficients c, and (c, dx, dr) -> its change."""
-    act, kept = actuation(plant), Kept()
+    act, c = actuation(plant), Coefficients()
     x, r = ca.SX.sym("x", act.size1_in(0)), ca.SX.sym("r", act.size1_in(1))
     dx, dr = ca.SX.sym("dx", x.shape[0]), ca.SX.sym("dr", r.shape[0])
     u = act(x, r)
-    by_x, by_r = (kept.matrix(ca.jacobian(u, by)) for by in (x, r))
-    changes = ca.densify(by_x @ dx + by_r @ dr)
-    acting = ca.Function("acting", [x, r], [u, kept.values], {"cse": True})
-    return acting, ca.Function("command_jvp", [kept.symbols, dx, dr], [changes], {"cse": True})
+    changes = c.matrix(ca.jacobian(u, x)) @ dx + c.matrix(ca.jacobian(u, r)) @ dr
+    acting = ca.Function("acting", [x, r], [u, c.values], {"cse": True})
+    return acting, dense_function("command_jvp", [c.symbols, dx, dr], changes)

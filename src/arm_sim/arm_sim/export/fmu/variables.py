@@ -98,7 +98,7 @@ def _outputs(model: ArmModel) -> Iterator[Variable]:
         ("velocity", "rad/s", "m/s", "velocity"),
         ("effort", "N.m", "N", "torque or force of the last tick on the joint"),
     ):
-        for joint, unit in zip(model.joint_names, _units(model, turning, sliding), strict=True):
+        for joint, unit in zip(model.joint_names, model.units(turning, sliding), strict=True):
             yield Variable(
                 f"{joint}.{kind}", "output", "continuous", unit, description=description
             )
@@ -109,13 +109,9 @@ def _starts(model: ArmModel, state: State) -> Iterator[Variable]:
         ("position", state.q, "rad", "m"),
         ("velocity", state.v, "rad/s", "m/s"),
     ):
-        units = _units(model, turning, sliding)
+        units = model.units(turning, sliding)
         for joint, unit, value in zip(model.joint_names, units, values, strict=True):
             yield Variable(
                 f"{joint}.initial_{kind}", "parameter", "fixed", unit, float(value),
                 description=f"{kind} at the start",
             )  # fmt: skip
-
-
-def _units(model: ArmModel, turning: str, sliding: str) -> list[str]:
-    return [sliding if kind == "prismatic" else turning for kind in model.joint_types]

@@ -20,7 +20,7 @@ static const engine_t own_engine = {&own_scene, predict, predicted_tick, event_f
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
   double slopes[NX * VARIED], after[NX];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!slope_differentiate_tick(scene, &slope_own_tangents, ENGINE, sim->x, command, sim->p, PERIOD, after, slopes))
+  if (!slope_differentiate_tick(scene, &slope_own_tangents, ENGINE, sim->x, command, sim->p, LIBRARY_PERIOD, after, slopes))
     return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
   if (of_effort) CALL(effort_slopes, (sim->x, command, after, slopes), (of_effort));

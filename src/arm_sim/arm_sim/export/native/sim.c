@@ -2,7 +2,7 @@
  *
  * The door of an exported library to its tick. `library` stands for the library's name.
  *
- * Required definitions: library.h, tick.h and what it needs; PERIOD (length of a tick), NZ (internal states), START (the
+ * Required definitions: library.h, tick.h and what it needs; LIBRARY_PERIOD (length of a tick), NZ (internal states), START (the
  * scene's initial state), OF_STATE (for each internal state the number of the state that it begins with, -1: zero), TUNABLE
  * (nominal tunable numbers), OPEN (residual up to which loops are closed), AT_STOP (distance beyond a stop that is rounding,
  * relative to the position); with loops LOOPS (length of p in the generated `project`), and with drives DRIVEN and the
@@ -27,7 +27,7 @@ size_t library_sim_size(void) { return sizeof(struct library_sim); }
 
 int library_sim_joints(void) { return NU; }
 
-double library_sim_period(void) { return PERIOD; }
+double library_sim_period(void) { return LIBRARY_PERIOD; }
 
 void library_sim_range(double* lower, double* upper) {
   for (int i = 0; i < NU; ++i) {
@@ -93,7 +93,7 @@ int library_sim_step(library_sim* sim, const double* command) {
   static const int code_of[] = {LIBRARY_DIVERGED, LIBRARY_DIVERGED, LIBRARY_UNDETERMINED, LIBRARY_INSIDE_PLANE};
   double acted[NU], after[NX];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!actuated_tick(scene, sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted, after))
+  if (!actuated_tick(scene, sim->x, command, sim->p, LIBRARY_PERIOD, &sim->control, &sim->report, acted, after))
     return code_of[sim->report.trouble]; /* which smooth ticks do not set */
   copy(sim->effort, acted, NU);
   copy(sim->x, after, NX);

@@ -6,7 +6,7 @@ Depends on the contents of a recording, but not on ROS: messages are serialized 
 """
 
 from arm_sim.recording.files.storage import SUFFIXES, Stream, load, save
-from arm_sim.recording.files.ticks import TickFile
+from arm_sim.recording.files.tick_writer import TickFile
 from arm_sim.recording.files.writer import McapWriter, new_file
 
 __all__ = ["SUFFIXES", "McapWriter", "Stream", "TickFile", "load", "new_file", "save"]

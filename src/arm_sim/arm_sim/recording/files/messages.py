@@ -12,13 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import GIGA, HEADER, NATIVE, CdrReader, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
 
 JOINT_STATE, TICK = "sensor_msgs/msg/JointState", "arm_msgs/msg/Tick"
+# The quantities of a joint state
 PARTS = ("position", "velocity", "effort")
-"""The quantities of a joint state."""
 CHANGE, LOG, STRING = "arm_msgs/msg/Change", "rcl_interfaces/msg/Log", "std_msgs/msg/String"
+# Quality of service of a latched topic (transient local), as rosbag2 writes it
 LATCHED = """- history: 1
   depth: 1
   reliability: 1
@@ -29,7 +31,6 @@ LATCHED = """- history: 1
   liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
   avoid_ros_namespace_conventions: false
 """
-"""Quality of service of a latched topic (transient local), as rosbag2 writes it."""
 
 _TIME = "int32 sec\nuint32 nanosec"
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id"
@@ -107,6 +108,22 @@ def read(kind: str, raw: bytes) -> Any:
     """
     reader, fields = CdrReader(raw), _fields(kind).items()
     return SimpleNamespace(**{name: _KINDS[type_].read(reader) for name, type_ in fields})
+
+
+class JointState(NamedTuple):
+    """A joint state, as far as recordings need it; its stamp is in [ns]."""
+
+    stamp: int
+    name: tuple[str, ...]
+    position: Array
+    velocity: Array
+    effort: Array
+
+
+def read_joint_state(raw: bytes) -> JointState:
+    """As ``read``."""
+    fields = vars(read(JOINT_STATE, raw))
+    return JointState(**{name: fields[name] for name in JointState._fields})
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from arm_sim.imperfections import Measured
 from arm_sim.recording.contents import Contents, Event, Jump
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, Origin
 
+# Names in files of the arrays with a row for each state
 _ROWS = {
     "time": "time", "q": "q", "v": "v", "z": "z", "command": "command", "local_error": "error",
     "time_stepped": "time_stepped", "p": "p",
 }  # fmt: skip
-"""Names in files of the arrays with a row for each state."""
 
 
 def read(path: Path) -> Contents:

@@ -28,8 +28,8 @@ except ModuleNotFoundError as error:
 
 BAGS = (".mcap", ".db3")
 SQLITE = b"SQLite format 3\0"
+# Name of the metadata with the damage that a repaired file had
 REPAIRED = "repaired"
-"""Name of the metadata with the damage that a repaired file had."""
 _HEAD = struct.Struct("<BQ")  # of a record: opcode and length
 _READ = (
     Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT,
@@ -51,8 +51,8 @@ class BagContents:
 
     Attributes:
         topics: Type of each topic.
-        texts: Attached files.
-        facts: Metadata by name.
+        attachments: Attached files, as text.
+        metadata: By name.
         messages: Those of each requested topic.
         damage: Description of unreadable parts.
         count: Number of messages, also of topics that are not requested.
@@ -60,8 +60,8 @@ class BagContents:
     """
 
     topics: dict[str, str] = field(default_factory=dict)
-    texts: dict[str, str] = field(default_factory=dict)
-    facts: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, str] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     messages: dict[str, list[BagMessage]] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
     count: int = 0
@@ -79,59 +79,18 @@ class BagContents:
         """Topics and types, for an error message."""
         return known_names(f"{topic} ({kind})" for topic, kind in self.topics.items())
 
-    def _add_topic(self, topic: str, kind: str, keep: bool) -> None:
+    def add_topic(self, topic: str, kind: str, keep: bool) -> None:
+        """Add a topic of a type; its messages are kept only if ``keep``."""
         self.topics.setdefault(topic, kind)
         if keep:
             self.messages.setdefault(topic, [])
 
-    def _add(self, topic: str, time: int, data: bytes) -> None:
+    def add(self, topic: str, time: int, data: bytes) -> None:
+        """Add a message with the time of its log in [ns]."""
         if topic in self.messages:
             self.messages[topic].append(BagMessage(self.count, time, data))
         self.count += 1
         self.not_empty.add(topic)
-
-    def add_mcap(self, path: Path, keep: Callable[[str, str], bool]) -> None:
-        """Add an MCAP file; see ``read_bag``."""
-        schemas, channels = dict[int, str](), dict[int, str]()
-        for record in intact_records(path, self.damage):
-            match record:
-                case records.Message():
-                    topic = channels.get(record.channel_id, "")
-                    self._add(topic, record.log_time, record.data)
-                case records.Schema():
-                    schemas[record.id] = record.name
-                case records.Channel():
-                    kind = schemas.get(record.schema_id, "")
-                    channels[record.id] = record.topic
-                    readable = record.message_encoding == "cdr"
-                    self._add_topic(record.topic, kind, readable and keep(record.topic, kind))
-                case records.Attachment():
-                    self.texts.setdefault(record.name, record.data.decode(errors="replace"))
-                case records.Metadata(name=name, metadata=facts):
-                    self.facts.setdefault(name, facts)
-                    self.damage += facts.values() if name == REPAIRED else ()
-
-    def add_sqlite(self, path: Path, keep: Callable[[str, str], bool]) -> None:
-        """Add a file of rosbag2_storage_sqlite3: tables ``topics`` and ``messages``."""
-        with path.open("rb") as file:
-            if file.read(len(SQLITE)) != SQLITE:
-                raise InvalidInput(f"'{path}' is not an SQLite database; allowed for .db3: a bag")
-        begin, uri = self.count, f"file:{quote(str(path))}?mode=ro&immutable=1"
-        try:
-            with closing(sqlite3.connect(uri, uri=True)) as base:
-                base.text_factory = lambda raw: raw.decode(errors="replace")
-                topics = dict[int, str]()
-                for number, topic, kind in base.execute("SELECT id, name, type FROM topics"):
-                    topics[number] = topic
-                    self._add_topic(topic, kind, keep(topic, kind))
-                for number, time, data in base.execute(
-                    "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
-                ):
-                    self._add(topics.get(number, ""), time, bytes(data))
-        except sqlite3.Error as error:
-            if not any(self.messages.values()):
-                raise InvalidInput(f"'{path}' is damaged or not a bag of ROS 2: {error}") from None
-            self.damage.append(f"it is damaged from message {self.count - begin} on: {error}")
 
 
 def read_bag(path: Path, keep: Callable[[str, str], bool]) -> BagContents:
@@ -147,9 +106,55 @@ def read_bag(path: Path, keep: Callable[[str, str], bool]) -> BagContents:
     """
     contents = BagContents()
     for file in bag_files(path):
-        add = contents.add_sqlite if file.suffix == ".db3" else contents.add_mcap
-        add(file, keep)
+        read = _read_sqlite if file.suffix == ".db3" else _read_mcap
+        read(file, contents, keep)
     return contents
+
+
+def _read_mcap(path: Path, contents: BagContents, keep: Callable[[str, str], bool]) -> None:
+    schemas, channels = dict[int, str](), dict[int, str]()
+    for record in intact_records(path, contents.damage):
+        match record:
+            case records.Message():
+                topic = channels.get(record.channel_id, "")
+                contents.add(topic, record.log_time, record.data)
+            case records.Schema():
+                schemas[record.id] = record.name
+            case records.Channel():
+                kind = schemas.get(record.schema_id, "")
+                channels[record.id] = record.topic
+                readable = record.message_encoding == "cdr"
+                contents.add_topic(record.topic, kind, readable and keep(record.topic, kind))
+            case records.Attachment():
+                text = record.data.decode(errors="replace")
+                contents.attachments.setdefault(record.name, text)
+            case records.Metadata():
+                contents.metadata.setdefault(record.name, record.metadata)
+                if record.name == REPAIRED:
+                    contents.damage += record.metadata.values()
+
+
+def _read_sqlite(path: Path, contents: BagContents, keep: Callable[[str, str], bool]) -> None:
+    """Of a file of rosbag2_storage_sqlite3: tables ``topics`` and ``messages``."""
+    with path.open("rb") as file:
+        if file.read(len(SQLITE)) != SQLITE:
+            raise InvalidInput(f"'{path}' is not an SQLite database; allowed for .db3: a bag")
+    begin, uri = contents.count, f"file:{quote(str(path))}?mode=ro&immutable=1"
+    try:
+        with closing(sqlite3.connect(uri, uri=True)) as base:
+            base.text_factory = lambda raw: raw.decode(errors="replace")
+            topics = dict[int, str]()
+            for number, topic, kind in base.execute("SELECT id, name, type FROM topics"):
+                topics[number] = topic
+                contents.add_topic(topic, kind, keep(topic, kind))
+            for number, time, data in base.execute(
+                "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+            ):
+                contents.add(topics.get(number, ""), time, bytes(data))
+    except sqlite3.Error as error:
+        if not contents.count:
+            raise InvalidInput(f"'{path}' is damaged or not a bag of ROS 2: {error}") from None
+        contents.damage.append(f"it is damaged from message {contents.count - begin} on: {error}")
 
 
 def bag_files(path: Path) -> list[Path]:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -43,75 +44,84 @@ def repair(source: Path, out: Path) -> Repaired:
     new_file(out)
     try:
         with out.open("wb") as sink:
-            repaired = Repaired(Writer(sink))
+            copier = _Copier(Writer(sink))
             for file in files:
-                repaired.add(file)
-            if not repaired.numbers:
-                raise InvalidInput(f"'{source}' contains nothing that can be repaired")
-            if repaired.damage:
-                damage = {"damage": "; ".join(dict.fromkeys(repaired.damage))}
-                repaired.writer.add_metadata(REPAIRED, damage)
-            repaired.writer.finish()  # type: ignore[no-untyped-call]
-            return repaired
+                copier.copy(file)
+            return copier.finish(source)
     except BaseException:
         out.unlink()
         raise
 
 
-@dataclass
+@dataclass(frozen=True)
 class Repaired:
     """Content of a repaired file.
 
     Attributes:
-        writer: Writes it.
         count: Number of messages by topic.
-        extras: "attachment" or "metadata" for each of these, by name.
+        extras: Names of attachments and metadata.
         damage: Descriptions of unreadable parts.
-        numbers: Of schemas, channels and what else is written once, by content.
     """
 
-    writer: Writer
-    count: dict[str, int] = field(default_factory=dict)
-    extras: dict[str, str] = field(default_factory=dict)
-    damage: list[str] = field(default_factory=list)
-    numbers: dict[Any, int] = field(default_factory=dict)
+    count: dict[str, int]
+    extras: tuple[str, ...]
+    damage: list[str]
 
-    def add(self, path: Path) -> None:
-        """Add what is intact of a file, in which channels have numbers of their own."""
+
+class _Copier:
+    """Copies what is intact of files, in which channels have numbers of their own, into one."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer, self._begun = writer, False
+        self._count, self._damage = dict[str, int](), list[str]()
+        self._extras = dict[str, None]()  # in this order
+        self._numbers: dict[bytes, int] = {}  # of what is written once, by a digest of its content
+
+    def copy(self, path: Path) -> None:
         channels, schemas = dict[int, tuple[int, str]](), {0: 0}
-        for record in intact_records(path, self.damage):
-            if not self.numbers:
+        for record in intact_records(path, self._damage):
+            if not self._begun:
                 head = (record.profile, record.library) if isinstance(record, Header) else ()
-                self.numbers["header"] = self.writer.start(*head) or 0
+                self._writer.start(*head)
+                self._begun = True
             match record:
                 case Message(channel_id=channel):
                     if channel not in channels:
-                        self.damage.append(f"a message is of channel {channel}, not described")
+                        self._damage.append(f"a message is of channel {channel}, not described")
                         continue
                     number, topic = channels[channel]
                     more = record.publish_time, record.sequence
-                    self.writer.add_message(number, record.log_time, record.data, *more)
-                    self.count[topic] += 1
+                    self._writer.add_message(number, record.log_time, record.data, *more)
+                    self._count[topic] += 1
                 case Schema():
                     schema = record.name, record.encoding, record.data
-                    schemas[record.id] = self._once(self.writer.register_schema, *schema)
+                    schemas[record.id] = self._once(self._writer.register_schema, *schema)
                 case Channel(topic=topic):
                     about = topic, record.message_encoding, schemas.get(record.schema_id, 0)
-                    number = self._once(self.writer.register_channel, *about, record.metadata)
+                    number = self._once(self._writer.register_channel, *about, record.metadata)
                     channels[record.id] = number, topic
-                    self.count.setdefault(topic, 0)
+                    self._count.setdefault(topic, 0)
                 case Attachment():
                     times = record.create_time, record.log_time
                     content = record.name, record.media_type, record.data
-                    self._once(self.writer.add_attachment, *times, *content)
-                    self.extras[record.name] = "attachment"
+                    self._once(self._writer.add_attachment, *times, *content)
+                    self._extras[record.name] = None
                 case Metadata():
-                    self._once(self.writer.add_metadata, record.name, record.metadata)
-                    self.extras[record.name] = "metadata"
+                    self._once(self._writer.add_metadata, record.name, record.metadata)
+                    self._extras[record.name] = None
+
+    def finish(self, source: Path) -> Repaired:
+        if not self._begun:
+            raise InvalidInput(f"'{source}' contains nothing that can be repaired")
+        if self._damage:
+            damage = {"damage": "; ".join(dict.fromkeys(self._damage))}
+            self._writer.add_metadata(REPAIRED, damage)
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        return Repaired(self._count, tuple(self._extras), self._damage)
 
     def _once(self, write: Callable[..., int | None], *content: Any) -> int:
         """Write a content unless it was written before; return its number."""
-        key = repr((write.__name__, content))
-        if key not in self.numbers:
-            self.numbers[key] = write(*content) or 0
-        return self.numbers[key]
+        key = sha256(repr((write.__name__, content)).encode()).digest()
+        if key not in self._numbers:
+            self._numbers[key] = write(*content) or 0
+        return self._numbers[key]

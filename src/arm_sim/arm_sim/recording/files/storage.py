@@ -17,15 +17,15 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.writing import replacing, writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
-from arm_sim.recording.files import measured, npz, ticks
+from arm_sim.recording.files import measured, npz, tick_reader, tick_writer
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
 from arm_sim.recording.files.reader import BAGS, read_bag
-from arm_sim.recording.files.ticks import TickFile
+from arm_sim.recording.files.tick_writer import TickFile
 from arm_sim.recording.files.writer import Place, check_folder, complete, new_file, place_of
 
 _log = logging.getLogger(__name__)
+# Suffixes of files that ``load`` reads
 SUFFIXES = (".csv", ".npz", *BAGS)
-"""Suffixes of files that ``load`` reads."""
 
 
 def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[], Array]) -> Path:
@@ -54,7 +54,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         return path
     place = place_of(path)
     with replacing(place.file) as part:
-        ticks.write(Place(part, None), contents, efforts()).close()
+        tick_writer.write(Place(part, None), contents, efforts()).close()
     complete(place)
     return path
 
@@ -88,7 +88,7 @@ class Stream(AbstractContextManager["Stream"]):
 
     def _write(self, part: Contents, efforts: Array) -> None:
         if self._file is None:
-            self._file = ticks.write(self._place, part, efforts)
+            self._file = tick_writer.write(self._place, part, efforts)
         else:
             self._file.write(part, efforts)
         self._until = float(part.time[-1])
@@ -130,7 +130,7 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
         )
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
     bag = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
-    if topic is None and bag.of(CHANGE) and ticks.FACTS in bag.facts:
-        return replace(ticks.read(bag, path), left=ticks.left(bag))
+    if topic is None and bag.of(CHANGE) and tick_writer.METADATA in bag.metadata:
+        return replace(tick_reader.read(bag, path), left=tick_reader.left(bag))
     bag = bag if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
     return measured.from_bag(bag, topic, path)

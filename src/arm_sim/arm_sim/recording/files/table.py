@@ -74,7 +74,7 @@ class Table:
         """
         text, notes = _text(path), list[str]()
         try:
-            names, rows, between = _rows(text)
+            names, rows, separator = _rows(text)
         except csv.Error as error:
             raise _bad(path, str(error)) from None
         if not text.endswith(("\n", "\r")) and _cut_off([row for _, row in rows], len(names)):
@@ -83,14 +83,14 @@ class Table:
             raise _bad(path, "it has no rows below a header")
         for line, row in rows if names else ():
             if len(row) != len(names):
-                many = between == "," and len(row) > len(names)
-                hint = "; with decimal commas, ';' is expected between columns" if many else ""
+                too_many = separator == "," and len(row) > len(names)
+                hint = "; with decimal commas, ';' is expected between columns" if too_many else ""
                 counts = f"row {line} has {len(row)} columns, the header {len(names)}"
                 raise _bad(path, counts + hint)
-        if twice := [name for name in names if name and names.count(name) > 1]:
-            raise _bad(path, f"two columns are named '{twice[0]}'; one is expected")
+        if repeated := [name for name in names if name and names.count(name) > 1]:
+            raise _bad(path, f"two columns are named '{repeated[0]}'; one is expected")
         lines, cells = zip(*rows, strict=True)
-        return cls(path, names, cells, lines, between != ",", notes)
+        return cls(path, names, cells, lines, separator != ",", notes)
 
     def error(self, row: int, column: int, why: str) -> InvalidInput:
         """That a cell is refused."""
@@ -192,21 +192,21 @@ def _rows(text: str) -> tuple[list[str], list[tuple[int, list[str]]], str]:
     lines = text.splitlines()
     content = (i for i, x in enumerate(lines) if x.strip() and not x.startswith(("#", "sep=")))
     start = next(content, len(lines))
-    reader, between = _reader(lines[start:])
+    reader, separator = _reader(lines[start:])
     rows = [(start + reader.line_num, row) for row in map(_stripped, reader) if row]
     if rows and not (_NUMBER.fullmatch(rows[0][1][0]) or _DATE.fullmatch(rows[0][1][0])):
-        return rows.pop(0)[1], rows, between
+        return rows.pop(0)[1], rows, separator
     comments = [line.lstrip("# ") for line in lines[:start] if line.startswith("#")]
     for names in map(_stripped, _reader(comments[-1:])[0]):
         if rows and len(names) == len(rows[0][1]):
-            return names, rows, between
-    return [], rows, between
+            return names, rows, separator
+    return [], rows, separator
 
 
 def _reader(lines: list[str]) -> tuple[Any, str]:
-    between = next((mark for mark in "\t;," if lines and mark in lines[0]), " ")
+    separator = next((mark for mark in "\t;," if lines and mark in lines[0]), " ")
     stripped = (line.strip(" ") for line in lines)
-    return csv.reader(stripped, delimiter=between, skipinitialspace=True), between
+    return csv.reader(stripped, delimiter=separator, skipinitialspace=True), separator
 
 
 def _stripped(row: list[str]) -> list[str]:

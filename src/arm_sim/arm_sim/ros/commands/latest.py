@@ -24,8 +24,8 @@ def in_force(policy: str) -> str:
     return f"{'brakes engaged' if policy == BRAKE else 'fallback'} (stale_policy: {policy})"
 
 
+# Efforts of n joints, or a command for each joint
 type Command = Sequence[float] | JointCommand
-"""Efforts of n joints, or a command for each joint."""
 
 
 class LatestCommand(Structure):

@@ -3,43 +3,13 @@
 
 from __future__ import annotations
 
-from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.ros.commands.latest import BRAKE
+from arm_sim.ros.commands.servos import Servos
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
 SLOW = 1e-3  # [rad/s] or [m/s], below which joints are held at once
 LONGEST = 1.0  # [s] of a stop by the servos; after it brakes hold all joints
-
-
-class Servos:
-    """The servos of an arm, built when first needed, by ``background`` while the loop goes on.
-
-    Attributes:
-        in_background: Whether there is one; else the loop waits while they are built.
-    """
-
-    def __init__(self, arm: SimulatedArm, background: Background | None) -> None:
-        self._arm, self._background = arm, background
-        self.in_background = background is not None
-
-    @property
-    def ready(self) -> bool:
-        """Whether they can be used now; if not, they are being built."""
-        compiled, background = self._arm.compiled, self._background
-        if compiled.has_servo:
-            return True
-        if background is None:
-            compiled.servo  # noqa: B018 - builds it
-            return True
-        if not background.busy:
-            background.start(lambda: compiled.servo, lambda result: result() and None)
-        background.deliver()  # raises the exception of their construction
-        return False
-
-    def build(self) -> None:
-        """Build them now, while time stands still."""
-        self._arm.compiled.servo  # noqa: B018 - builds it
 
 
 class Stopping:
@@ -74,18 +44,18 @@ class Stopping:
         self.acts = self._holds = True
         self.locked, self._hold_command = False, None
 
-    def command(self, policy: str) -> JointCommand | None:
-        """Command of the servos in the next tick, by the policy; None if brakes hold."""
+    def stop(self, policy: str) -> JointCommand | None:
+        """Stop or hold the arm in the next tick; return the servos' command, None for brakes."""
         self.acts = True
         if not self._holds:
             arm = self._arm
             self._begun = arm.step_count if self._begun is None else self._begun
             duration = (arm.step_count - self._begun) * arm.dt
             speed = abs(arm.x[arm.n : 2 * arm.n]).max()
-            if speed > SLOW and duration < LONGEST and self.servos.ready:
+            if speed > SLOW and duration < LONGEST and self.servos.request():
                 return self._still
             self.hold()
-        if policy == BRAKE or not self.servos.ready:
+        if policy == BRAKE or not self.servos.request():
             return None
         if self._hold_command is None:
             self._hold_command = JointCommand(position=self._arm.x[: self._arm.n])

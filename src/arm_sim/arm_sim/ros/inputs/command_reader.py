@@ -9,8 +9,8 @@ from math import copysign
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader, Numbers, Read, parsed
-from arm_sim.inputs import clipping_message
 from arm_sim.ros.commands.joint_commands import JointCommands
+from arm_sim.simulation.saturation import clipping_message
 
 
 class CommandReader:

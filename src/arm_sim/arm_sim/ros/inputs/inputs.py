@@ -35,23 +35,27 @@ class Inputs:
         polled: Commands by joint name that are read before each tick.
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
-        competitors: Know whether commands may be for another sim; None if there cannot be any.
         tap: Called with topic and message of every input that is read here.
     """
 
-    def __init__(self, node: Node, engine: TickEngine) -> None:
+    def __init__(self, node: Node, engine: TickEngine, competitors: CompetingPublishers) -> None:
+        """Prepare; ``competitors`` know whether commands may be for another sim."""
         self._log, self._engine = Throttled(node.get_logger()), engine
+        self._competitors = competitors
         self._model = engine.simulator.model
         self._joints = JointCommands(self._model, engine.arbiter.admit)
         self.reader = CommandReader(self._model, self._joints, self._log.warning)
-        self.refused = self.refused_wrenches = 0
-        self.competitors: CompetingPublishers | None = None
+        self.reset_counters()
         self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
         self._explained = False
         self.polled = PolledCommands(
             engine, self.reader.efforts, self.on_joint_commands,
-            lambda: self.competitors is not None and bool(self.competitors.alarm.message),
+            lambda: bool(competitors.alarm.message),
         )  # fmt: skip
+
+    def reset_counters(self) -> None:
+        """Reset the counters."""
+        self.refused = self.refused_wrenches = 0
 
     def on_joint_commands(self, raw: bytes | None, arrival: int = 0) -> int | None:
         """Make the content of a JointState that arrived at ``arrival`` [ns] the newest command.
@@ -69,8 +73,7 @@ class Inputs:
         try:
             self._catch_up()
             stamp, numbers = self.reader.read(raw)
-            if self.competitors is not None:
-                self.competitors.check(stamp)
+            self._competitors.check(stamp)
             if not slot.any:
                 self._joints.forget()
             command = self._joints.command(stamp, numbers)
@@ -105,8 +108,7 @@ class Inputs:
                 raise InvalidInput(f"data_offset is {message.layout.data_offset}; allowed: 0")
             if tau.shape != (n,) or not np.isfinite(tau).all():
                 raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
-            if self.competitors is not None:
-                self.competitors.check(_NO_STAMP)
+            self._competitors.check(_NO_STAMP)
         except InvalidInput as error:
             self._refuse(error)
             return

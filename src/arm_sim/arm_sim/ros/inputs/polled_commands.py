@@ -12,6 +12,8 @@ from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import FAILED, JointStateReader
 from arm_sim.ros.tick_engine import TickEngine
 
+# A message and its arrival in [ns], if there is one
+Take = Callable[[], tuple[bytes, int] | None]
 AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
@@ -33,7 +35,7 @@ class PolledCommands:
         self._engine, self._reader = engine, reader
         self._process, self._is_guarded = process, is_guarded
         self._subscription: PolledSubscription | None = None
-        self._take_again: Callable[[], tuple[bytes, int] | None] = lambda: None
+        self._take_again: Take = lambda: None
         engine.ticks.answer(read=self._read)
         engine.ticks.refresh.append(self._refresh)
 
@@ -43,9 +45,7 @@ class PolledCommands:
         self.read_from(subscription.pointer, subscription.take)
         self._engine.ticks.at_once = AT_ONCE
 
-    def read_from(
-        self, subscription: int, take_again: Callable[[], tuple[bytes, int] | None]
-    ) -> None:
+    def read_from(self, subscription: int, take_again: Take) -> None:
         """Let C read the messages of an ``rcl_subscription_t``.
 
         ``take_again`` returns a message and its arrival in [ns] after C has failed to, or raises
@@ -53,7 +53,7 @@ class PolledCommands:
         """
         self._reader.open(subscription)
         self._take_again = take_again
-        self._engine.ticks.read_from(*self._reader.places)
+        self._engine.ticks.source, self._engine.ticks.reader = self._reader.places
 
     def close(self) -> None:
         """End the subscription."""

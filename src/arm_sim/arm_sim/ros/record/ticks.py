@@ -14,7 +14,7 @@ from typing import Any
 from arm_dynamics.codegen.addresses import address
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
-from arm_sim.recording.files.ticks import UNCHANGED, log_message
+from arm_sim.recording.files.tick_writer import UNCHANGED, log_message
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.node_library import RECORD
 from arm_sim.ros.record.chunks import ChunkThread

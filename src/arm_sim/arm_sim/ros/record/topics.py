@@ -100,15 +100,12 @@ class TopicRecorder(Node):
         if type_ is None:
             raise InvalidInput(f"type {kind} is not installed")
         # The weakest quality of service, which is compatible with every publisher.
-        reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+        profile = QoSProfile(depth=_DEPTH)  # reliable and volatile
+        if any(qos.reliability != ReliabilityPolicy.RELIABLE for qos in offered):
+            profile.reliability = ReliabilityPolicy.BEST_EFFORT
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
-        profile = QoSProfile(
-            depth=_DEPTH,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=(
-                DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-            ),
-        )
+        if latched:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
         about = LATCHED if latched else ""
         channel = self.thread.channel(topic, kind, definition_of(kind), about)
         self.count[topic] = 0

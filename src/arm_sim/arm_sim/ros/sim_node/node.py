@@ -79,13 +79,13 @@ class SimNode(Node):
         )
         self._background = Background("servos") if params.tick_source == CLOCK else None
         self.engine = engine = self._engine_of(params)
-        self.inputs = inputs = Inputs(self, engine)
         self.outputs = outputs = Outputs(
             self, engine, params, account_read=lambda: self.diagnosis.has_subscribers
         )
-        self.competitors = inputs.competitors = CompetingPublishers(
+        self.competitors = CompetingPublishers(
             self, outputs, engine.round_trip, self._note_competitors
         )
+        self.inputs = inputs = Inputs(self, engine, self.competitors)
         if params.tick_source != HAND:
             self.competitors.refuse_if_any()
         self.display = Display(self, engine, params, outputs.reported, outputs.stamp)
@@ -180,7 +180,7 @@ class SimNode(Node):
         commands = self.engine.commands
         commands.stale_count = commands.extended = self.engine.arbiter.refused = 0
         self.engine.round_trip.reset()
-        self.inputs.refused = self.inputs.refused_wrenches = 0
+        self.inputs.reset_counters()
         if self.lockstep is not None:
             self.lockstep.reset_counters()
 
@@ -206,9 +206,8 @@ class SimNode(Node):
     def _note_competitors(self) -> None:
         self.engine.queue.ring()  # C does not check whose states commands answer
         if self.recorder is not None:
-            self.recorder.note(
-                self.competitors.alarm.message or "no other publisher of joint states"
-            )
+            message = self.competitors.alarm.message
+            self.recorder.note(message or "no other publisher of joint states")
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""

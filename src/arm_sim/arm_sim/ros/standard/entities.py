@@ -105,6 +105,5 @@ class Entities:
     def twist(self, entity: Entity) -> list[float]:
         """Velocity of the origin [m/s] and angular velocity [rad/s], in axes of the world."""
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        return pin.getFrameVelocity(
-            self._model.pin, self._data, entity.frame, axes
-        ).vector.tolist()
+        velocity = pin.getFrameVelocity(self._model.pin, self._data, entity.frame, axes)
+        return velocity.vector.tolist()

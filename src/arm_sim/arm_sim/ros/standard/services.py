@@ -11,14 +11,9 @@ from rclpy.node import Node
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.convert import to_time
 from arm_sim.ros.sim_params import SimParams
+from arm_sim.ros.standard import results
 from arm_sim.ros.standard.entities import Entities, Entity
-from arm_sim.ros.standard.results import (
-    ALREADY_THERE,
-    INCORRECT_TRANSITION,
-    UNSUPPORTED,
-    Refusal,
-    service_callback,
-)
+from arm_sim.ros.standard.results import Refusal, service_callback
 from arm_sim.ros.standard.simulate_steps import SimulateSteps
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -112,11 +107,11 @@ class StandardServices:
         engine, present = self._engine, self._state()
         if target not in _STATES:
             allowed = ", ".join(f"{code} ({name})" for code, name in _STATES.items())
-            raise Refusal(UNSUPPORTED, f"state {target}; allowed: {allowed}")
+            raise Refusal(results.UNSUPPORTED, f"state {target}; allowed: {allowed}")
         if target == present:
-            raise Refusal(ALREADY_THERE, f"the simulation is {_STATES[target]} already")
+            raise Refusal(results.ALREADY_THERE, f"the simulation is {_STATES[target]} already")
         if (present, target) == (STOPPED, PAUSED):
-            raise Refusal(INCORRECT_TRANSITION, "a stopped simulation can only be played")
+            raise Refusal(results.INCORRECT_TRANSITION, "a stopped simulation can only be played")
         engine.pause(target != PLAYING)
         if target == STOPPED:
             engine.reset()
@@ -126,7 +121,8 @@ class StandardServices:
         scope = request.scope or ALL
         if not scope & (TIME | STATE):
             raise Refusal(
-                UNSUPPORTED, f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)"
+                results.UNSUPPORTED,
+                f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)",
             )
         self._engine.queue.run(lambda: self._back(scope & (TIME | STATE)))
 
@@ -181,11 +177,9 @@ class StandardServices:
 
     def _update(self) -> int:
         """Update the entities to the current state; return its stamp in [ns]."""
-        simulator = self._engine.simulator
-        n, (stamp, x) = simulator.n, self._engine.queue.run(
-            lambda: (self._stamp(), simulator.arm.x.copy())
-        )  # fmt: skip
-        self._entities.place(x[:n], x[n : 2 * n])
+        arm = self._engine.simulator.arm
+        stamp, x = self._engine.queue.run(lambda: (self._stamp(), arm.x.copy()))
+        self._entities.place(x[: arm.n], x[arm.n : 2 * arm.n])
         return int(stamp)
 
     def _fill(self, message: Any, entity: Entity, stamp: int) -> Any:

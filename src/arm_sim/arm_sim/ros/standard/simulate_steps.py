@@ -34,9 +34,8 @@ class SimulateSteps:
         result, total, completed = self._kind.Result(), goal.request.steps, 0
         with filled_result(result.result, self._log):
             if self._busy:
-                raise Refusal(
-                    INCORRECT_STATE, "another goal is under way; cancel it, or wait for it"
-                )
+                why = "another goal is under way; cancel it, or wait for it"
+                raise Refusal(INCORRECT_STATE, why)
             if not total:
                 raise Refusal(FAILED, "steps = 0; allowed: 1 or more")
             part, self._busy = max(1, min(total // _PARTS, _LARGEST)), True

@@ -10,7 +10,7 @@ from arm_dynamics.codegen.addresses import address
 from arm_dynamics.ros.common.conflicts import Alarm
 from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.joint_state import Sink
+from arm_dynamics.ros.joint_state.sink import Sink
 from arm_sim.ros.interfaces import CLOCK
 
 _PERIOD = 1.0  # [s] between checks for other publishers
@@ -28,10 +28,8 @@ class SimClock:
     def __init__(self, node: Node) -> None:
         """Advertise the clock; other publishers are checked for once a second of real time."""
         self._node, self._handle = node, advertise(node, CLOCK).handle
-        self._raw = bytearray(NATIVE + time_bytes(0))
-        self.sink = Sink(
-            raw=address(self._raw), size=len(self._raw), publisher=self._handle.pointer
-        )
+        self._raw = raw = bytearray(NATIVE + time_bytes(0))
+        self.sink = Sink(raw=address(raw), size=len(raw), publisher=self._handle.pointer)
         self.topic, self.alarm = node.resolve_topic_name(CLOCK.name), Alarm(node)
         self._timer = steady_timer(node, _PERIOD, self.check_conflict)
 

@@ -36,8 +36,8 @@ class LoopReport:
         return self.ticks / self.elapsed if self.elapsed else 0.0
 
 
+# Deadlines of ticks, in [ns]: ``due_t`` of loop.h, where the fields are explained
 Due = LOOP.structure("due_t")
-"""Deadlines of ticks, in [ns]: ``due_t`` of loop.h, where the fields are explained."""
 
 
 class RealtimeLoop:

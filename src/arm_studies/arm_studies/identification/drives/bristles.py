@@ -27,7 +27,6 @@ from arm_studies.identification.drives.matching import Match, match
 from arm_studies.identification.regression.estimation import solved
 
 _WINDOW = 40  # samples
-_KINKED = 2e-5, 0.04  # error and step: |v| has a kink where the motion turns
 UNITS = {
     "inertia": "kg m²", "sigma0": "N m/rad", "sigma1": "N m s/rad", "coulomb": "N m",
     "static": "N m", "stribeck_velocity": "rad/s", "viscous": "N m s/rad",
@@ -101,9 +100,10 @@ def identify_bristles(
     J, s0, s1, Fc, Fs, vs, s2 = numbers.values()
     q, v, z, tau = (ca.SX.sym(name) for name in "qvzt")
     rate = lugre.bending(v, z, s0, friction.dry(v, 1.0, Fc, Fs - Fc, vs))
-    held = lugre.torque(z, rate, s0, s1) + friction.viscous(v, s2)
-    slope = ca.vertcat(v, (tau - held) / J, rate)
-    law = Law(ca.vertcat(q, v, z), tau, numbers, slope, q, *_KINKED)
+    resistance = lugre.torque(z, rate, s0, s1) + friction.viscous(v, s2)
+    slope = ca.vertcat(v, (tau - resistance) / J, rate)
+    # |v| has a kink where the motion turns.
+    law = Law(ca.vertcat(q, v, z), tau, numbers, slope, q, exact=2e-5, step=0.04)
     by_size = sorted(records, key=lambda record: float(np.ptp(record.position)))
     start = _guess(by_size[0], by_size[-1]) | dict(guess or {})
     if len(records) > 1:  # the fit of the smallest motion is a better guess for the others

@@ -81,27 +81,37 @@ def identify_joint(record: JointTest) -> Match:
         Those of ``UNITS`` that the test involves; ``missing`` names those that it does not
         determine.
     """
+    held, dt = not np.isfinite(record.link).any(), step_of(record.time)
+    trial = _held_trial(record, dt) if held else _free_trial(record, dt)
+    return match([trial], _guess(record, held, dt))
+
+
+def _held_trial(record: JointTest, dt: float) -> Trial:
+    """The motor swings against the link, which stands still at an unknown angle q."""
+    names = "stiffness", "damping", "motor_inertia"
+    k, d, Jm = (ca.SX.sym(name) for name in names)
+    th, om, q, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "tau"))
+    slope = ca.vertcat(om, (tau - transmission.elastic_torque(th - q, k, 0.0) - d * om) / Jm, 0)
+    numbers = dict(zip(names, (k, d, Jm), strict=True))
+    law = Law(ca.vertcat(th, om, q), tau, numbers, slope, th)
+    # Held about the middle of its swing.
+    x0 = np.array([record.motor[0], np.diff(record.motor[:2])[0] / dt, record.motor.mean()])
+    y = record.motor[:, None]
+    return Trial(law, dt, record.torque[:, None], y, x0, np.zeros((1, 3)), record.name)
+
+
+def _free_trial(record: JointTest, dt: float) -> Trial:
+    """Motor and link swing against each other."""
     numbers = {name: ca.SX.sym(name) for name in UNITS}
     k, d, Jm, Bm, Jl, Bl = numbers.values()
     th, om, q, v, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "v", "tau"))
-    held, dt = not np.isfinite(record.link).any(), step_of(record.time)
-    elastic = transmission.elastic_torque(th - q, k, 0.0)
-    (th0, th1), (q0, q1) = record.motor[:2], np.nan_to_num(record.link[:2])
-    om0, v0 = (th1 - th0) / dt, (q1 - q0) / dt
-    if held:
-        x, outputs, y = ca.vertcat(th, om, q), th, record.motor[:, None]
-        slope = ca.vertcat(om, (tau - elastic - d * om) / Jm, 0)
-        numbers = {name: numbers[name] for name in ("stiffness", "damping", "motor_inertia")}
-        x0 = [th0, om0, record.motor.mean()]  # held about the middle of its swing
-    else:
-        bent = elastic + d * (om - v)
-        x, outputs = ca.vertcat(th, om, q, v), ca.vertcat(th, q)
-        y = np.column_stack([record.motor, record.link])
-        slope = ca.vertcat(om, (tau - bent - Bm * om) / Jm, v, (bent - Bl * v) / Jl)
-        x0 = [th0, om0, q0, v0]
-    law, around = Law(x, tau, numbers, slope, outputs), np.zeros((1, len(x0)))
-    trial = Trial(law, dt, record.torque[:, None], y, np.array(x0), around, record.name)
-    return match([trial], _guess(record, held, dt))
+    bent = transmission.elastic_torque(th - q, k, 0.0) + d * (om - v)
+    slope = ca.vertcat(om, (tau - bent - Bm * om) / Jm, v, (bent - Bl * v) / Jl)
+    law = Law(ca.vertcat(th, om, q, v), tau, numbers, slope, ca.vertcat(th, q))
+    y = np.column_stack([record.motor, record.link])
+    (th0, q0), (om0, v0) = y[0], np.diff(np.nan_to_num(y[:2]), axis=0)[0] / dt
+    x0 = np.array([th0, om0, np.nan_to_num(q0), v0])
+    return Trial(law, dt, record.torque[:, None], y, x0, np.zeros((1, 4)), record.name)
 
 
 def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
@@ -110,11 +120,11 @@ def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
     speed, link_speed = ((angles[2:] - angles[:-2]) / (2 * dt)).T
     acceleration, link_acceleration = (np.diff(angles, 2, axis=0) / dt**2).T
     # Constant from sample to sample: at a sample, the mean of the steps before and after it.
-    torque, zero = (record.torque[:-2] + record.torque[1:-1]) / 2.0, 0.0 * speed
+    torque, zero = (record.torque[:-2] + record.torque[1:-1]) / 2.0, np.zeros_like(speed)
     if held:
         columns = [record.motor[1:-1], speed, acceleration, zero + 1.0]
         solution = np.linalg.lstsq(np.column_stack(columns), torque, rcond=1e-12)[0]
-        (stiffness, damping, inertia, _), link_inertia = solution, 1.0
+        (stiffness, damping, inertia, _), link_inertia = solution, _INERTIA
     else:
         twist, rate = angles[1:-1, 0] - angles[1:-1, 1], speed - link_speed
         motor = np.column_stack([twist, rate, acceleration, speed, zero, zero])

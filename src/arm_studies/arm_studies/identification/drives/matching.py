@@ -17,7 +17,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import frozen
-from arm_dynamics.codegen import Call, Kernel
+from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies._renaming import renamed_attribute
 from arm_studies.identification.drives.law import Trial, deviation, simulation

@@ -135,24 +135,24 @@ def _trial(record: MotorRecord, two_constants: bool) -> Trial:
     electric = motor.current_slope(V, i, motor.back_emf(w, Ke), L, R)
     friction = B * w + C * direction
     constant = "back_emf_constant" if two_constants else "torque_constant"
-    y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
-    u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
     if record.kind == "blocked":
-        x, slope, states, columns = i, ca.substitute(electric, w, 0), [0], [0, 3]
-        outputs = ca.vertcat(i, motor.torque(i, Kt) if two_constants else 0)
+        states, slope = {"current": i}, ca.substitute(electric, w, 0)
+        outputs = states | {"torque": motor.torque(i, Kt) if two_constants else 0}
         names = ["resistance", "inductance", *(["torque_constant"] if two_constants else [])]
     elif record.kind == "coast":
-        x, slope, states, columns = w, -friction / J, [1], [1, 2]
-        outputs = ca.vertcat(w, motor.back_emf(w, Ke))
+        states, slope = {"speed": w}, -friction / J
+        outputs = states | {"voltage": motor.back_emf(w, Ke)}
         names = ["rotor_inertia", "rotor_damping", "coulomb", constant]
     else:
-        x = outputs = ca.vertcat(i, w)
+        states = outputs = {"current": i, "speed": w}
         slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
-        states = columns = [0, 1]
         names = [name for name in UNITS if two_constants or name != "back_emf_constant"]
-    law = Law(x, ca.vertcat(V, direction), {name: numbers[name] for name in names}, slope, outputs)
-    x0 = np.nan_to_num(y[0])[states]
-    return Trial(law, record.dt, u, y[:, columns], x0, np.zeros((1, len(x0))), record.name)
+    x, u, y = (ca.vertcat(*each) for each in (states.values(), (V, direction), outputs.values()))
+    law = Law(x, u, {name: numbers[name] for name in names}, slope, y)
+    inputs = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
+    measured = np.column_stack([getattr(record, name) for name in outputs])
+    x0 = np.nan_to_num([getattr(record, name)[0] for name in states])
+    return Trial(law, record.dt, inputs, measured, x0, np.zeros((1, len(x0))), record.name)
 
 
 def _direction(record: MotorRecord) -> Array:

@@ -19,7 +19,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.tree import Link, Tree, constant
-from arm_dynamics.model import ArmModel, gravity_of, tree_of
+from arm_dynamics.model import ArmModel
+from arm_dynamics.model.tree_builder import gravity_of, tree_of
 
 _DEPENDENT = 1e-9  # singular values, relative to the largest, that are zero but for rounding
 

@@ -16,7 +16,8 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations.tree import regrouped
-from arm_dynamics.model import ArmModel, tree_of
+from arm_dynamics.model import ArmModel
+from arm_dynamics.model.tree_builder import tree_of
 from arm_studies.identification.excitation.columns import friction_columns, of_bodies
 
 # Noise of torques relative to their root mean square, white at this many samples per second.

@@ -16,7 +16,8 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.frame import placement, relative
 from arm_dynamics.equations.rigid_body import placements
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model import ArmModel, frame_of, tree_of
+from arm_dynamics.model import ArmModel
+from arm_dynamics.model.tree_builder import frame_of, tree_of
 from arm_dynamics.trajectory import Bounds, Limits, Trajectory
 
 _HALF_TURN = np.pi  # [rad] or [m] to either side for a joint without position limits

@@ -13,7 +13,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model import gravity_of, tree_of
+from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
 from arm_sim.inputs import whole
 from arm_studies._renaming import renamed_argument
@@ -123,18 +123,18 @@ def excite(
         on_progress(attempt + 1)
     _, y = max(candidates, key=lambda pair: pair[0])
     sigma = np.linalg.svd(search.rows(y), compute_uv=False)
-    shown = int(np.sum(sigma > 1e-9 * sigma[0]))
-    if shown < len(sigma):
+    rank = int(np.sum(sigma > 1e-9 * sigma[0]))
+    if rank < len(sigma):
         raise InvalidInput(
-            f"the best motion identifies only {shown} of {len(sigma)} parameters; more harmonics, "
+            f"the best motion identifies only {rank} of {len(sigma)} parameters; more harmonics, "
             "a larger workspace or more attempts are expected"
         )
     reached = np.array([value for value, _ in candidates])
     masses = search.masses(y) if aim == MASSES else None
     return Excitation(
-        search.motion(y), room.model.joint_names, float(sigma[0] / sigma[-1]),
-        float(2.0 * np.log(sigma).sum()), len(sigma), reached if masses is None else -reached,
-        masses,
+        motion=search.motion(y), joint_names=room.model.joint_names, masses=masses,
+        condition=float(sigma[0] / sigma[-1]), information=float(2.0 * np.log(sigma).sum()),
+        parameters=len(sigma), attempts=reached if masses is None else -reached,
     )  # fmt: skip
 
 
@@ -171,8 +171,8 @@ class _Search:
             gain = columns.information(Wt)
             cost = -gain
         self._gain = ca.Function("gain", [y], [gain])
-        held, self._lower, self._upper = self._constraints(motion)
-        self._problem = {"x": ca.vec(y), "f": cost, "g": held}
+        g, self._lower, self._upper = self._constraints(motion)
+        self._problem = {"x": ca.vec(y), "f": cost, "g": g}
 
     def rows(self, y: Array) -> Array:
         """The regressor, transposed, shape (parameters, rows)."""
@@ -238,8 +238,8 @@ class _Search:
         most = [_INSIDE * x for x in (limits.velocity, limits.acceleration, room.effort)]
         upper = [limits.upper - off, *most, none]
         lower = [limits.lower + off, *(-x for x in most), np.zeros(len(names))]
-        kept = np.flatnonzero(np.isfinite(np.hstack(lower)))
-        held = ca.Function("held", [q, v, a], [rows[kept.tolist()]], {"cse": True})
+        bounded = np.flatnonzero(np.isfinite(np.hstack(lower)))
+        g = ca.Function("g", [q, v, a], [rows[bounded.tolist()]], {"cse": True})
         count = motion[0].shape[1]
-        bounds = (np.tile(np.hstack(x)[kept], count) for x in (lower, upper))
-        return ca.vec(held.map(count)(*motion)), *bounds
+        bounds = (np.tile(np.hstack(x)[bounded], count) for x in (lower, upper))
+        return ca.vec(g.map(count)(*motion)), *bounds

@@ -8,6 +8,7 @@ position noise. In both cases efforts are explained better by predictions that a
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.filtering import PASSBAND_RATIO
@@ -22,6 +23,7 @@ IMPROVEMENT = 0.95  # Relative residual that a bandwidth must reach to be accept
 ROUNDS = 8  # Largest number of fits until the bandwidth is stable.
 # Fraction of the residual's power above that frequency for which the band is narrowed to it.
 NOISE_FRACTION = 0.05
+NEIGHBOURS = 3  # Bands that must agree on it, since the power in one of them scatters.
 
 
 def with_bandwidth(fit: Fit) -> Fit:
@@ -34,17 +36,10 @@ def with_bandwidth(fit: Fit) -> Fit:
     rows, use = fit.rows, fit.problem.use
     if not np.isfinite(rows.samples.band):
         return fit
-    plain = rows.low_passed(None)
     least = mean_residual(fit.residual, use) * (IMPROVEMENT if rows.effort_band is None else 1.0)
-    tried = {rows.effort_band}
+    plain, tried = rows.low_passed(None), {rows.effort_band}
     for _ in range(ROUNDS):
-        # The bandwidth at which predictions are best, without another fit.
-        predicted, bands = fit.predicted(plain), _grid(plain.samples)
-        narrowed = (plain.samples.smoothed(predicted, band) for band in bands)
-        errors = [mean_residual(plain.effort - efforts, use) for efforts in narrowed]
-        best = int(np.argmin(errors))
-        better = errors[best] < mean_residual(plain.effort - predicted, use)
-        band = bands[best] if better else None
+        band = _best_band(fit, plain)
         if band in tried:
             break
         tried.add(band)
@@ -56,15 +51,26 @@ def with_bandwidth(fit: Fit) -> Fit:
     return fit
 
 
+def _best_band(fit: Fit, rows: Rows) -> float | None:
+    """The bandwidth at which predictions of a fit are best; None if filtering does not help."""
+    predicted, use, bands = fit.predicted(rows), fit.problem.use, _grid(rows.samples)
+    narrowed = (rows.samples.smoothed(predicted, band) for band in bands)
+    errors = [mean_residual(rows.effort - efforts, use) for efforts in narrowed]
+    best = int(np.argmin(errors))
+    return bands[best] if errors[best] < mean_residual(rows.effort - predicted, use) else None
+
+
 def mean_residual(residual: Array, use: Mask) -> float:
     """Geometric mean over joints of a residual, which does not depend on units."""
     return float(np.exp(np.log(_size(residual, use)).mean()))
 
 
-def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
+def noise_frequency(rows: Rows, use: Mask, residual: Array) -> float | None:
     """The frequency in [Hz] above which efforts contain more noise than motion, with a margin.
 
-    None if that is above the band, or if the efforts have hardly any noise there.
+    It is the lower edge of the lowest ``NEIGHBOURS`` neighbouring bands of the grid in each of
+    which the motion has less power than the noise. None if that is above the band, or if the
+    efforts have hardly any noise there.
     """
     samples = rows.samples
     if not np.isfinite(samples.band):
@@ -79,10 +85,10 @@ def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
     parts = rows.effort - residual, residual
     signal, noise = (np.array([above(part, band) for band in grid]) for part in parts)
     less = np.diff(signal) < np.diff(noise)
-    three = np.flatnonzero(less[:-2] & less[1:-1] & less[2:])
-    if not three.size:
+    noisy = np.flatnonzero(sliding_window_view(less, NEIGHBOURS).all(axis=1))
+    if not noisy.size:
         return None
-    limit = float(PASSBAND_RATIO * grid[three[-1] + 3])
+    limit = float(PASSBAND_RATIO * grid[noisy[-1] + NEIGHBOURS])
     kept = float(np.mean((_size(samples.smoothed(residual, limit), use) / whole) ** 2))
     return limit if limit < samples.band and 1.0 - kept > NOISE_FRACTION else None
 

@@ -65,7 +65,7 @@ def base_parameters(
     triangle = np.linalg.qr(columns, mode="r")
     lengths = np.linalg.norm(triangle, axis=0)
     # From the last parameter to the first: distal bodies lead the groups.
-    basis, chosen = np.zeros((len(names), 0)), list[int]()
+    basis, leading = np.zeros((len(names), 0)), list[int]()
     for k in reversed(range(len(names))):
         if lengths[k] < 1e-12 * lengths.max():
             continue
@@ -74,15 +74,14 @@ def base_parameters(
             column = column - basis @ (basis.T @ column)
         distance = np.linalg.norm(column)
         if distance > DEPENDENT:
-            chosen.append(k)
+            leading.append(k)
             basis = np.column_stack([basis, column / distance])
-    independent = sorted(chosen)
+    independent = sorted(leading)
     grouping = np.linalg.lstsq(triangle[:, independent], triangle, rcond=None)[0]
     grouping[abs(grouping) < ROUNDED] = 0.0
     grouping[:, independent] = np.eye(len(independent))
-    pairs = zip(grouping, independent, strict=True)
-    groups = tuple(_name(row, lead, names) for row, lead in pairs)
-    return BaseParameters(tuple(independent), grouping, groups)
+    groups = [_name(*pair, names) for pair in zip(grouping, independent, strict=True)]
+    return BaseParameters(tuple(independent), grouping, tuple(groups))
 
 
 def _name(row: Array, lead: int, names: list[str]) -> str:

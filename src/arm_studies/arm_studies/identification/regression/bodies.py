@@ -20,11 +20,11 @@ THIN = 1e-3
 
 def _basis() -> Array:
     basis = np.zeros((10, 4, 4))
-    for k, numbers in enumerate(np.eye(10)):
-        inertia = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
+    for k, theta in enumerate(np.eye(10)):
+        inertia = theta[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
         basis[k, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-        basis[k, :3, 3] = basis[k, 3, :3] = numbers[1:4]
-        basis[k, 3, 3] = numbers[0]
+        basis[k, :3, 3] = basis[k, 3, :3] = theta[1:4]
+        basis[k, 3, 3] = theta[0]
     return basis
 
 
@@ -36,7 +36,7 @@ def pseudo_inertia(theta: Array) -> Array:
     return np.asarray(np.tensordot(theta, BASIS, axes=1))
 
 
-def numbers_of(J: Array) -> Array:
+def inertial_parameters(J: Array) -> Array:
     """The inertial parameters of a pseudo-inertia of shape (4, 4)."""
     inertia = np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3]
     return np.concatenate([[J[3, 3]], J[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
@@ -60,12 +60,11 @@ def nearest(theta: Array) -> Array:
     least = max(THIN * values[-1], 1e-10 * mass)
     if values[0] >= least:
         return theta
-    J = J.copy()
     J[:3, :3] = (axes * np.maximum(values, least)) @ axes.T + np.outer(first, first) / mass
-    return numbers_of(J)
+    return inertial_parameters(J)
 
 
-def _distance(theta: Array) -> Array:
+def _metric_factor(theta: Array) -> Array:
     """F of the distance ‖F δ‖ of bodies near this one, shape (16, 10).
 
     F δ are the entries of C⁻¹ δJ C⁻ᵀ / √2, with J = C Cᵀ: the affine-invariant metric ½ tr((J⁻¹
@@ -75,30 +74,30 @@ def _distance(theta: Array) -> Array:
     """
     C = np.linalg.cholesky(pseudo_inertia(theta))
     half = np.linalg.solve(C, BASIS)
-    both = np.linalg.solve(C, np.swapaxes(half, 1, 2))
-    return np.asarray(both.reshape(len(BASIS), -1).T / np.sqrt(2.0))
+    scaled = np.linalg.solve(C, np.swapaxes(half, 1, 2))
+    return np.asarray(scaled.reshape(len(BASIS), -1).T / np.sqrt(2.0))
 
 
-def prior(theta: Array, mass: float, shape: float) -> Array:
-    """The prior that a body is near this one: R whose Rᵀ R is its precision, shape (10, 10).
+def prior_factor(theta: Array, mass: float, shape: float) -> Array:
+    """The prior that a body is near this one, as R with Rᵀ R its precision, shape (10, 10).
 
     Built without the precision, in which the digits of a body without thickness would be lost.
 
     Args:
         theta: Ten inertial parameters of a body.
         mass: Relative standard deviation of its density.
-        shape: That of all else, as a distance; see ``_distance``.
+        shape: That of all else, as a distance; see ``_metric_factor``.
     """
-    F = _distance(theta)
+    F = _metric_factor(theta)
     along = F @ theta
     size = float(np.linalg.norm(along))
     denser = along / size @ F
-    others = F - np.outer(along / size, denser)
-    return np.linalg.qr(np.vstack([others / shape, denser / (size * mass)]), mode="r")
+    across = F - np.outer(along / size, denser)
+    return np.linalg.qr(np.vstack([across / shape, denser / (size * mass)]), mode="r")
 
 
-def log_det(theta: Array) -> tuple[float, Array, Array]:
-    """-log det J, its gradient (10,) and Hessian (10, 10); inf if J is not positive definite."""
+def log_det_barrier(theta: Array) -> tuple[float, Array, Array]:
+    """-log det J, its gradient (10,) and Hessian (10, 10); inf unless J is positive definite."""
     J = pseudo_inertia(theta)
     values = np.linalg.eigvalsh(J)
     if values[0] <= 0.0:

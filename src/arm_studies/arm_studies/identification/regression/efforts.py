@@ -41,16 +41,16 @@ def with_age[T](
         band: Of the low-pass filter in [Hz].
     """
     age, farthest = 0.0, LARGEST_AGE / band
-    fit, step, doubt = fit_at(age)
+    fit, step, deviation = fit_at(age)
     for _ in range(CORRECTIONS):
-        if not abs(step) > AGE_TOLERANCE * doubt:
+        if not abs(step) > AGE_TOLERANCE * deviation:
             break
         age = float(np.clip(age + step, -farthest, farthest))
-        fit, step, doubt = fit_at(age)
-    if not abs(age) > NORMAL_95 * doubt:
+        fit, step, deviation = fit_at(age)
+    if not abs(age) > NORMAL_95 * deviation:
         return fit, []
     return fit, [
-        f"efforts are {1e3 * abs(age):.2g} ± {1e3 * NORMAL_95 * doubt:.1g} ms "
+        f"efforts are {1e3 * abs(age):.2g} ± {1e3 * NORMAL_95 * deviation:.1g} ms "
         f"{'older' if age > 0.0 else 'newer'} than the positions beside them; they are compared "
         "with the motion at that time"
     ]
@@ -73,21 +73,21 @@ def scales_of(
         Of each joint, 1 where it cannot be identified, shape (n,); and notes of their intervals.
     """
     train = rows.samples.use & rows.samples.train[:, None]
-    shown, scales, notes = _guess(rows, train, laws)
+    identifiable, scales, notes = _guess(rows, train, laws)
 
     def at(scales: Array, prior: Prior) -> Fit:
         return fitted(Problem(rows, train, prior, scales), laws)
 
     for _ in range(30):
-        change = np.where(shown, _rescaled(at(scales, prior(*SCALE_PRIOR)))[0], 0.0)
+        change = np.where(identifiable, _rescaled(at(scales, prior(*SCALE_PRIOR)))[0], 0.0)
         scales = scales * np.exp(np.clip(change, -0.5, 0.5))
         if abs(change).max() < 1e-5:
             break
-    _, doubt = _rescaled(at(scales, prior(*NOMINAL_ERRORS)))
+    _, sds = _rescaled(at(scales, prior(*NOMINAL_ERRORS)))
     lines = [
         f"{name} {k:.3g} ({k * np.exp(-NORMAL_95 * sd):.3g} to {k * np.exp(NORMAL_95 * sd):.3g})"
-        for name, k, sd, identified in zip(rows.samples.names, scales, doubt, shown, strict=True)
-        if identified
+        for name, k, sd, known in zip(rows.samples.names, scales, sds, identifiable, strict=True)
+        if known
     ]
     if lines:
         notes.append(
@@ -101,28 +101,28 @@ def scales_of(
 def _guess(rows: Rows, train: Mask, laws: Sequence[JointFit]) -> tuple[Array, Array, list[str]]:
     """Which scales can be identified, (n,), these by the nominal bodies, and notes of others."""
     nominal = rows.rigid @ rows.samples.regressor.nominal + rows.known_torques
-    shown, scales, notes = np.zeros(rows.samples.n, bool), np.ones(rows.samples.n), []
+    identifiable, scales, notes = np.zeros(rows.samples.n, bool), np.ones(rows.samples.n), []
     for j, name in enumerate(rows.samples.names):
         use = train[:, j]
         y, of_bodies = rows.effort[use, j], nominal[use, j]
         columns = rows.inertia[:, j : j + 1], rows.friction(laws[j], j, nominal[:, j])
         own = np.hstack(columns)[use]
-        both = np.column_stack([own, of_bodies])
+        whole = np.column_stack([own, of_bodies])
         without, with_bodies = (
             float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=1e-10)[0]) ** 2))
-            for A in (own, both)
+            for A in (own, whole)
         )
-        slope = float(np.linalg.lstsq(both, y, rcond=1e-10)[0][-1])
+        slope = float(np.linalg.lstsq(whole, y, rcond=1e-10)[0][-1])
         heavy = slope * of_bodies.std() / y.std()
-        shown[j] = 1.0 - with_bodies / max(without, 1e-300) > EXPLAINED and heavy > BODIES
-        if shown[j]:
+        identifiable[j] = 1.0 - with_bodies / max(without, 1e-300) > EXPLAINED and heavy > BODIES
+        if identifiable[j]:
             scales[j] = 1.0 / slope
         else:
             notes.append(
                 f"'{name}': the scale of its efforts cannot be identified, because friction "
                 "dominates them; they are taken as torques"
             )
-    return shown, scales, notes
+    return identifiable, scales, notes
 
 
 def _rescaled(fit: Fit) -> tuple[Array, Array]:

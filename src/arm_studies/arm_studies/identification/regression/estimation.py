@@ -79,9 +79,9 @@ class Columns:
             start += columns.shape[1]
         return cls(tuple(common), tuple(own), tuple(places), start)
 
-    def wider(self, more: Sequence[Array], places: Sequence[Places], count: int) -> Columns:
+    def extended(self, added: Sequence[Array], places: Sequence[Places], count: int) -> Columns:
         """With ``count`` more unknowns: columns of each joint, and which of these they are of."""
-        own = [np.column_stack(pair) for pair in zip(self.own, more, strict=True)]
+        own = [np.column_stack(pair) for pair in zip(self.own, added, strict=True)]
         wide = [np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)]
         return Columns(self.common, tuple(own), tuple(wide), self.size + count)
 
@@ -116,17 +116,17 @@ class Columns:
         for j, (common, place) in enumerate(zip(self.common, self.places, strict=True)):
             if not common.use.any():
                 continue
-            others = np.column_stack([self.own[j], y[:, j]])[common.use]
-            along = common.Q.T @ others
-            across = np.linalg.qr(others - common.Q @ along, mode="r")
+            own = np.column_stack([self.own[j], y[:, j]])[common.use]
+            along = common.Q.T @ own
+            across = np.linalg.qr(own - common.Q @ along, mode="r")
             m = common.T.shape[1]
             wide = np.zeros((len(along) + len(across), self.size + 1))
             wide[: len(along), place[:m]] = common.T
             rest = np.append(place[m:], self.size)
             wide[: len(along), rest], wide[len(along) :, rest] = along, across
             triangles.append(weights[j] * np.sqrt(count) * wide)
-        both = np.linalg.qr(np.vstack(triangles), mode="r")
-        return both[:, :-1], both[:, -1]
+        triangle = np.linalg.qr(np.vstack(triangles), mode="r")
+        return triangle[:, :-1], triangle[:, -1]
 
 
 def deviations(y: Array, predicted: Array, use: Mask) -> Array:
@@ -160,7 +160,7 @@ class Prior:
         cls, nominal: Array, mass: float, shape: float,
         known_masses: Sequence[tuple[Sequence[int], float]] = (),
     ) -> Prior:  # fmt: skip
-        """Bodies are near the nominal ones; see ``bodies.prior`` for their deviations.
+        """Bodies are near the nominal ones; see ``bodies.prior_factor`` for their deviations.
 
         Bodies that a URDF makes too thin get the smallest possible thickness, since a thin body of
         lower density would not be physically consistent. Bodies without mass are fixed.
@@ -176,7 +176,7 @@ class Prior:
             body = slice(i, i + PER_BODY)
             if nominal[i] > MASSLESS_BELOW:
                 x0[body] = bodies.nearest(nominal[body])
-                rows[body, body] = bodies.prior(x0[body], mass, shape)
+                rows[body, body] = bodies.prior_factor(x0[body], mass, shape)
             else:
                 rows[body, body] = 1e9 * np.eye(PER_BODY)
         for places, total in known_masses:
@@ -193,8 +193,8 @@ class Prior:
         size = R.shape[1]
         A = np.vstack([R, np.pad(self.rows, ((0, 0), (0, size - len(self.x0))))])
         b = np.concatenate([z, self.rows @ self.x0])
-        both = np.linalg.qr(np.column_stack([A, b]), mode="r")
-        return both[:size, :-1], both[:size, -1]
+        triangle = np.linalg.qr(np.column_stack([A, b]), mode="r")
+        return triangle[:size, :-1], triangle[:size, -1]
 
 
 @dataclass(frozen=True)
@@ -282,7 +282,7 @@ def _centred(
         if (x[places] <= 0.0).any():
             return np.inf
         total = sharpness * float(np.sum((R @ x - z) ** 2))
-        total += sum(bodies.log_det(x[body])[0] for body in movable)
+        total += sum(bodies.log_det_barrier(x[body])[0] for body in movable)
         return total - float(np.log(x[places]).sum())
 
     now = value(x)
@@ -290,7 +290,7 @@ def _centred(
         gradient = 2.0 * sharpness * (R.T @ (R @ x - z))
         hessian = 2.0 * sharpness * (R.T @ R)
         for body in movable:
-            _, slope, bend = bodies.log_det(x[body])
+            _, slope, bend = bodies.log_det_barrier(x[body])
             gradient[body] += slope
             hessian[body, body] += bend
         gradient[places] -= 1.0 / x[places]

@@ -13,7 +13,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression import bodies, estimation, friction
 from arm_studies.identification.regression.estimation import Columns, Problem
-from arm_studies.identification.regression.friction import JointFit, Shape
+from arm_studies.identification.regression.friction import JointFit, Shape, ShapeParameter
 from arm_studies.identification.regression.rows.rows import Rows
 
 SIGNED = (friction.COULOMB_SKEW, friction.VISCOUS_SKEW, friction.EXCESS)
@@ -93,9 +93,9 @@ class Fit:
         return fitted(replace(self.problem, **changes), self.friction, consistent=consistent)
 
     @cached_property
-    def with_shapes(self) -> tuple[Columns, list[tuple[int, str]]]:
-        """Its columns with its shapes as more unknowns, linearized; see ``widened``."""
-        return widened(self, self.drives)
+    def with_shapes(self) -> tuple[Columns, list[tuple[int, ShapeParameter]]]:
+        """Its columns with its shapes as more unknowns, linearized; see ``linearized``."""
+        return linearized(self, self.drives)
 
 
 def fitted(
@@ -140,8 +140,8 @@ def _converged(
     problem: Problem, laws: Sequence[JointFit], load: Array, weights: Array, tolerance: float
 ) -> Fit:
     """The fit of these laws, possible or not."""
-    rows, best, damping = problem.rows, np.inf, 1.0
-    kept: Fit | None = None
+    rows, least, damping = problem.rows, np.inf, 1.0
+    best: Fit | None = None
     for step in range(STEPS):
         own = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
         columns = Columns.of(problem.common, own)
@@ -149,14 +149,14 @@ def _converged(
         now = Fit(problem, x, _with_coefficients(laws, x, columns.size), columns, weights, load)
         deviation = estimation.deviations(problem.target, columns.predicted(x), problem.use)
         cost = float(np.log(deviation).sum())
-        gain = best - cost
-        if step > 4 and gain < -1e-12 and kept is not None:
+        gain = least - cost
+        if step > 4 and gain < -1e-12 and best is not None:
             damping *= 0.3
             if -gain < tolerance or damping < 1e-2:
                 break
-            laws = _stepped(kept, damping)
+            laws = _stepped(best, damping)
             continue
-        best, kept, laws = cost, now, now.friction
+        least, best, laws = cost, now, now.friction
         weights, load = 1.0 / deviation, now.drives
         nonlinear = any(law.nonlinear for law in laws)
         if step >= 3 and (not nonlinear or abs(gain) < tolerance):
@@ -164,44 +164,42 @@ def _converged(
         if nonlinear:
             damping = min(1.0, 2.0 * damping)
             laws = _stepped(replace(now, weights=weights, load=load), damping)
-    assert kept is not None
-    return kept
+    assert best is not None
+    return best
 
 
 def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
     """The laws with the coefficients at the end of x."""
-    place, updated = size - sum(len(law.kinds) for law in laws), []
-    for law in laws:
-        values = x[place : place + len(law.kinds)].tolist()
-        updated.append(replace(law, coefficients=dict(zip(law.kinds, values, strict=True))))
-        place += len(law.kinds)
-    return tuple(updated)
+    ends = np.cumsum([len(law.kinds) for law in laws])
+    parts = np.split(x[size - ends[-1] : size], ends[:-1])
+    return tuple(
+        replace(law, coefficients=dict(zip(law.kinds, values.tolist(), strict=True)))
+        for law, values in zip(laws, parts, strict=True)
+    )
 
 
 def _stepped(fit: Fit, damping: float) -> list[JointFit]:
     """Laws whose shapes have made a Gauss-Newton step, with all linear unknowns free."""
-    wide, names = widened(fit, fit.load)
-    x = estimation.solved(*fit.problem.combined(wide, fit.weights))
-    moved = list(fit.friction)
-    for i, (j, name) in enumerate(names, fit.columns.size):
-        by = damping * float(np.clip(x[i], -0.7, 0.7))
-        moved[j] = replace(moved[j], shape=moved[j].shape.moved(name, by))
-    return moved
+    columns, parameters = linearized(fit, fit.load)
+    x = estimation.solved(*fit.problem.combined(columns, fit.weights))
+    steps = damping * np.clip(x[fit.columns.size :], -friction.LARGEST_STEP, friction.LARGEST_STEP)
+    laws = list(fit.friction)
+    for (j, parameter), by in zip(parameters, steps.tolist(), strict=True):
+        laws[j] = replace(laws[j], shape=laws[j].shape.moved(parameter, by))
+    return laws
 
 
-def widened(fit: Fit, load: Array) -> tuple[Columns, list[tuple[int, str]]]:
+def linearized(fit: Fit, load: Array) -> tuple[Columns, list[tuple[int, ShapeParameter]]]:
     """The columns of a fit with its shapes as more unknowns, linearized.
 
     Returns:
-        The columns, and the joint and name of each further unknown, see ``Shape.moved``.
+        The columns, and the joint and the parameter that each further unknown changes.
     """
-    names = [(j, name) for j, law in enumerate(fit.friction) for name in law.nonlinear]
-    more = [_slopes(fit.rows, law, j, load[:, j]) for j, law in enumerate(fit.friction)]
-    places = [
-        np.array([i for i, (of, _) in enumerate(names) if of == j], int)
-        for j in range(len(fit.friction))
-    ]
-    return fit.columns.wider(more, places, len(names)), names
+    parameters = [(j, each) for j, law in enumerate(fit.friction) for each in law.nonlinear]
+    slopes = [_slopes(fit.rows, law, j, load[:, j]) for j, law in enumerate(fit.friction)]
+    joints = np.array([j for j, _ in parameters])
+    places = [np.flatnonzero(joints == j) for j in range(len(fit.friction))]
+    return fit.columns.extended(slopes, places, len(parameters)), parameters
 
 
 def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
@@ -214,11 +212,11 @@ def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
         return np.asarray(rows.samples.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
     h, now, slopes = 1e-6, torque(law.shape), []
-    for name in law.nonlinear:
-        shape, span = law.shape.moved(name, h), h
+    for parameter in law.nonlinear:
+        shape, span = law.shape.moved(parameter, h), h
         if shape == law.shape:  # at its upper bound
-            shape, span = law.shape.moved(name, -h), -h
-        if name == friction.LOAD:
+            shape, span = law.shape.moved(parameter, -h), -h
+        if parameter.kind == "load":  # as far as its bounds let it move
             span = (shape.load or 0.0) - (law.shape.load or 0.0)
         slopes.append((torque(shape) - now) / span)
     return rows.filtered(np.column_stack(slopes), j)
@@ -259,13 +257,13 @@ def _consistent(fit: Fit) -> Fit:
     problem, x = fit.problem, fit.x
     R, z = problem.data(fit.columns, fit.weights)
     nominal, n = problem.prior.x0, fit.rows.samples.n
-    shown = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
+    moving = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
     movable = estimation.with_mass(nominal)
-    if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():
+    if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[moving] >= 0.0).all():
         return fit
     kinds = [kind for law in fit.friction for kind in law.kinds]
     of_friction = [i for i, kind in enumerate(kinds, len(nominal) + n) if kind not in SIGNED]
-    start, positive = x.copy(), [*shown, *of_friction]
+    start, positive = x.copy(), [*moving, *of_friction]
     for body in movable:
         start[body] = bodies.nearest(nominal[body])
     start[positive] = np.maximum(x[positive], 1e-3 * abs(x[positive]).max() + 1e-9)

@@ -8,6 +8,7 @@ see ``model.friction`` for the keys of a scene.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -21,14 +22,21 @@ COULOMB, COULOMB_SKEW, EXCESS = "coulomb", "coulomb_skew", "excess"
 # offset, is equivalent to a skew of its Coulomb friction.
 LINEAR = (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 DRY = (COULOMB, COULOMB_SKEW, EXCESS)  # Those that grow with the load.
-STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
+LOAD = "load"  # a coefficient that grows with the load, while laws are selected
 # Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
 # positive.
 LARGEST_SHARE = 0.98
-LARGEST_STEP = 0.7  # Largest change of a shape's logarithm at a time.
+LARGEST_STEP = 0.7  # Largest change of a shape's parameter, or of its logarithm, at a time.
 # Largest growth of friction with the load; the scene's curve is up to half as steep again.
 LARGEST_GROWTH = 0.3
 POINTS = 6  # Number of points in a table of friction over load.
+
+
+class ShapeParameter(NamedTuple):
+    """A parameter of a ``Shape``; ``at`` and ``part`` are coordinates of one of its points."""
+
+    kind: Literal["stribeck_velocity", "load", "at", "part"]
+    point: int = 0
 
 
 @dataclass(frozen=True)
@@ -68,17 +76,17 @@ class Shape:
         """The factor of dry friction under torques of the drive in [N m] or [N], shape (k,)."""
         return np.asarray(Curve.through(*self.table)(abs(load)))
 
-    def moved(self, name: str, by: float) -> Shape:
+    def moved(self, parameter: ShapeParameter, by: float) -> Shape:
         """A copy with one parameter changed: velocities, and gaps between loads, relatively."""
-        if name == LOAD:
+        kind, i = parameter
+        if kind == "load":
             return replace(self, load=float(np.clip((self.load or 0.0) + by, 0.0, LARGEST_SHARE)))
-        relative = float(np.exp(np.clip(by, -LARGEST_STEP, LARGEST_STEP)))
-        if name == STRIBECK_VELOCITY:
-            return replace(self, stribeck_velocity=(self.stribeck_velocity or 1.0) * relative)
-        coordinate, index = name.split(".")
-        i, (at, part) = int(index), np.array(self.points).T
-        if coordinate == "at":
-            at[i:] += (at[i] - at[i - 1]) * (relative - 1.0)
+        factor = float(np.exp(np.clip(by, -LARGEST_STEP, LARGEST_STEP)))
+        if kind == "stribeck_velocity":
+            return replace(self, stribeck_velocity=(self.stribeck_velocity or 1.0) * factor)
+        at, part = np.array(self.points).T
+        if kind == "at":
+            at[i:] += (at[i] - at[i - 1]) * (factor - 1.0)
         else:
             part[i] = np.clip(part[i] + by, part[i - 1], part[i + 1])
         return replace(self, points=tuple(zip(at.tolist(), part.tolist(), strict=True)))
@@ -114,13 +122,16 @@ class JointFit:
     refused: float = 0.0
 
     @property
-    def nonlinear(self) -> tuple[str, ...]:
-        """Names of the nonlinear parameters that its kinds have, for ``Shape.moved``."""
-        falls = EXCESS in self.kinds and self.shape.stribeck_velocity is not None
-        table = [f"at.{i}" for i in range(1, len(self.shape.points))]
-        table += [f"part.{i}" for i in range(1, len(self.shape.points) - 1)]
-        grows = (LOAD, *table) if self.shape.load is not None else ()
-        return (*grows, STRIBECK_VELOCITY) if falls else grows
+    def nonlinear(self) -> list[ShapeParameter]:
+        """The parameters of its shape that its kinds have."""
+        parameters, count = list[ShapeParameter](), len(self.shape.points)
+        if self.shape.load is not None:
+            parameters.append(ShapeParameter("load"))
+            parameters += [ShapeParameter("at", i) for i in range(1, count)]
+            parameters += [ShapeParameter("part", i) for i in range(1, count - 1)]
+        if EXCESS in self.kinds and self.shape.stribeck_velocity is not None:
+            parameters.append(ShapeParameter("stribeck_velocity"))
+        return parameters
 
     def torque(self, v: Array, load: Array) -> Array:
         """The friction, shape (k,)."""

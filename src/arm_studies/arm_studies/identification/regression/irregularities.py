@@ -108,17 +108,16 @@ def ripples(fit: Fit) -> list[str]:
     """
     rows = fit.rows
     waves = np.zeros((*rows.samples.q.shape, 2 * rows.samples.n))
-    turns = [kind != "prismatic" for kind in rows.samples.regressor.model.joint_types]
-    for j in np.flatnonzero(turns):
+    for j in np.flatnonzero(rows.samples.regressor.model.turning):
         q, sign = rows.samples.q[:, j], np.sign(rows.samples.v[:, j])
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
-    coefficients, doubt = added_coefficients(fit, rows.of_joints(waves))
-    sizes, doubts = np.hypot(*coefficients.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
+    coefficients, deviation = added_coefficients(fit, rows.of_joints(waves))
+    sizes, sds = np.hypot(*coefficients.reshape(-1, 2).T), deviation.reshape(-1, 2).max(axis=1)
     dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
     return [
         f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
         "scene has the mean ('friction.position' describes it)"
-        for name, size, sd, level in zip(rows.samples.names, sizes, doubts, dry, strict=True)
+        for name, size, sd, level in zip(rows.samples.names, sizes, sds, dry, strict=True)
         if size > max(SIGNIFICANT * sd, RIPPLE * level) and level > 0.0
     ]
 
@@ -139,8 +138,8 @@ def tilts(fit: Fit) -> list[str]:
     theta, still = fit.theta + regressor.payload, np.zeros_like(rows.samples.q)
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
     torques = np.stack([each(rows.samples.q, still, still) @ theta for each in turned], axis=2)
-    turn, doubt = added_coefficients(fit, rows.of_joints(torques))
-    if (abs(turn) < np.maximum(SIGNIFICANT * doubt, TILT)).all():
+    turn, deviation = added_coefficients(fit, rows.of_joints(torques))
+    if (abs(turn) < np.maximum(SIGNIFICANT * deviation, TILT)).all():
         return []
     better = gravity + turn @ across
     better *= size / np.linalg.norm(better)

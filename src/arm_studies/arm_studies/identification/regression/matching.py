@@ -125,7 +125,7 @@ def delayed(problem: Problem) -> list[Delay]:
     shifts = shifts[abs(shifts) * dt < LATEST + 0.5 * step * dt]
     delays = []
     for j in range(rows.samples.n):
-        shifted = [_later(rows, j, int(by)) for by in shifts]
+        shifted = [_shifted(rows, j, int(by)) for by in shifts]
         use = problem.use[:, j] & np.all([valid for _, valid in shifted], axis=0)
         if not use.any() or not rows.samples.use[:, j].any():
             continue
@@ -145,7 +145,7 @@ def delayed(problem: Problem) -> list[Delay]:
     return delays
 
 
-def _later(rows: Rows, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
+def _shifted(rows: Rows, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
     """A joint's efforts some rows later, and which are valid and of the same stretch, (k,)."""
     lengths = [s.stop - s.start for _, s in rows.samples.stretches]
     stretch, row = np.repeat(range(len(lengths)), lengths), np.arange(sum(lengths))
@@ -195,8 +195,8 @@ def _residuals(problem: Problem, j: int) -> Array:
         A, known_torques, efforts = np.split(R, [-len(columns) - 1, -len(columns)], axis=1)
         for i, y in zip(columns, efforts.T, strict=True):
             for turned, sign in enumerate((1.0, -1.0)):
-                fit = _fitted(A, known_torques[:, 0], sign * y, problem.prior)
-                residuals[turned, i] = fit.residual
+                gain = _fitted(A, known_torques[:, 0], sign * y, problem.prior)
+                residuals[turned, i] = gain.residual
     return residuals
 
 
@@ -238,8 +238,8 @@ def _fitted(A: Array, known_torques: Array, y: Array, prior: Prior) -> _Gain:
     gain = float(x[bodies + 1])
     if gain <= 0.0:
         return _Gain(0.0, np.inf, np.inf)
-    others = np.delete(R[:, kept], kept[: bodies + 1].sum(), axis=1)
-    alone = np.sqrt(_unexplained(others, R[:, bodies + 1 : bodies + 2])[0])
+    rest = np.delete(R[:, kept], kept[: bodies + 1].sum(), axis=1)
+    alone = np.sqrt(_unexplained(rest, R[:, bodies + 1 : bodies + 2])[0])
     sure = alone * float(np.linalg.norm(R[:, bodies + 1]))
     deviation = max(1.0, float(np.linalg.norm(R @ x - z))) / max(sure, 1e-300) / gain
     return _Gain(gain / length, deviation, float(np.linalg.norm(A @ x + known_torques)) / gain)

@@ -70,10 +70,6 @@ class RigidRegressor:
         names += [f"{body}.{name}" for body in self.bodies for name in NAMES]
         return base_parameters(columns, n, names)
 
-    def places(self, body: int) -> slice:
-        """Indices of the parameters of a body in θ."""
-        return slice(PER_BODY * body, PER_BODY * (body + 1))
-
 
 def parameters_of(model: pin.Model) -> Array:
     """θ of a Pinocchio model, shape (10 (njoints - 1),)."""

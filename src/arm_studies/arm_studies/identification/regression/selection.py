@@ -104,9 +104,9 @@ class _Selection:
         products = np.zeros((fit.rows.samples.n, size + 1, size + 1))
         for j, place in enumerate(self.columns.places):
             use = fit.problem.use[:, j] & fold
-            both = np.column_stack([self.columns.all_of(j)[use], fit.problem.target[use, j]])
+            table = np.column_stack([self.columns.all_of(j)[use], fit.problem.target[use, j]])
             places = np.ix_(*[np.append(place, size)] * 2)
-            products[j][places] = both.T @ both
+            products[j][places] = table.T @ table
         return products * fit.rows.samples.independent
 
     def run(self) -> list[JointFit]:
@@ -121,12 +121,12 @@ class _Selection:
                 break
         x, laws = self._solve(self.total, weights), []
         for j, refused in enumerate(self.refused):
-            places = self._of(j)
+            places = self._places(j)
             own = [self.candidates[place] for place in places]
             laws.append(_law(own, x[places].tolist(), refused))
         return laws
 
-    def _of(self, j: int) -> list[int]:
+    def _places(self, j: int) -> list[int]:
         """Places of what is chosen for a joint."""
         return [place for place in sorted(self.chosen) if self.candidates[place].joint == j]
 
@@ -141,10 +141,10 @@ class _Selection:
             weights = np.maximum(self.counts, 1.0) / errors
         return np.asarray(weights)
 
-    def _solve(self, sums: Array, weights: Array, more: Iterable[int] = ()) -> Array:
-        """Least squares of what is chosen and, for a trial, of more."""
+    def _solve(self, sums: Array, weights: Array, tried: Iterable[int] = ()) -> Array:
+        """Least squares of what is chosen and, for a trial, of what is tried."""
         size, bodies = self.columns.size, len(self.x0)
-        places = [*range(self.first), *sorted(self.chosen.union(more))]
+        places = [*range(self.first), *sorted(self.chosen.union(tried))]
         whole = np.tensordot(weights, sums, axes=1)
         H, g = whole[:size, :size], whole[:size, size].copy()
         H[:bodies, :bodies] += self.precision
@@ -157,17 +157,17 @@ class _Selection:
         return x
 
     def _scores(
-        self, j: int, weights: Array, more: Sequence[int] = ()
+        self, j: int, weights: Array, tried: Sequence[int] = ()
     ) -> tuple[Array, bool, float]:
         """Weighted errors of each fold predicted from the others, and whether laws are possible.
 
         Friction must not fall under load, nor below zero towards rest, nor grow too steeply; also
         its steepest growth is returned.
         """
-        places, totals, possible, growth = [*self._of(j), *more], [], True, 0.0
+        places, totals, possible, growth = [*self._places(j), *tried], [], True, 0.0
         shapes = {self.candidates[p].kind: self.candidates[p].shape for p in places}
         for sums in self.sums:
-            x = self._solve(self.total - sums, weights, more)
+            x = self._solve(self.total - sums, weights, tried)
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
             totals.append(sum(errors))
             own = {self.candidates[p].kind: float(x[p]) for p in places}
@@ -184,7 +184,7 @@ class _Selection:
         # The other joints add the same errors, so the gain is measured against this joint's.
         least = max(LEAST_GAIN * self.counts[j], LEAST_VARIANCES)
         while True:
-            kinds = {self.candidates[place].kind for place in self._of(j)}
+            kinds = {self.candidates[place].kind for place in self._places(j)}
             choice: tuple[int, Array] | None = None
             self.refused[j] = 0.0
             for place, (joint, kind, _) in self.candidates.items():

@@ -47,7 +47,7 @@ def tabled(fit: Fit) -> Fit:
     chosen: Sequence[JointFit] = ()
     for count in COUNTS:
         laws = [
-            own if own.shape.load is None else _begun(fit, j, count)
+            own if own.shape.load is None else _first_table(fit, j, count)
             for j, own in enumerate(fit.friction)
         ]
         trials = []
@@ -69,7 +69,7 @@ def tabled(fit: Fit) -> Fit:
     return refit if determined else fit
 
 
-def _begun(fit: Fit, j: int, count: int) -> JointFit:
+def _first_table(fit: Fit, j: int, count: int) -> JointFit:
     """A table at even loads whose last point explains a joint's friction best."""
     own, use, load = fit.friction[j], fit.problem.use[:, j], fit.drives[:, j]
     part = np.linspace(0.0, 1.0, count)

@@ -10,7 +10,7 @@ truth as often as they claim, wherever the nominal scene is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,7 +20,6 @@ from arm_dynamics.arrays import Array
 from arm_studies.identification.filtering import FLAT_NOISE
 from arm_studies.identification.regression.estimation import Mask, solved
 from arm_studies.identification.regression.fit import Fit
-from arm_studies.identification.regression.friction import LOAD, STRIBECK_VELOCITY
 from arm_studies.identification.regression.rows.rows import Rows
 
 # Singular values relative to the largest below which a direction is not determined.
@@ -89,33 +88,35 @@ class Estimates:
     condition: float
 
 
-def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
+def estimated(fit: Fit) -> Estimates:
     """Estimates of base parameters and friction, with the laws, weights and residuals of a fit.
 
-    Args:
-        fit: Shapes are linearized there.
-        lead: Place of each base parameter's leading unknown: bodies and armatures act through
-            these alone, see ``base_parameters``.
+    Shapes are linearized there. Bodies and armatures act through the leading unknowns of the base
+    parameters alone, see ``base_parameters``.
     """
-    columns, names = fit.with_shapes
+    columns, parameters = fit.with_shapes
     rows, weights = fit.rows, fit.weights * fit.problem.use
-    places = np.array([*lead, *range(len(fit.theta) + rows.samples.n, columns.size)])
+    numbers, first = len(fit.theta), len(fit.theta) + rows.samples.n  # of bodies; of friction
+    # Bases begin with armatures, unknowns with bodies.
+    lead = [(k + numbers) % first for k in rows.samples.regressor.base.independent]
+    places = np.array([*lead, *range(first, columns.size)])
     own = np.zeros((rows.samples.n, len(weights), columns.size))
     for j, place in enumerate(columns.places):
         own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
     y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
     noise = fit.weights * rows.noise(fit.theta, fit.armature)
     solution = unbiased(rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y)))
-    first = len(places) - len(names)
+    of_shapes = len(places) - len(parameters)
     triples = list(zip(*(column.tolist() for column in solution[:3]), strict=True))
-    shapes = {}
-    for (j, name), (by, *more) in zip(names, triples[first : len(places)], strict=True):
-        shape = fit.friction[j].shape.moved(name, by)
-        if name == LOAD and shape.load is not None:
-            shapes[j, name] = Estimate.of(shape.load, *more)
-        elif name == STRIBECK_VELOCITY and shape.stribeck_velocity is not None:
-            shapes[j, name] = Estimate.of_positive(shape.stribeck_velocity, *more)
-    linear = tuple(Estimate.of(*triple) for triple in triples[:first])
+    shapes = dict[tuple[int, str], Estimate]()
+    steps = triples[of_shapes : len(places)]
+    for (j, parameter), (by, *error) in zip(parameters, steps, strict=True):
+        kind, shape = parameter.kind, fit.friction[j].shape.moved(parameter, by)
+        if kind == "load" and shape.load is not None:
+            shapes[j, kind] = Estimate.of(shape.load, *error)
+        elif kind == "stribeck_velocity" and shape.stribeck_velocity is not None:
+            shapes[j, kind] = Estimate.of_positive(shape.stribeck_velocity, *error)
+    linear = tuple(Estimate.of(*triple) for triple in triples[:of_shapes])
     return Estimates(linear, shapes, solution.condition)
 
 
@@ -157,14 +158,14 @@ def unbiased(
     R = np.linalg.qr(np.column_stack([flat, z]), mode="r")
     R, z = R[:-1, :-1], R[:-1, -1]
     lengths = np.linalg.norm(R, axis=0)
-    shown = lengths > SINGULAR * lengths.max()
-    _, singular, axes = np.linalg.svd(R[:, shown] / lengths[shown], full_matrices=False)
-    hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
+    present = lengths > SINGULAR * lengths.max()
+    _, singular, axes = np.linalg.svd(R[:, present] / lengths[present], full_matrices=False)
+    undetermined = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
     residual = y - (own @ solved(R, z)).T
-    doubt = np.sqrt(_variances(rows, own[:, :, shown], residual))
-    doubt[hidden | (doubt * lengths[shown] > LARGEST_TORQUE * torque)] = np.inf
+    deviation = np.sqrt(_variances(rows, own[:, :, present], residual))
+    deviation[undetermined | (deviation * lengths[present] > LARGEST_TORQUE * torque)] = np.inf
     values, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
-    values[shown], deviations[shown] = solved(R[:, shown], z), doubt
+    values[present], deviations[present] = solved(R[:, present], z), deviation
     # By the white noise of sensors alone.
     H, inverse = _information(own)
     white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
@@ -182,8 +183,8 @@ def _information(own: Array) -> tuple[Array, Array]:
     """Information of each joint's rows on the unknowns, and the inverse of their sum."""
     H = np.array([part.T @ part for part in own])
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
-    both = np.outer(scale, scale)
-    return H, both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
+    scales = np.outer(scale, scale)
+    return H, scales * np.linalg.pinv(H.sum(axis=0) * scales, rcond=1e-14, hermitian=True)
 
 
 def _variances(rows: Rows, own: Array, residual: Array) -> Array:
@@ -211,22 +212,22 @@ def _variances(rows: Rows, own: Array, residual: Array) -> Array:
     return np.where(any_residuals > CHANCE_RATIO * plain, any_residuals, plain)
 
 
-def added_coefficients(fit: Fit, more: Array) -> tuple[Array, Array]:
+def added_coefficients(fit: Fit, added: Array) -> tuple[Array, Array]:
     """Coefficients of additional columns of a fit, and their standard deviations.
 
     Args:
         fit: Its unknowns are all free.
-        more: The columns, shape (k, n, m).
+        added: The columns, shape (k, n, m).
 
     Returns:
         Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
     """
-    n, count = more.shape[1:]
-    wide = fit.columns.wider(list(np.moveaxis(more, 1, 0)), [np.arange(count)] * n, count)
+    n, count = added.shape[1:]
+    wide = fit.columns.extended(list(np.moveaxis(added, 1, 0)), [np.arange(count)] * n, count)
     R, z = fit.problem.combined(wide, fit.weights)
     size = np.linalg.norm(R, axis=0)
     present = size > 1e-12 * size.max()
     inverse = np.linalg.pinv(R[:, present] / size[present], rcond=1e-14)
-    doubt = np.full(len(size), np.inf)
-    doubt[present] = np.linalg.norm(inverse, axis=1) / size[present]
-    return solved(R, z)[fit.columns.size :], doubt[fit.columns.size :]
+    deviation = np.full(len(size), np.inf)
+    deviation[present] = np.linalg.norm(inverse, axis=1) / size[present]
+    return solved(R, z)[fit.columns.size :], deviation[fit.columns.size :]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy account of a running simulation, kept from what C notes of every tick."""
+"""The energy account of a running simulation, from the trail of ticks that C keeps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from arm_sim.simulation.simulated_arm import SimulatedArm
 ROWS = 8192  # ticks that C keeps until they are noted
 
 
-class EnergyAccount:
+class EnergyTrail:
     """Energies of an arm since the account was opened; closed at first.
 
     C keeps states and efforts of the last ticks (``ticks_t`` of ticks.h), which are evaluated when

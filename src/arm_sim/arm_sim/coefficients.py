@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that one function computes and another one uses."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+
+class Coefficients:
+    """Entries of matrices, as results of the one function and arguments of the other.
+
+    Constants are in neither: the second function contains them.
+    """
+
+    def __init__(self) -> None:
+        self._values: list[ca.SX] = []
+        self._symbols: list[ca.SX] = []
+
+    def matrix(self, expression: ca.SX) -> ca.SX:
+        """A matrix with the same zeros and constants, and symbols for all other entries."""
+        expression = ca.sparsify(expression)
+        entries = [self._entry(entry) for entry in expression.nonzeros()]
+        return ca.SX(expression.sparsity(), ca.vertcat(*entries)) if entries else expression
+
+    @property
+    def values(self) -> ca.SX:
+        """The numbers to be computed, a vector."""
+        return ca.vertcat(ca.SX(0, 1), *self._values)
+
+    @property
+    def symbols(self) -> ca.SX:
+        """The symbols, in the same order."""
+        return ca.vertcat(ca.SX(0, 1), *self._symbols)
+
+    def _entry(self, value: ca.SX) -> ca.SX:
+        if ca.SX(value).is_constant():
+            return value
+        self._values.append(value)
+        self._symbols.append(ca.SX.sym(f"c{len(self._values)}"))
+        return self._symbols[-1]

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which compiled derivatives the ticks of a scene have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+from arm_dynamics.codegen.one_at_a_time import built_once
+from arm_sim.derivatives.tangents.tangents import Tangents
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.arm_table import Engine
+from arm_sim.stepping.lanes import alike, natural_width
+from arm_sim.stepping.stepper import Stepper
+
+
+class CompiledTangents:
+    """Compiled derivatives of a scene's ticks; built when they are first used.
+
+    Args:
+        plant: The scene's equations.
+        choice: Method, tick and tolerance.
+        stepper: Runs its ticks and determines the modes of joints and contacts.
+        backend: As for ``Kernel``.
+        tuned: Places in p of the quantities to differentiate by.
+
+    Attributes:
+        eventful: Whether ticks may have events.
+    """
+
+    def __init__(
+        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str, tuned: Sequence[int]
+    ) -> None:
+        self._plant, self._choice, self._stepper = plant, choice, stepper
+        self._backend, self._tuned = backend, tuned
+        self.eventful = plant.eventful and stepper.kernel.native
+
+    @cached_property
+    def engine(self) -> Engine | None:
+        """What finds the modes of ticks of fixed length in a scene with events."""
+        fixed_steps = self._choice.tolerance is None
+        return Engine.of(self._stepper) if self.eventful and fixed_steps else None
+
+    @cached_property
+    def smooth_ticks(self) -> Tangents | None:
+        """Code for ticks that meet neither stops nor events; None if there is none."""
+        return self._free if self._in_lanes else self.event_free
+
+    @cached_property
+    def event_free(self) -> Tangents | None:
+        """Code for ticks without events of a scene with events."""
+        native = self.engine and self._backend != "vm" and self.of_scene.native
+        return self.of_scene if native else None
+
+    @built_once
+    def of_scene(self) -> Tangents:
+        """Derivatives of all steps of the scene, in modes that are arguments."""
+        return Tangents(self._plant, self._choice, self._backend, self._tuned, self.engine)
+
+    def prepare(self) -> None:
+        """Compile what ticks without events need, unless that is done."""
+        if self._in_lanes:
+            self._free.library(natural_width())
+        (self.smooth_ticks or self._free).library(1)
+
+    @cached_property
+    def _in_lanes(self) -> bool:
+        """Whether arms away from their stops are differentiated side by side."""
+        return alike(self._plant, self._choice) and self._free.native
+
+    @cached_property
+    def _free(self) -> Tangents:
+        """Derivatives of ticks and steps of the arm away from its stops."""
+        if self._plant.free is None:
+            return self.of_scene
+        return Tangents(self._plant.free, self._choice, self._backend, self._tuned)
