@@ -250,7 +250,8 @@ class Tangents:
         assert code is not None  # see ``native``
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         ticks = np.zeros(0 if self.engine is None else len(after), np.int64)
-        table.unfinished, columns.initial_state_varied = marks.place, begins
+        table.unfinished, table.halted = marks.addresses
+        columns.initial_state_varied = begins
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.ticks_before_event, columns.after = ticks.ctypes.data, address(after)
 

@@ -8,6 +8,8 @@
 
 #include "entry.h"
 
+enum { HEADER = 31 }; /* bytes of a record before its data */
+
 /* A buffer for records in the format of the file. */
 typedef struct {
   uint8_t* raw;
