@@ -42,10 +42,9 @@ def build(out: Path, gallery: bool, show: bool) -> None:
         failed = sphinx.wait()
     if failed:
         sys.exit(failed)
-    start = out / "index.html"
-    click.echo(f"site: {start}")
+    click.echo(f"site: {out / 'index.html'}")
     if show:
-        webbrowser.open(start.resolve().as_uri())
+        webbrowser.open((out / "index.html").resolve().as_uri())
 
 
 if __name__ == "__main__":

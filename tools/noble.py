@@ -35,7 +35,8 @@ def main() -> None:
     python = [f"-D{name}_EXECUTABLE={SYSTEM}/bin/python" for name in ("Python3", "PYTHON")]
     run(*colcon("build"), "--cmake-args", "-GNinja", "-Wno-dev", *python)
     assert "is too old" in sourced("$PWD/install/arm_sim/lib/arm_sim/arm describe pendulum", 1)
-    sourced(command_of_the_page())
+    (line,) = re.findall(r"^pip install --target .*$", INSTALL_PAGE.read_text(), re.M)
+    sourced(f"python -m {line} --quiet")  # for packages that rosdep lacks
     sourced(f"python -c '{AS_ON_NOBLE}'")
     assert "continuous" in sourced("install/arm_sim/lib/arm_sim/arm describe pendulum")
     sourced(f"{' '.join(colcon('test'))} && python -m colcon test-result --verbose")
@@ -53,12 +54,6 @@ def make_system() -> None:
 def colcon(verb: str) -> list[str]:
     """A verb of colcon for the packages in ``src``."""
     return ["python", "-m", "colcon", verb, "--base-paths", str(ROOT / "src")]
-
-
-def command_of_the_page() -> str:
-    """What the install page runs for packages that rosdep lacks."""
-    (line,) = re.findall(r"^pip install --target .*$", INSTALL_PAGE.read_text(), re.M)
-    return f"python -m {line} --quiet"
 
 
 def sourced(command: str, status: int = 0) -> str:
@@ -85,8 +80,8 @@ def run(*command: object, cwd: Path = SYSTEM) -> None:
 def environment() -> dict[str, str]:
     """Variables of a shell in which ROS 2 is sourced, and nothing of the suite."""
     given = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    path = f"{SYSTEM}/bin{os.pathsep}{given['PATH']}"
-    return given | {"PATH": path, "CMAKE_PREFIX_PATH": sys.prefix, "COLCON_HOME": str(SYSTEM)}
+    given["PATH"] = f"{SYSTEM}/bin{os.pathsep}{given['PATH']}"
+    return given | {"CMAKE_PREFIX_PATH": sys.prefix, "COLCON_HOME": str(SYSTEM)}
 
 
 if __name__ == "__main__":

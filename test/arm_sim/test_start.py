@@ -18,9 +18,12 @@ class WrittenAnew(Exception):
 
 
 @pytest.fixture
-def unwritten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> pytest.MonkeyPatch:
+def unwritten(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hasty: dict[str, str]
+) -> pytest.MonkeyPatch:
     """An empty cache; ``setattr`` lets the writing of equations fail from then on."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for name, value in {"XDG_CACHE_HOME": str(tmp_path), **hasty}.items():
+        monkeypatch.setenv(name, value)
     return monkeypatch
 
 

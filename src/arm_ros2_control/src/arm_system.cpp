@@ -174,8 +174,8 @@ ArmSystem::return_type ArmSystem::read(const rclcpp::Time&, const rclcpp::Durati
   return return_type::OK;
 }
 
-/// Read the commands of a joint into the reference; false, with a message, if one is infinite. A position without a velocity has that of the
-/// stream of positions, as in `Simulator`; without any command the joint stays where it is.
+/// Read the commands of a joint into the reference; false, with a message, if one is infinite. A position without a velocity
+/// has that of the stream of positions, as in `Simulator`; without any command the joint stays where it is.
 bool ArmSystem::follow(std::size_t i) {
   Joint& joint = joints_[i];
   std::array<double, kKinds> value{kNone, kNone, kNone};

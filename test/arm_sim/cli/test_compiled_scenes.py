@@ -73,12 +73,12 @@ for node in dynamics, controller, sim:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory: pytest.TempPathFactory, hasty: dict[str, str]) -> Path:
     """A folder with a scene, a pendulum with dry friction, and ``compiled``, made from it."""
     folder = tmp_path_factory.mktemp("scene")
     (folder / "rod.urdf").write_text(URDF)
     (folder / "rod.yaml").write_text(SCENE)
-    build(folder / "rod.yaml", folder / "compiled")
+    build(folder / "rod.yaml", folder / "compiled", **hasty)
     return folder
 
 
@@ -102,8 +102,10 @@ def compiled(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     return tmp_path / "compiled"
 
 
-def build(scene: Path, out: Path, *options: str) -> Result:
-    done = CliRunner().invoke(main, ["build", str(scene), "--out", str(out), *options])
+def build(scene: Path, out: Path, *options: str, **environment: str) -> Result:
+    done = CliRunner(env=environment).invoke(
+        main, ["build", str(scene), "--out", str(out), *options]
+    )
     assert done.exit_code == 0, done.output
     return done
 
@@ -147,13 +149,13 @@ LEVEL = "x86-64-v2" if os.uname().machine == "x86_64" else "native"
 
 
 def test_derivatives_are_compiled_on_request_for_a_level_of_processors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hasty: dict[str, str]
 ) -> None:
     """A machine without a compiler then optimizes motions; arms side by side as far as fits."""
     (tmp_path / "rod.urdf").write_text(URDF)
     out = tmp_path / "compiled"
     options = "--derivatives", "--batches", "--integrator", "rk4", "--processor", LEVEL
-    build(tmp_path / "rod.urdf", out, *options)
+    build(tmp_path / "rod.urdf", out, *options, **hasty)
     if LEVEL != "native":
         said = json.loads(step_in(out).with_suffix(".json").read_text())
         assert set(said["instructions"]) == processor.needed(LEVEL)
@@ -175,12 +177,12 @@ def test_derivatives_are_compiled_on_request_for_a_level_of_processors(
 
 @pytest.mark.nightly
 def test_controllers_are_compiled_on_request(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hasty: dict[str, str]
 ) -> None:
     """A machine without a compiler then switches to each of them."""
     scene, out = models.SCENES / "two_link.urdf", tmp_path / "compiled"
     options = "--controllers", "--task-frame", "tip", "--task-axes", "x z"
-    build(scene, out, *options)
+    build(scene, out, *options, **hasty)
     for variable in ("CC", "CXX"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -196,11 +198,13 @@ def test_controllers_are_compiled_on_request(
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", always(["flexible_arm", "two_link"], "two_link"))
-def test_loops_of_the_nodes_are_compiled_on_request(name: str, tmp_path: Path) -> None:
+def test_loops_of_the_nodes_are_compiled_on_request(
+    name: str, tmp_path: Path, hasty: dict[str, str]
+) -> None:
     """Without a compiler they then run in C."""
     out, nothing = tmp_path / "compiled", tmp_path / "nothing"
     nothing.mkdir()
-    build(Path(name), out, "--nodes")
+    build(Path(name), out, "--nodes", **hasty)
     domain, reservation = reserve_domain()
     environment = surroundings(PATH=str(nothing), XDG_CACHE_HOME=str(nothing), ARM_CACHE=str(out),
                                ROS_LOG_DIR=str(tmp_path))  # fmt: skip

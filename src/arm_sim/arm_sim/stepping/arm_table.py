@@ -28,28 +28,28 @@ class Engine(ctypes.Structure):
 
 
 class Marks:
-    """A mark for each arm, to be set by compiled code; before them one by which it is halted.
+    """A mark for each arm, to be set by compiled code, and a flag by which it is halted.
 
     Attributes:
-        place: Address of the first.
+        addresses: Of the marks and of the flag, for ``arms_t``.
     """
 
     def __init__(self, arms: int) -> None:
-        self._all = (ctypes.c_char * (1 + arms))()
-        self.place = ctypes.addressof(self._all) + 1
+        self._marks, self._halted = (ctypes.c_char * arms)(), ctypes.c_int8()
+        self.addresses = ctypes.addressof(self._marks), ctypes.addressof(self._halted)
 
     def of(self, first: int, last: int) -> list[int]:
         """Those of some arms whose marks are set."""
-        return list(compress(range(first, last), self._all.raw[1 + first :]))
+        return list(compress(range(first, last), self._marks.raw[first:]))
 
     @property
     def halted(self) -> bool:
         """Whether compiled code is to return at its next tick, its results being of no use."""
-        return self._all[0] != b"\0"
+        return bool(self._halted.value)
 
     def halt(self) -> None:
         """Halt it."""
-        self._all[0] = b"\1"
+        self._halted.value = 1
 
 
 class ArmTable(ctypes.Structure):
@@ -73,5 +73,5 @@ class ArmTable(ctypes.Structure):
         """
         return cls(
             *map(address, (x0, tau, p)), *strides(tau, 2), *strides(p, 1), dt, tau.shape[1],
-            marks.place, None if engine is None else ctypes.addressof(engine),
+            *marks.addresses, None if engine is None else ctypes.addressof(engine),
         )  # fmt: skip

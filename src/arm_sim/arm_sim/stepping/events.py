@@ -73,7 +73,7 @@ class Modes:
         """Copy the tunable numbers; the modes of joints and contacts are not determined yet."""
         of = lengths(plant)
         ends = np.cumsum([of[name] for name in ("NP", "ND", "NQ", "NK")])
-        self.p: Array = np.zeros(ends[-1] + 5 * of["NC"])
+        self.p: Array = np.zeros(ends[-1] + of["NC"] * _CONTACT_MODE.itemsize // 8)
         parts = np.split(self.p, ends)  # in the order of modes_t of native/modes/mode_vector.h
         self.tunable, self.direction, self.pressed, self.switches = parts[:4]
         self.contact = parts[4].view(_CONTACT_MODE)

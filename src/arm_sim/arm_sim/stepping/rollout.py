@@ -118,7 +118,7 @@ class Rollouts:
             None if that holds for all: the scene has dry friction or contacts under error control,
             or there is no compiler.
         """
-        code, arms = self._lanes_here(), len(batch.x0)
+        code, arms = self.prepare(), len(batch.x0)
         if code is None:
             return None
         marks = Marks(arms)
@@ -126,11 +126,8 @@ class Rollouts:
         share(arms, natural_width(), 1, work, batch.steps, marks.halt)
         return marks.of(0, arms)
 
-    def prepare(self) -> None:
-        """Compile what ``side_by_side`` needs, unless that is done."""
-        self._lanes_here()
-
-    def _lanes_here(self) -> Compiled | None:
+    def prepare(self) -> Compiled | None:
+        """Code for ``side_by_side``, compiled unless that is done; None if there is none."""
         return widest(None, self._code_of)[0] if self._in_registers else None
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:

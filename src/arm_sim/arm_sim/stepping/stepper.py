@@ -245,9 +245,8 @@ class Stepper:
         modes.direction[:] = 1.0
         _set_switches(modes, self.kernel, x, u)
         if self._plant.eventful and self.compiled:
-            state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
-            places = map(pointer, (state, torque, modes.p))
-            self.compiled.engine.find_modes(self.compiled.scene, *places)
+            arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p
+            self.compiled.engine.find_modes(self.compiled.scene, *map(pointer, arrays))
         return modes
 
     def shared(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
@@ -261,8 +260,7 @@ class Stepper:
         change = np.zeros(contacts + n)
         if self.compiled and self._plant.eventful:
             arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p, change
-            share = self.compiled.engine.share_reactions
-            share(self.compiled.scene, *map(pointer, arrays))
+            self.compiled.engine.share_reactions(self.compiled.scene, *map(pointer, arrays))
         return change[:contacts], change[contacts:]
 
     def stop_torque(self, x: Array, u: Array) -> Array:

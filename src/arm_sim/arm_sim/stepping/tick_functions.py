@@ -39,8 +39,10 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     In a scene with events it returns its continuous output, too, and begins with the slope that
     is known from the choice of modes.
     """
-    n, method, project = plant.model.n, choice.method, plant.mechanics.project
-    loads, scaled = plant.events.get("loads"), partial(scaled_jacobian, plant)
-    kind, scale = ("step", None) if choice.tolerance is None else ("attempt", plant.laws.scale)
-    options = project, scaled, f"{prefix}{kind}", plant.eventful, loads, scale
-    return build_step(method, plant.rhs, n, *options)
+    controlled = choice.tolerance is not None
+    return build_step(
+        choice.method, plant.rhs, plant.model.n, project=plant.mechanics.project,
+        scaled=partial(scaled_jacobian, plant), scale=plant.laws.scale if controlled else None,
+        name=prefix + ("attempt" if controlled else "step"), dense=plant.eventful,
+        loads=plant.events.get("loads"),
+    )  # fmt: skip

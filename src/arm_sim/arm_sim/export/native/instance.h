@@ -95,13 +95,10 @@ static instance_t* new_instance(const char* token, void* environment, log_t logg
     return NULL;
   }
   char* begin = (char*)ALIGNED((uintptr_t)place);
-  *i = (instance_t){place,
-                    (memory_t*)begin,
-                    (library_sim*)(begin + first),
-                    (library_sim*)(begin + first + size),
-                    (library_sim*)(begin + first + 2 * size),
-                    environment,
-                    logger};
+  *i = (instance_t){.place = place, .memory = (memory_t*)begin, .environment = environment, .logger = logger};
+  i->sim = (library_sim*)(begin + first);
+  i->before = (library_sim*)(begin + first + size);
+  i->scratch = (library_sim*)(begin + first + 2 * size);
   FMI(Reset)(i);
   return i;
 }

@@ -2,8 +2,8 @@
  *
  * Derivatives of the tick of an exported library. `library` stands for the library's name.
  *
- * Required definitions: sim.c, tick_derivative.c, all of whose names begin with slope_, and the generated `effort_slopes` (state,
- * command, state after the tick, its derivatives row by row) -> derivatives of the torques on the joints, row by row.
+ * Required definitions: sim.c, tick_derivative.c, all of whose names begin with slope_, and the generated `effort_slopes`
+ * (state, command, state after the tick, its derivatives row by row) -> derivatives of the torques on the joints, row by row.
  */
 
 #include "sim.c"

@@ -73,11 +73,11 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   static const report_t report = {0.0, 0, 0, 0};
   sim->report = report;
   sim->control = control;
-  for (int i = 0; i < NU; ++i) sim->effort[i] = 0.0;
-  for (int i = 0; i < NX; ++i) sim->x[i] = start[i];
+  clear(sim->effort, NU);
+  copy(sim->x, start, NX);
   for (int i = 0; i < NU && q; ++i) sim->x[i] = q[i];
   for (int i = 0; i < NU && v; ++i) sim->x[NU + i] = v[i];
-  for (int i = 0; i < NP; ++i) sim->p[i] = nominal[i];
+  copy(sim->p, nominal, NP);
   if (!all_finite(sim->x, 2 * NU)) return LIBRARY_NOT_FINITE;
   if (!are_loops_closed(sim)) return LIBRARY_OPEN;
   if (!is_inside_stops(sim->x)) return LIBRARY_BEYOND_STOP;
@@ -112,7 +112,7 @@ void library_sim_state(const library_sim* sim, double* q, double* v, double* eff
 
 /* Whether two texts are the same. */
 static int is_same(const char* a, const char* b) {
-  while (*a && *a == *b) ++a, ++b;
+  for (; *a && *a == *b; ++b) ++a;
   return *a == *b;
 }
 

@@ -94,28 +94,20 @@ int64_t stamp_now(times_t* t, int64_t simulated) {
 
 int64_t next_start(const due_t* d) { return d->deadline > d->earliest ? d->deadline : d->earliest; }
 
-static double share_of(const due_t* d, int64_t now, int64_t late) {
-  const double passed = late > d->period ? (double)(now - d->began) / d->period : 1.0;
-  return passed < 1.0 ? passed : 1.0;
-}
-
-/* Shift of the next deadline. */
-static int64_t shift(due_t* d, int64_t late) {
-  const int64_t beyond = d->slow_down ? late : late - d->give_up + d->period - 1, dropped = beyond / d->period;
-  show(&d->dropped, d->dropped + dropped);
-  return d->slow_down ? late : dropped * d->period;
-}
-
 void begin_tick(due_t* d, int64_t now) {
   const int64_t late = d->period ? now - d->deadline : 0;
   count_duration(d->lateness, late);
   if (late > d->period) show(&d->missed, d->missed + 1);
-  d->share = share_of(d, now, late);
+  d->share = late > d->period ? fmin(1.0, (double)(now - d->began) / d->period) : 1.0;
   d->current = d->period ? d->deadline : 0;
   d->began = now;
   d->earliest = now + d->closest;
   d->deadline += d->period;
-  if (late > d->give_up) d->deadline += shift(d, late);
+  if (late > d->give_up) {
+    const int64_t beyond = d->slow_down ? late : late - d->give_up + d->period - 1, dropped = beyond / d->period;
+    show(&d->dropped, d->dropped + dropped);
+    d->deadline += d->slow_down ? late : dropped * d->period;
+  }
 }
 
 void await_tick(due_t* d) {

@@ -45,7 +45,7 @@ static int has_space(ticks_t* t, int64_t size) {
 /* Whether the command that was read last need not be seen by Python, which has admitted its source. */
 static int is_admitted(ticks_t* t, int64_t outcome) {
   if (outcome != KNOWN || !t->leads[t->reader->kind]) return 0;
-  return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + 31));
+  return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + HEADER));
 }
 
 /* Accept the command that was read last; returns whether it answers the newest state. */
@@ -126,7 +126,7 @@ void publish_state(ticks_t* t) {
 /* Record the last tick, and the joint state published for it. */
 static void record_tick(ticks_t* t, int publishes) {
   const int64_t size = publishes ? t->joint_states->size : 0;
-  t->needs = size + t->copy->size + 62;
+  t->needs = size + t->copy->size + 2 * HEADER;
   while (!has_space(t, t->needs))
     if (!ask(t, SPACE)) return;
   record(t->chunk, t->copy, t->log, simulated_time(t), t->hold, size ? t->joint_states->raw : NULL, size, t->published);

@@ -104,8 +104,8 @@ enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its w
 #endif
 #endif
 
-/* A view names the parts of an array of numbers. LOCAL declares one and its array, which has an element more, since arrays of no
- * elements are an extension. */
+/* A view names the parts of an array of numbers. LOCAL declares one and its array, which has an element more, since arrays of
+ * no elements are an extension. */
 #define LOCAL(type, name, view_of, count) \
   real name##_room[(count) + 1]; \
   type name = view_of(scene, name##_room)

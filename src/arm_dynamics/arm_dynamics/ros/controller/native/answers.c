@@ -67,21 +67,17 @@ static double position_error(const double* motion, int64_t n, const int64_t* tur
   return turning[joint] ? remainder(error, FULL_TURN) : error;
 }
 
-static double velocity_error(const double* motion, int64_t n, int64_t joint) {
-  return motion[3 * n + joint] - motion[n + joint];
-}
-
 void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors) {
   for (int64_t i = 0; i < n; ++i) {
     errors[i] = position_error(motion, n, turning, i);
-    errors[n + i] = velocity_error(motion, n, i);
+    errors[n + i] = motion[3 * n + i] - motion[n + i];
   }
 }
 
 int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed) {
   for (int64_t i = 0; i < n; ++i) {
     if (fabs(position_error(motion, n, allowed->turning, i)) > allowed->position[i]) return 0;
-    if (fabs(velocity_error(motion, n, i)) > allowed->velocity[i]) return 0;
+    if (fabs(motion[3 * n + i] - motion[n + i]) > allowed->velocity[i]) return 0;
   }
   return 1;
 }
@@ -161,10 +157,12 @@ void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Whether a state is of another publisher than the one that is followed, which was heard lately. */
 static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
-  const int same = !memcmp(f->sender, sender, GID), strange = !same && now - f->last_time < LATELY;
+  const int same = !memcmp(f->sender, sender, GID);
   if (same) f->last_time = now;
-  if (strange) f->other_time = now, memcpy(f->other, sender, GID);
-  return strange;
+  if (same || now - f->last_time >= LATELY) return 0;
+  f->other_time = now;
+  memcpy(f->other, sender, GID);
+  return 1;
 }
 
 /* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */

@@ -12,17 +12,17 @@ int64_t has_room(const chunk_t* c, int64_t now, int64_t size) {
 
 void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size) {
   uint8_t* to = c->raw + c->at;
-  const uint64_t length = size + 22, times[2] = {log, publish};
+  const uint64_t length = size + HEADER - 9, times[2] = {log, publish};
   const uint16_t number = channel;
-  to[0] = 5; /* opcode of a message */
+  to[0] = 5; /* opcode of a message, and its length behind these two: */
   memcpy(to + 1, &length, 8);
   memcpy(to + 9, &number, 2);
   memset(to + 11, 0, 4);
   memcpy(to + 15, times, 16);
-  memcpy(to + 31, data, size);
+  memcpy(to + HEADER, data, size);
   if (!c->at) c->since = log;
   c->places[c->count++] = c->at;
-  c->at += 31 + size;
+  c->at += HEADER + size;
 }
 
 void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Buffers of a recording. Python reads this header (chunks.py, ticks.py), checks that there is room, and reads the
+ * Buffers of a recording. Python reads this header (chunk.py, ticks.py), checks that there is room, and reads the
  * records, which are those of MCAP (https://mcap.dev/spec).
  */
 #pragma once
 #include <stdint.h>
 
 #include "entry.h"
+
+enum { HEADER = 31 }; /* bytes of a record before its data */
 
 /* A buffer for records in the format of the file. */
 typedef struct {

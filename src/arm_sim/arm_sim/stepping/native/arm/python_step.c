@@ -57,9 +57,9 @@ static PyObject* advance(PyObject* capsule, PyObject* const* arguments, Py_ssize
     Py_RETURN_NONE;
   }
   PyThreadState* const thread = PyEval_SaveThread(); /* without the lock, as events may make a tick long */
-  const int done = of->arm->tick(of->arm);
+  const int computed = of->arm->tick(of->arm);
   PyEval_RestoreThread(thread);
-  if (!done) Py_RETURN_FALSE;
+  if (!computed) Py_RETURN_FALSE;
   return state_of(of, before + 1);
 }
 

@@ -11,16 +11,6 @@
 #include "events/events.h"
 #endif
 
-/* The motion of a tick: with events, or one smooth motion. */
-static int motion_of_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
-                          report_t* report, real* after) {
-#if EVENTS
-  if (scene->eventful) return tick(scene, x, u, p, h, control, report, after);
-#endif
-  (void)report;
-  return flow(scene, scene->step, scene->attempt, 0, x, u, p, h, control, after);
-}
-
 /* A tick of length h from x under a command: 0 if it cannot be computed.
  *
  * control: error control, or null.
@@ -30,5 +20,9 @@ static int motion_of_tick(const scene_t* scene, const real* x, const real* u, co
 static int actuated_tick(const scene_t* scene, const real* x, const real* command, const real* p, double h, control_t* control,
                          report_t* report, real* acted, real* after) {
   CALL(scene->actuate, (x, command), (acted));
-  return motion_of_tick(scene, x, acted, p, h, control, report, after);
+#if EVENTS
+  if (scene->eventful) return tick(scene, x, acted, p, h, control, report, after);
+#endif
+  (void)report;
+  return flow(scene, scene->step, scene->attempt, 0, x, acted, p, h, control, after);
 }

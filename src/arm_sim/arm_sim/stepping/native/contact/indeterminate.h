@@ -31,7 +31,7 @@ static indeterminate_t indeterminate_of(const scene_t* scene, double* numbers) {
   return sets;
 }
 
-/* The least s of a set, or one that is clearly negative; the motion in which it gives way; the amounts of its self-stresses. */
+/* The least s of a set, or a clearly negative one; the motion in which it gives way; the amounts of its self-stresses. */
 static double find_excess(const scene_t* scene, const part_t* parts, const stresses_t* from, int number, indeterminate_t* sets,
                           double* y) {
   double z[MOST_ROWS];
@@ -39,9 +39,8 @@ static double find_excess(const scene_t* scene, const part_t* parts, const stres
   begin_limits(scene, &limits, parts, from, number, 0.0, 1.0);
   add_row(&limits, -MOST_ROOM, 0.0, 0, 1.0);
   end_cone(&limits, -1, 0, 1);
-  const int last = limits.conic.unknowns - 1;
-  for (int j = 0; j < last; ++j) y[j] = 0.0;
-  y[last] = 1.0 + excess_of(&limits.conic, y);
+  for (int j = 0; j < limits.stresses; ++j) y[j] = 0.0;
+  y[limits.stresses] = 1.0 + excess_of(&limits.conic, y);
   const double excess = least_last(scene, &limits.conic, y, z, CLEARLY);
   for (int k = 0, i = 0; k < limits.conic.cones; i += limits.conic.size[k++]) {
     const int part = limits.part[k];
@@ -95,15 +94,17 @@ static void find_nearest(const scene_t* scene, const statics_t* statics, const p
     if (find_excess(scene, parts, &stresses, number, &sets, y) > HOLDS) continue;
     LOCAL_LIMITS(limits);
     begin_limits(scene, &limits, parts, &stresses, number, 2.0 * HOLDS, 0.0);
-    const int first = limits.conic.rows, last = limits.conic.unknowns - 1;
+    const int first = limits.conic.rows;
+    double* slack = y + limits.stresses;
     add_row(&limits, 0.0, 0.0, 0, 1.0);
     for (int i = 0; i < FORCES; ++i)
       if (stresses.set[part_of(scene, i)] == number) add_row(&limits, 0.0, 1.0 / limits.unit[part_of(scene, i)], i, 0.0);
     end_cone(&limits, -1, 0, limits.conic.rows - first);
-    y[last] = 1.0;
-    for (int i = first; i < limits.conic.rows; ++i) y[last] += fabs(dot(limits.conic.G + limits.conic.unknowns * i, y, last));
+    *slack = 1.0;
+    for (int i = first; i < limits.conic.rows; ++i)
+      *slack += fabs(dot(limits.conic.G + limits.conic.unknowns * i, y, limits.stresses));
     least_last(scene, &limits.conic, y, z, -INFINITY);
-    for (int j = 0; j < last; ++j)
+    for (int j = 0; j < limits.stresses; ++j)
       for (int i = 0; i < FORCES; ++i) reaction[i] += y[j] * limits.amount[j] * limits.stress[j][i];
   }
 }

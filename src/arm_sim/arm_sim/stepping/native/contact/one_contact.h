@@ -13,6 +13,8 @@
 #define ROOT_STEPS 100   /* bisections to find the direction */
 #define LEAST_NORM 1e-8  /* fraction of the trace that regularizes a singular W; two refinements remove its effect ... */
 #define OWN_PART 1e-5    /* ... but of a row, not more than this fraction of its own mobility, which they remove as well */
+#define AHEAD 1e-12      /* motion against its direction that a sliding contact may have, relative to that without forces */
+#define TURN 6.283185307179586
 #define IMMOBILE 1e-20   /* fraction of the trace up to which a row cannot move */
 
 /* State of a contact. Python: ContactState. */
@@ -108,7 +110,7 @@ static void try_interval(double W[3][3], const double* c, double mu, double low,
     for (int j = 0; j < 3; ++j) w += W[i][j] * trial.force[j];
     along += trial.direction[i - 1] * w;
   }
-  if (along * trial.force[0] > *best && along >= -1e-12 * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
+  if (along * trial.force[0] > *best && along >= -AHEAD * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
     *best = along * trial.force[0];
     *answer = trial;
   }
@@ -119,7 +121,7 @@ static void start_to_slide(double W[3][3], const double* c, double mu, answer_t*
   double best = -INFINITY, angle[SAMPLES + 1], f[SAMPLES + 1];
   answer->state = UNSOLVABLE;
   for (int k = 0; k <= SAMPLES; ++k) {
-    angle[k] = 6.283185307179586 * k / SAMPLES;
+    angle[k] = TURN * k / SAMPLES;
     f[k] = perpendicular(W, c, mu, angle[k]);
     if (k) try_interval(W, c, mu, angle[k - 1], angle[k], f[k - 1], f[k], &best, answer);
   }

@@ -9,7 +9,6 @@
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
 #define SHARES (NM + FORCES)    /* forces of constraints, and reactions */
-#define DEPENDS 1e-10    /* pivot of the balance of forces that is rounding; its columns are scaled to 1 */
 #define CANCELS 1e-12    /* the same of an entry of a self-stress, and of a whole column */
 
 /* The balance of forces at a state. */
@@ -38,41 +37,15 @@ static const part_t loose = {0, 0, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
 /* Self-stresses, and the sets of parts that share them. */
 typedef struct {
   int count, sets;
-  int *set, *of; /* of each part and of each stress, its set from 1 on; 0 for what statics determines */
+  int *set, *set_of_stress; /* of each part and of each stress, from 1 on; 0 for what statics determines */
   double* stress;
 } stresses_t;
 
 /* Declare self-stresses and their arrays. */
 #define LOCAL_STRESSES(stresses) \
-  int stresses##_set[PARTS], stresses##_of[SHARES]; \
+  int stresses##_set[PARTS], stresses##_sets[SHARES]; \
   double stresses##_room[FORCES * SHARES]; \
-  stresses_t stresses = {0, 0, stresses##_set, stresses##_of, stresses##_room}
-
-/* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`; `basic` receives the column of
- * each row that gets a pivot, else it remains -1. */
-static void eliminate(int rows, int columns, double* T, int begin, int end, int* basic) {
-  for (;;) {
-    int row = -1, column = 0;
-    double largest = DEPENDS;
-    for (int i = 0; i < rows; ++i)
-      for (int j = begin; j < end && basic[i] < 0; ++j)
-        if (fabs(T[columns * i + j]) > largest) {
-          largest = fabs(T[columns * i + j]);
-          row = i;
-          column = j;
-        }
-    if (row < 0) return;
-    basic[row] = column;
-    const double pivot = T[columns * row + column];
-    for (int j = 0; j < columns; ++j) T[columns * row + j] /= pivot;
-    for (int i = 0; i < rows; ++i) {
-      const double factor = T[columns * i + column];
-      if (i == row || factor == 0.0) continue;
-      for (int j = 0; j < columns; ++j) T[columns * i + j] -= factor * T[columns * row + j];
-      T[columns * i + column] = 0.0;
-    }
-  }
-}
+  stresses_t stresses = {0, 0, stresses##_set, stresses##_sets, stresses##_room}
 
 static int part_of(const scene_t* scene, int reaction) { return reaction < MC ? NU + reaction / 3 : reaction - MC; }
 
@@ -99,12 +72,13 @@ static void find_sets(const scene_t* scene, stresses_t* stresses) {
   stresses->sets = 0;
   for (int i = 0; i < PARTS; ++i) set[i] = 0;
   for (int j = 0; j < stresses->count; ++j) {
-    const int number = stresses->of[j] = ++stresses->sets;
+    const int number = stresses->set_of_stress[j] = ++stresses->sets;
     for (int i = 0; i < FORCES; ++i) {
       const int other = set[part_of(scene, i)];
       if (stresses->stress[FORCES * j + i] == 0.0 || other == number) continue;
       for (int k = 0; k < PARTS && other; ++k) set[k] = set[k] == other ? number : set[k];
-      for (int k = 0; k < j && other; ++k) stresses->of[k] = stresses->of[k] == other ? number : stresses->of[k];
+      for (int k = 0; k < j && other; ++k)
+        stresses->set_of_stress[k] = stresses->set_of_stress[k] == other ? number : stresses->set_of_stress[k];
       set[part_of(scene, i)] = number;
     }
   }

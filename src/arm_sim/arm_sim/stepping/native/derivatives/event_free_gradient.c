@@ -3,7 +3,6 @@
  * Gradients of functions of the states of ticks without events of one arm, in a scene with events. The states between which
  * ticks move and their modes are kept; the motion within a tick is recomputed in the backward pass.
  */
-#include "derivatives/adjoints.h"
 #include "derivatives/event_free_ticks.h"
 
 #include <string.h>
@@ -48,40 +47,33 @@ EXPORTED long long event_free_motion(const scene_t* scene, const double* x0, con
   return ticks;
 }
 
-/* Gradient by the state reached from that after the closed contacts are closed; adds to those by x and by parameters. */
-static void through_end(const scene_t* scene, const kept_t* tick, real* weight, real* by_begin, real* by_p) {
-  real coefficients[NEND + 1], back[NX], of_p[NP + 1];
-  CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (coefficients));
-  CALL(scene->end_adjoint, (coefficients, weight), (by_begin, back, of_p));
-  copy(weight, back, NX);
-  for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
-}
-
-/* Gradient by the state before what is held is brought to rest, in place. */
-static void through_begin(const scene_t* scene, const kept_t* tick, const real* u, real* weight) {
-  real coefficients[NBEGIN + 1], back[NX];
-  CALL(scene->rest_begin, (tick->begin, u, tick->p), (coefficients));
-  CALL(scene->begin_adjoint, (coefficients, weight), (back));
-  copy(weight, back, NX);
-}
-
 /* Gradients of a motion of event_free_motion, from the weight of its last state, which becomes that of its first one.
  *
  * g:      gradients by the states at the beginning of each tick, NX numbers.
- * by_tau: receives gradients by the commands, NU for each tick.         by_p: gradients by parameters, NP, added.
+ * by_tau: receives gradients by the commands, NU for each tick.
+ * by_p:   gradients by parameters, NP, added to what is there.
  */
 EXPORTED void event_free_gradient(const scene_t* scene, const double* motion, const double* tau, double h, long long ticks,
                                   const double* g, double* weight, double* by_tau, double* by_p) {
   for (long long k = ticks - 1; k >= 0; --k) {
     const kept_t kept = kept_of(scene, motion, k), *tick = &kept;
-    real u[NU], back[NX], begun[NX], more[NX], of_u[NU], of_p[NP + 1];
+    real u[NU], back[NX], begun[NX], at_end[NX], more[NX], of_u[NU], of_p[NP + 1], coefficients[NBEGIN + NEND + 1];
     clear(begun, NX);
     CALL(scene->acting, (tick->x, tau + k * NU), (u));
-    if (touches(scene, tick->p)) through_end(scene, tick, weight, begun, by_p);
-    through_motion(scene, tick->begin, u, tick->p, &h, weight, back, of_u, of_p);
+    if (any_closed(scene, tick->p)) { /* which are closed at the end */
+      CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (coefficients));
+      CALL(scene->end_adjoint, (coefficients, weight), (begun, at_end, of_p));
+      copy(weight, at_end, NX);
+      for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
+    }
+    CALL(scene->adjoint, (tick->begin, u, tick->p, &h, weight), (back, of_u, of_p));
     for (int i = 0; i < NX; ++i) back[i] += begun[i];
-    if (!all_moves(scene, tick->p + NP)) through_begin(scene, tick, u, back);
-    through_command(scene, tick->x, tau + k * NU, of_u, more, by_tau + k * NU);
+    if (!all_moves(scene, tick->p)) { /* what is held is brought to rest at the beginning */
+      CALL(scene->rest_begin, (tick->begin, u, tick->p), (coefficients));
+      CALL(scene->begin_adjoint, (coefficients, back), (begun));
+      copy(back, begun, NX);
+    }
+    CALL(scene->limit_adjoint, (tick->x, tau + k * NU, of_u), (more, by_tau + k * NU));
     for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i] + g[k * NX + i];
     for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
   }

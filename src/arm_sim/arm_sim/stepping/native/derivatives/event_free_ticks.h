@@ -26,19 +26,9 @@ static inline event_free_lanes_t event_free_lanes_of(const scene_t* scene, real*
 /* Whether closing the contacts at the end of a tick changed the state so little that its derivative can be that of a state
  * which satisfies them. */
 static int is_closed(const scene_t* scene, const event_free_t* tick) {
-  double off = 0.0;
-  for (int i = 0; i < 2 * NU; ++i) {
-    const double change = __builtin_fabs(tick->after[i] - tick->end[i]);
-    if (change > off) off = change;
-  }
-  return !NC || off < CLOSED_BEFORE;
-}
-
-/* Whether a contact is closed, in parameters with modes. */
-static int touches(const scene_t* scene, const double* p) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= p[NP + ND + NQ + NK + 5 * k] != 0.0;
-  return any;
+  for (int i = 0; NC && i < 2 * NU; ++i)
+    if (!(__builtin_fabs(tick->after[i] - tick->end[i]) < CLOSED_BEFORE)) return 0;
+  return 1;
 }
 
 /* Ask the engine for the probable modes of the ticks, for steps that are made before its own. */
@@ -49,7 +39,7 @@ static void predict_modes(const scene_t* scene, const engine_t* engine, predicti
     of_lane[j] = j;
     engine->predict(engine->scene, tick + j);
     tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not predicted */
-    lanes->held |= !all_moves(scene, tick[j].p + NP);
+    lanes->held |= !all_moves(scene, tick[j].p);
   }
   read_arms(lanes->p, P_LENGTH, tick->p, PREDICTION, of_lane);
 }
@@ -59,20 +49,14 @@ static int is_as_predicted(const scene_t* scene, const prediction_t* tick, const
   return same(motion->begin, tick->x, NX) && same(motion->p, tick->p, P_LENGTH) && same(motion->end, tick->after, NX);
 }
 
-/* Margins to boundaries between modes of a state in the tick. */
-static void find_margins(const scene_t* scene, const real* x, const real* u, const event_free_lanes_t* tick, const real* limit,
-                         real* margins) {
-  CALL(tick->held ? scene->mode_margin : scene->mode_margin_in_motion, (x, u, tick->p, limit), (margins));
-}
-
-/* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `event_free` is cleared for lanes that have an
- * event, or are too close to one; those lanes are not advanced. */
+/* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `event_free` is cleared for lanes that
+ * have an event, or are too close to one; those lanes are not advanced. */
 static void make_event_free(const scene_t* scene, const prediction_t* tick, const real* x, const real* u,
                             const engine_t* engine, int starts, int* event_free, event_free_lanes_t* lanes) {
   double numbers[LANES * EVENT_FREE];
   event_free_t motions[LANES];
   long long of_lane[LANES], any = 0;
-  real limit[NC + 1], margins[2][2];
+  real limit[NC + 1], margins[2][2]; /* to boundaries between modes, at both ends */
   if (LANES > 1) memset(numbers, 0, sizeof numbers); /* of lanes that make no such tick */
   lanes->held = lanes->closed = 0;
   lanes->predicted = 1;
@@ -83,8 +67,8 @@ static void make_event_free(const scene_t* scene, const prediction_t* tick, cons
         event_free[j] && engine->event_free_tick(engine->scene, tick + j, motions + j) && is_closed(scene, motions + j);
     if (!event_free[j]) continue;
     any = 1;
-    lanes->held |= !all_moves(scene, motions[j].p + NP);
-    lanes->closed |= touches(scene, motions[j].p);
+    lanes->held |= !all_moves(scene, motions[j].p);
+    lanes->closed |= any_closed(scene, motions[j].p);
     lanes->predicted &= is_as_predicted(scene, tick + j, motions + j);
   }
   if (!any) return;
@@ -93,8 +77,9 @@ static void make_event_free(const scene_t* scene, const prediction_t* tick, cons
   read_arms(lanes->begin, NX, motions->begin, EVENT_FREE, of_lane);
   read_arms(lanes->end, NX, motions->end, EVENT_FREE, of_lane);
   read_arms(lanes->after, NX, motions->after, EVENT_FREE, of_lane);
-  find_margins(scene, lanes->begin, u, lanes, limit, margins[0]);
-  find_margins(scene, lanes->end, u, lanes, limit, margins[1]);
+  equation_t* margin = lanes->held ? scene->mode_margin : scene->mode_margin_in_motion;
+  CALL(margin, (lanes->begin, u, lanes->p, limit), (margins[0]));
+  CALL(margin, (lanes->end, u, lanes->p, limit), (margins[1]));
   for (int j = 0; j < LANES; ++j) {
     event_free[j] = event_free[j] && LANE(margins[0][starts], j) > 0.0 && LANE(margins[1][0], j) > 0.0;
     if (!event_free[j])

@@ -12,8 +12,8 @@
 
 #define SATISFIED 1e-12 /* change of a state by closing contacts that were closed to rounding */
 
-/* What the engine does not know: its own scene, whose ticks are traced; a smooth step with NX + NW + 1 rows of columns, by x, what
- * is held, and its length; and derivatives of an end by the end, the beginning and tunable quantities, wherever it is. */
+/* What the engine does not know: its own scene, whose ticks are traced; a smooth step with NX + NW + 1 rows of columns, by x,
+ * what is held, and its length; and derivatives of an end by the end, the beginning and tunable quantities, wherever it is. */
 typedef struct {
   const scene_t* traced;
   const scene_t* stepped;
@@ -35,12 +35,12 @@ EXPORTED long long bytes_of_record(void) { return sizeof(record_t); }
 
 /* A motion and its derivatives, and those of the time that has passed. */
 typedef struct {
-  real *x, *slope, *delay;
+  real *all, *x, *slope, *delay;
 } motion_t;
 #define MOTION (NX + NX * NV + NV)
 
 static motion_t motion_of(const scene_t* scene, real* numbers) {
-  motion_t motion = {numbers, numbers + NX, numbers + NX + NX * NV};
+  motion_t motion = {numbers, numbers, numbers + NX, numbers + NX + NX * NV};
   return motion;
 }
 
@@ -58,7 +58,7 @@ static enum refusal check_sliding(const scene_t* scene, const tick_t* tick, cons
     CALL(scene->contact_geometry, (segment->end), (place, speed, size));
     const int stops = next->sticks != 0.0 && hypot(speed[3 * k + 1], speed[3 * k + 2]) <= scene->slowest;
     if (mode->fixed == 0.0 && !stops) continue;
-    CALL(scene->across, (segment->begin, tick->u, segment->p.tunable), (mobility));
+    CALL(scene->across, (segment->begin, tick->u, segment->p.all), (mobility));
     if (mobility[k] > 0.0) return refuse(tick, stops ? STOPS_STRAIGHT : STARTS_TO_SLIDE, k);
   }
   return NO_REFUSAL;
@@ -68,17 +68,15 @@ static enum refusal check_sliding(const scene_t* scene, const tick_t* tick, cons
  * beginning. Where the end does not satisfy them yet, the projection itself is differentiated. */
 static void close_end(const scene_t* scene, const helpers_t* helpers, const record_t* segment, const real (*begun)[NV],
                       motion_t* motion) {
-  real slopes[2 * NU * (4 * NU + NT)], closed[2 * NU][NV];
+  real slopes[2 * NU * (4 * NU + NT)];
   real *by_begin = slopes, *by_end = slopes + 2 * NU * 2 * NU, *by_p = by_end + 2 * NU * 2 * NU;
   clear(slopes, 2 * NU * (4 * NU + NT));
-  if (segment->off < SATISFIED) CALL(scene->closing, (segment->begin, motion->x, segment->p.tunable), (by_begin, by_end));
-  else helpers->close(motion->x, segment->p.tunable, segment->begin, slopes);
-  memset(closed, 0, sizeof closed);
-  add_product(scene, 2 * NU, 2 * NU, by_end, (const real(*)[NV])motion->slope, closed);
-  add_product(scene, 2 * NU, 2 * NU, by_begin, begun, closed);
+  if (segment->off < SATISFIED) CALL(scene->closing, (segment->begin, motion->x, segment->p.all), (by_begin, by_end));
+  else helpers->close(motion->x, segment->p.all, segment->begin, slopes);
+  multiply_rows(scene, 2 * NU, by_end, ROWS(motion));
+  add_product(scene, 2 * NU, 2 * NU, by_begin, begun, ROWS(motion));
   for (int i = 0; i < 2 * NU; ++i)
-    for (int j = 0; j < NT; ++j) closed[i][NX + NU + j] += by_p[j * 2 * NU + i];
-  memcpy(motion->slope, closed, sizeof closed);
+    for (int j = 0; j < NT; ++j) ROWS(motion)[i][NX + NU + j] += by_p[j * 2 * NU + i];
 }
 
 /* Refuse a tick that begins or ends with an event, or on the boundary of a mode. */
@@ -100,12 +98,10 @@ static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const
   if (refused) return refused;
   copy(motion->x, segment->begin, NX);
   if (NK) lead_back(scene, tick, segment, ROWS(motion));
-  real matrix[NX * NX], begun[NX][NV];
-  if (all_moves(scene, segment->p.direction)) return NO_REFUSAL;
-  CALL(scene->at_rest, (segment->begin, tick->u, segment->p.tunable), (matrix));
-  memset(begun, 0, sizeof begun);
-  add_product(scene, NX, NX, matrix, (const real(*)[NV])motion->slope, begun);
-  memcpy(motion->slope, begun, sizeof begun);
+  real matrix[NX * NX];
+  if (all_moves(scene, segment->p.all)) return NO_REFUSAL;
+  CALL(scene->at_rest, (segment->begin, tick->u, segment->p.all), (matrix));
+  multiply_rows(scene, NX, matrix, ROWS(motion));
   return NO_REFUSAL;
 }
 
@@ -118,7 +114,7 @@ static void take_steps(const scene_t* scene, const helpers_t* helpers, const tic
     for (int i = 0; i < NX; ++i) copy(before[i], ROWS(motion)[i], NV);
     for (int i = NX; i <= NV; ++i) before[i][i] = 1.0;
     copy(x, motion->x, NX);
-    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, before[0], NV + 1,
+    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.all, steps + k, before[0], NV + 1,
                             motion->x, moved[0]);
     for (int i = 0; i < NX; ++i) {
       copy(ROWS(motion)[i], moved[i], NV);
@@ -143,7 +139,7 @@ static enum refusal pass_segment(const scene_t* scene, const helpers_t* helpers,
   for (int i = 0; i < NX; ++i)
     for (int j = 0; j < NV; ++j) ROWS(motion)[i][j] += speed[i] * delay[j];
   for (int j = 0; j < NV; ++j) motion->delay[j] += delay[j];
-  if (any_closed(scene, &segment->p)) close_end(scene, helpers, segment, (const real(*)[NV])begun, motion);
+  if (any_closed(scene, segment->p.all)) close_end(scene, helpers, segment, (const real(*)[NV])begun, motion);
   return refused;
 }
 
@@ -160,10 +156,13 @@ static void pass_limits(const scene_t* scene, const motion_t* motion, const real
 
 /* Make a tick of length h from x under the command r and differentiate it: why that is not possible, enum refusal.
  *
- * control: error control, or null; it advances.           begins: whether the state is itself varied, see rest_stability.h.
- * strict:  whether to refuse a tick that begins or ends on the boundary of a mode.
- * trace:   room for its segments and steps.               subjects: receives how many and what a refusal is about, 1 + NG numbers.
- * after:   receives the state at the end.                 slope:  receives derivatives, NX rows of NV, or null.
+ * control:  error control, or null; it advances.
+ * strict:   whether to refuse a tick that begins or ends on the boundary of a mode.
+ * begins:   whether the state is itself varied, see rest_stability.h.
+ * trace:    room for its segments and steps.
+ * subjects: receives how many and what a refusal is about, 1 + NG numbers.
+ * after:    receives the state at the end.
+ * slope:    receives derivatives, NX rows of NV, or null.
  */
 EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const double* x, const double* r, const double* p,
                            double h, control_t* control, int strict, int begins, trace_t* trace, long long* subjects,
@@ -172,15 +171,16 @@ EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const
   const tick_t tick = {u, h, subjects};
   LOCAL(motion_t, motion, motion_of, MOTION);
   enum refusal refused = NO_REFUSAL;
-  subjects[0] = trace->count = trace->taken = 0;
+  subjects[0] = trace->count = trace->step_count = 0;
   CALL(scene->acting, (x, r), (u, u_x, u_r));
-  if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->taken > trace->most_steps) return DIVERGES;
+  if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->step_count > trace->most_steps)
+    return DIVERGES;
   if (trace->time_stepped || trace->count > trace->most) return ACCUMULATE;
   for (int i = 0; i < NX; ++i)
     if (BEYOND(after[i], scene->largest)) return DIVERGES;
   if (!slope) return NO_REFUSAL;
   if (strict) refused = check_ends(scene, &tick, trace, begins);
-  clear(motion.x, MOTION);
+  clear(motion.all, MOTION);
   for (int i = 0; i < NX; ++i) ROWS(&motion)[i][i] = 1.0;
   const double* steps = trace->steps;
   for (long long k = 0; k < trace->count && !refused; ++k) {

@@ -3,7 +3,6 @@
  * Gradients of functions of the states of a rollout, LANES arms at a time. Only states at ticks are kept; the motion within
  * a tick is recomputed in the backward pass.
  */
-#include "derivatives/adjoints.h"
 #include "lanes/one_tick.h"
 
 #include <string.h>
@@ -43,8 +42,8 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
       memcpy(x, motion + (k - 1) * NX * LANES, (size_t)NX * sizeof *x);
       read_commands(arms, k - 1, NU, of_lane, r);
       CALL(scene->acting, (x, r), (u));
-      through_motion(scene, x, u, p, &length, weight, back, of_u, of_p);
-      through_command(scene, x, r, of_u, more, of_r);
+      CALL(scene->adjoint, (x, u, p, &length, weight), (back, of_u, of_p));
+      CALL(scene->limit_adjoint, (x, r, of_u), (more, of_r));
       for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i];
       for (int i = 0; i < NP; ++i) sum[i] += of_p[i];
       write_arms(by_tau + (arm * ticks + k - 1) * NU, ticks * NU, of_r, NU, lanes_used(arm, last));

@@ -2,8 +2,8 @@
  *
  * Derivative of an impact: velocities after it by positions and velocities before it, and by tunable quantities.
  *
- * Which joints and contacts take part, rebound, stick or slide does not change; impulses follow from Newton's law in the normal
- * direction and Coulomb's law in the tangential ones, and their derivatives from the implicit function theorem.
+ * Which joints and contacts take part, rebound, stick or slide does not change; impulses follow from Newton's law in the
+ * normal direction and Coulomb's law in the tangential ones, and their derivatives from the implicit function theorem.
  */
 
 #pragma once
@@ -41,14 +41,14 @@ static jump_derivatives_t jump_derivatives_of(const scene_t* scene, real* number
 }
 
 static void solve_impact(const scene_t* scene, const record_t* segment, const jump_t* jump, jump_derivatives_t* solution) {
-  CALL(scene->impact_laws, (segment->before, jump->p.tunable, jump->e, jump->f, jump->carries, jump->sticks, segment->impulse),
+  CALL(scene->impact_laws, (segment->before, jump->p.all, jump->e, jump->f, jump->carries, jump->sticks, segment->impulse),
        (solution->v, solution->speed, solution->by_x, solution->by_impulse, solution->law, solution->law_by_impulse));
 }
 
 /* Restitutions that give the velocities with which joints and contacts have left. */
 static void find_restitutions(const scene_t* scene, const record_t* segment, jump_t* jump) {
   real place[3 * NC + 1], met[3 * NC + 1], size[NC + 1];
-  copy(jump->p.tunable, segment->p.tunable, P_LENGTH);
+  copy(jump->p.all, segment->p.all, P_LENGTH);
   copy(jump->p.direction, segment->meets, ND);
   for (int i = 0; i < NU; ++i)
     if (segment->leaves[i] != 0.0) jump->e[i] = -segment->leaves[i] / segment->before[NU + i];

@@ -11,8 +11,8 @@ typedef struct {
   state_t state;
 } linearized_t;
 
-/* Derivatives by the state and by the command, side by side; None if there are none, or the arguments are not a state and plain numbers: this
- * is left to Python. */
+/* Derivatives by the state and by the command, side by side; None if there are none, or the arguments are not a state and
+ * plain numbers: this is left to Python. */
 static PyObject* linearize(PyObject* capsule, PyObject* const* arguments, Py_ssize_t count) {
   const linearized_t* const own = PyCapsule_GetPointer(capsule, NULL);
   const linearize_t* const of = &own->of;

@@ -2,9 +2,9 @@
  *
  * Whether joints and contacts at rest would come to rest again after the smallest push.
  *
- * Where static friction exceeds sliding friction, a joint may be held under a load that keeps it going once it moves: the state
- * after a tick then jumps with the velocity before it. Where friction vanishes, as in a lossy gear without load, a joint is held
- * by nothing.
+ * Where static friction exceeds sliding friction, a joint may be held under a load that keeps it going once it moves: the
+ * state after a tick then jumps with the velocity before it. Where friction vanishes, as in a lossy gear without load, a
+ * joint is held by nothing.
  */
 
 #pragma once
@@ -19,7 +19,7 @@ static void project_onto_loops(const scene_t* scene, const real* x, const tick_t
   real J[NU * (NM + 3 * NC) + 1], reaction[NU], bears[2 * NU], drift[NM + 1], A[NM * NU + 1], V[NU * NU], residual[NM + 1],
       correction[NU];
   if (!(scene->constrained && ND)) return;
-  CALL(scene->statics, (x, tick->u, segment->p.tunable), (J, reaction, bears, drift));
+  CALL(scene->statics, (x, tick->u, segment->p.all), (J, reaction, bears, drift));
   for (int k = 0; k < NM; ++k) {
     residual[k] = dot(J + k * NU, v, NU);
     for (int i = 0; i < NU; ++i) A[i * NM + k] = J[k * NU + i];
@@ -32,12 +32,12 @@ static void project_onto_loops(const scene_t* scene, const real* x, const tick_t
 static void velocities_after_push(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment,
                                   real* v) {
   for (int i = 0; i < NU; ++i) v[i] = i == joint;
-  if (any_closed(scene, &segment->p)) {
+  if (any_closed(scene, segment->p.all)) {
     LOCAL_MODES(released, segment->p);
     real settling[NU * NU];
     for (int i = 0; i < ND; ++i)
       if (is_held(scene, segment, i) && scene->static_level[i] > 0.0) released.direction[i] = 1.0;
-    CALL(scene->settled, (x, released.tunable), (settling));
+    CALL(scene->settled, (x, released.all), (settling));
     copy(v, settling + joint * NU, NU);
     return;
   }
@@ -53,14 +53,14 @@ static int is_blocked(const scene_t* scene, const real* x, const real* v, double
   return any;
 }
 
-/* Accelerations of a joint after a push in either direction, positive if it goes on; returns their number. A stop may leave one
- * direction; loops and contacts may leave none, or move other joints with it. */
+/* Accelerations of a joint after a push in either direction, positive if it goes on; returns their number. A stop may leave
+ * one direction; loops and contacts may leave none, or move other joints with it. */
 static int accelerations_after_push(const scene_t* scene, int joint, const real* x, const tick_t* tick,
                                     const record_t* segment, double* acceleration) {
   real v[NU], slope[NX];
   int count = 0;
   velocities_after_push(scene, joint, x, tick, segment, v);
-  const double largest = largest_of(v, NU);
+  const double largest = max_abs(v, NU);
   if (largest <= ROUNDING) return 0;
   for (int side = 0; side < 2; ++side) {
     const double sign = side ? -1.0 : 1.0;
@@ -69,7 +69,7 @@ static int accelerations_after_push(const scene_t* scene, int joint, const real*
     for (int i = 0; i < ND; ++i)
       if (is_held(scene, segment, i) && scene->static_level[i] > 0.0 && fabs(v[i]) > ROUNDING * largest)
         pushed.direction[i] = sign * v[i] > 0.0 ? 1.0 : -1.0;
-    CALL(scene->rhs, (x, tick->u, pushed.tunable), (slope));
+    CALL(scene->rhs, (x, tick->u, pushed.all), (slope));
     acceleration[count++] = sign * dot(slope + NU, v, NU) / dot(v, v, NU);
   }
   return count;
@@ -79,7 +79,7 @@ static int accelerations_after_push(const scene_t* scene, int joint, const real*
 static enum refusal check_slipping(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment) {
   real load[NU], force[3 * NC + 1], rate[3 * NC + 1], grip[NC + 1];
   if (!NC) return NO_REFUSAL;
-  CALL(scene->loads, (x, tick->u, segment->p.tunable), (load, force, rate, grip, 0, 0));
+  CALL(scene->loads, (x, tick->u, segment->p.all), (load, force, rate, grip, 0, 0));
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
     const real* r = force + 3 * k;
@@ -95,7 +95,7 @@ static enum refusal check_slipping(const scene_t* scene, const real* x, const ti
 static enum refusal check_rest(const scene_t* scene, const tick_t* tick, const record_t* segment, int begins) {
   const real* x = segment->begin;
   real doubt[2];
-  CALL(scene->doubts, (x, tick->u, segment->p.tunable), (doubt));
+  CALL(scene->doubts, (x, tick->u, segment->p.all), (doubt));
   if (doubt[begins] == 0.0) return NO_REFUSAL;
   for (int joint = 0; joint < ND; ++joint) {
     if (!is_held(scene, segment, joint) || !(scene->static_level[joint] > 0.0)) continue;

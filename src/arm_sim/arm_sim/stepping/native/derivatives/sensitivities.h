@@ -59,3 +59,11 @@ static void add_product(const scene_t* scene, int rows, int inner, const real* m
     for (int k = 0; k < inner; ++k)
       for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * factor[k][j];
 }
+
+/* Multiply the first `count` rows of derivatives, in place, by a square matrix, column by column. */
+static void multiply_rows(const scene_t* scene, int count, const real* matrix, real (*rows)[NV]) {
+  real product[NX][NV];
+  memset(product, 0, sizeof product);
+  add_product(scene, count, count, matrix, (const real(*)[NV])rows, product);
+  memcpy(rows, product, (size_t)count * sizeof *rows);
+}

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Tangents in columns, see columns.h; where LANES > 1 a column holds those of LANES arms, one per lane. Matrices of columns are
- * stored by rows, `count` numbers per row.
+ * Tangents in columns, see columns.h; where LANES > 1 a column holds those of LANES arms, one per lane. Matrices of columns
+ * are stored by rows, `count` numbers per row.
  */
 
 #pragma once
@@ -9,52 +9,46 @@
 
 #include <string.h>
 
-/* The matrix of arm j (of_lane[j]) begins at matrix + of_lane[j] * size. */
-#if LANES == 1
-static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
-                        long long first) {
-  for (int i = 0; i < rows; ++i) {
-    const double* row = matrix + of_lane[0] * size + i * count + first;
-    if (count - first >= WIDTH) memcpy(&to[i], row, sizeof(column));
-    else
-      for (int j = 0; j < WIDTH; ++j) to[i][j] = j < count - first ? row[j] : 0.0;
-  }
+/* A matrix for each arm, stored by rows of `count` numbers; that of arm i begins at numbers + i * size. */
+typedef struct {
+  double* numbers;
+  long long size, count; /* size 0: the same matrix for all arms */
+  const long long* of_lane;
+} matrices_t;
+
+static inline double* entry_of(const matrices_t* of, int lane, int row, long long column) {
+  return of->numbers + of->of_lane[lane] * of->size + row * of->count + column;
 }
 
-static inline void put(const column* from, double* matrix, const long long* of_lane, long long size, int rows, long long count,
-                       long long first) {
-  for (int i = 0; i < rows; ++i) {
-    double* row = matrix + of_lane[0] * size + i * count + first;
-    if (count - first >= WIDTH) memcpy(row, &from[i], sizeof(column));
-    else
-      for (int j = 0; j < count - first; ++j) row[j] = from[i][j];
-  }
-}
-#else
-static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
-                        long long first) {
-  for (int i = 0; i < rows; ++i) {
-    const double* row = matrix + i * count + first;
-    if (!size) to[i] = row[0]; /* the same for all arms */
-    else
-      for (int j = 0; j < LANES; ++j) LANE(to[i], j) = row[of_lane[j] * size];
-  }
-}
-
-static inline void put(const column* from, double* matrix, const long long* of_lane, long long size, int rows, long long count,
-                       long long first) {
+/* Read the columns from `first` on, WIDTH of one arm or one of each lane; where there are fewer, others are zero. */
+static inline void read_columns(column* to, const matrices_t* from, int rows, long long first) {
+  const long long left = from->count - first;
   for (int i = 0; i < rows; ++i)
-    for (int j = 0; j < LANES; ++j) matrix[of_lane[j] * size + i * count + first] = LANE(from[i], j);
+    for (int j = 0; j < LANES; ++j) {
+      const double* row = entry_of(from, j, i, first);
+      if (LANES == 1 && left >= WIDTH) memcpy(to + i, row, sizeof *to);
+      else
+        for (int k = 0; k < WIDTH; ++k) LANE(PLACE(to[i], k), j) = k < left ? row[k] : 0.0;
+    }
 }
-#endif
 
-/* WIDTH rows of a matrix of `rows` rows, from entries that lie side by side. */
-static inline void put_rows(const column* from, double* matrix, const long long* of_lane, long long size, int rows, int count,
-                            int first) {
+static inline void write_columns(const column* from, const matrices_t* to, int rows, long long first) {
+  const long long left = to->count - first;
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < LANES; ++j) {
+      double* row = entry_of(to, j, i, first);
+      if (LANES == 1 && left >= WIDTH) memcpy(row, from + i, sizeof *from);
+      else
+        for (int k = 0; k < WIDTH && k < left; ++k) row[k] = LANE(PLACE(from[i], k), j);
+    }
+}
+
+/* Write the rows from `first` on, WIDTH of `rows`, whose entries are the places of `from`. */
+static inline void write_rows(const column* from, const matrices_t* to, int rows, int first) {
   for (int j = 0; j < LANES; ++j)
     for (int k = 0; k < WIDTH && first + k < rows; ++k) {
-      double* row = matrix + of_lane[j] * size + (first + k) * count;
+      double* row = entry_of(to, j, first + k, 0);
 #pragma GCC unroll 8
-      for (int i = 0; i < count; ++i) row[i] = LANE(PLACE(from[i], k), j);
+      for (int i = 0; i < to->count; ++i) row[i] = LANE(PLACE(from[i], k), j);
     }
 }

@@ -13,11 +13,12 @@ EXPORTED void propagate_step(const scene_t* scene, const tangents_t* tangents, c
   real derivatives[NSTEP];
   column rows[NX + NU + NT + 1], moved[NX];
   const long long alone[1] = {0};
+  const matrices_t before = {(double*)tangents_before, 0, count, alone}, end = {columns, 0, count, alone};
   const column* parts[3] = {rows, rows + NX, rows + NX + NU + NT};
   CALL(scene->advance, (x, u, p, h), (after, derivatives, 0, 0, 0));
   for (long long c = 0; c < count; c += WIDTH) {
-    take(rows, tangents_before, alone, 0, NX + NU + NT + 1, count, c);
+    read_columns(rows, &before, NX + NU + NT + 1, c);
     tangents->propagate(derivatives, parts, moved);
-    put(moved, columns, alone, 0, NX, count, c);
+    write_columns(moved, &end, NX, c);
   }
 }

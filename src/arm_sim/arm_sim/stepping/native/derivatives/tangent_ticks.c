@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Propagation of tangents over ticks of smooth motion; in a scene with events over those without one, in their modes. Where
- * dense_derivative is set, the derivative of a step also returns its continuous output, and the engine need not make the step again.
+ * dense_derivative is set, the derivative of a step also returns its continuous output, and the engine need not make the step
+ * again.
  */
 
 #include "derivatives/event_free_ticks.h"
@@ -36,8 +37,8 @@ static void make_step(const scene_t* scene, group_t* group, const real* x, const
        (group->next, group->limits + NA, dense, dense ? dense + NX : 0, dense ? dense + 2 * NX : 0));
 }
 
-/* Make tick k of the arms that have no event in it, and mark the others: the number of arms that make one. The engine of one arm
- * finds their modes, and takes the steps that are made in predicted ones. */
+/* Make tick k of the arms that have no event in it, and mark the others: the number of arms that make one. The engine of one
+ * arm finds their modes, and takes the steps that are made in predicted ones. */
 static int make_event_free_ticks(const scene_t* scene, group_t* group, const arms_t* arms, const columns_t* to, long long k) {
   LOCAL_PREDICTIONS(of_begin);
   real place[PLACES + 1], dense[3 * NX];
@@ -47,7 +48,7 @@ static int make_event_free_ticks(const scene_t* scene, group_t* group, const arm
     predict_modes(scene, arms->engine, of_begin, &group->tick);
     make_step(scene, group, group->x, group->tick.p, dense);
     find_places(scene, group->next, place);
-    write_steps(scene, group->next, dense, place, of_begin);
+    write_steps(scene, group->next, dense, 0, place, of_begin);
   }
   make_event_free(scene, of_begin, group->x, group->u, arms->engine, to->initial_state_varied && !k, group->event_free,
                   &group->tick);
@@ -69,14 +70,16 @@ static int make_event_free_ticks(const scene_t* scene, group_t* group, const arm
 static void differentiate_by_rows(const scene_t* scene, const group_t* group, const columns_t* to) {
   column weight[NX], derivative[NX + NU + NT];
   const column* weights[1] = {weight};
+  const matrices_t columns = {to->columns, to->columns_arm, to->count, group->of_lane};
   for (int part = 0; part < 2; ++part) {
     const int start = part ? NU : 0, end = part ? NX : NU;
+    const matrices_t weights_of = {(double*)to->initial + start * to->count, to->initial_arm, to->count, group->of_lane};
     for (int row = start; row < end; row += WIDTH) {
-      take(weight, to->initial + start * to->count, group->of_lane, to->initial_arm, end - start, to->count, row);
+      read_columns(weight, &weights_of, end - start, row);
       const tangents_t* by = group->tangents;
       if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, derivative);
       else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, derivative);
-      put_rows(derivative, to->columns, group->of_lane, to->columns_arm, end, NX + NU + NT, row);
+      write_rows(derivative, &columns, end, row);
     }
   }
 }
@@ -86,11 +89,14 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX], projected[NX];
   const column *of_law[2] = {dx, dr}, *of_step[2] = {dx, dw}, *of_begin[1] = {dx}, *of_end[3] = {dx, moved, dw};
   const tangents_t* by = group->tangents;
-  double* reached = to->columns + k * to->columns_tick;
+  const matrices_t initial = {(double*)to->initial, to->initial_arm, to->count, group->of_lane};
+  const matrices_t held = {(double*)to->held + k * to->held_tick, to->held_arm, to->count, group->of_lane};
+  const matrices_t end = {to->columns + k * to->columns_tick, to->columns_arm, to->count, group->of_lane};
+  matrices_t before = k ? end : initial;
+  if (k) before.numbers -= to->columns_tick;
   for (long long c = 0; c < to->count; c += WIDTH) {
-    if (k) take(dx, reached - to->columns_tick, group->of_lane, to->columns_arm, NX, to->count, c);
-    else take(dx, to->initial, group->of_lane, to->initial_arm, NX, to->count, c);
-    take(dr, to->held + k * to->held_tick, group->of_lane, to->held_arm, NU + NT, to->count, c);
+    read_columns(dx, &before, NX, c);
+    read_columns(dr, &held, NU + NT, c);
     by->command_jvp(group->limits, of_law, dw);
     for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
     if (group->tick.held) {
@@ -99,14 +105,14 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
     }
     (is_in_motion(scene, group) ? by->moving_jvp : by->jvp)(group->limits + NA, of_step, moved);
     if (group->tick.closed) by->end_at_rest(group->at_end, of_end, projected);
-    put(group->tick.closed ? projected : moved, reached, group->of_lane, to->columns_arm, NX, to->count, c);
+    write_columns(group->tick.closed ? projected : moved, &end, NX, c);
   }
 }
 
 /* Propagate tangents of the arms first … last-1 over their ticks.
  *
- * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so close to
- * one that it might: its state is then that before this tick, and of one lane also its columns.
+ * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so
+ * close to one that it might: its state is then that before this tick, and of one lane also its columns.
  */
 EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
                               long long last, const columns_t* to) {

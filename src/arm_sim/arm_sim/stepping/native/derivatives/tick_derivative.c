@@ -11,20 +11,24 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
 
 #define VARIED (NX + NU + NT)
 
-/* The state after a tick under the command r, and its derivatives by the state, the command and the varied numbers, NX rows of
- * VARIED. 0 if there are none since the tick begins in a kink, or has an event or comes so close to one that this does not find
- * them. */
+/* The state after a tick under the command r, and its derivatives by the state, the command and the varied numbers, NX rows
+ * of VARIED. 0 if there are none since the tick begins in a kink, or has an event or comes so close to one that this does not
+ * find them. */
 EXPORTED int differentiate_tick(const scene_t* scene, const tangents_t* tangents, const engine_t* engine, const double* x,
                                 const double* r, const double* p, double h, double* after, double* slopes) {
   double unit[VARIED * VARIED], kink;
-  int8_t marks[2] = {0, 0}; /* the first: not halted */
-  long long done;
+  static const int8_t halted = 0;
+  int8_t mark = 0;
+  long long ticks_before_event;
   CALL(scene->nonsmooth, (x, r), (&kink));
   if (kink != 0.0) return 0;
   for (int i = 0; i < VARIED; ++i)
     for (int j = 0; j < VARIED; ++j) unit[i * VARIED + j] = i == j;
-  const arms_t arms = {x, r, p, 0, 0, 0, h, 1, marks + 1, engine};
-  const columns_t columns = {unit, unit + NX * VARIED, slopes, 0, 0, 0, 0, 0, VARIED, 1, 1, &done, after};
+  const arms_t arms = {
+      .x0 = x, .tau = r, .p = p, .h = h, .ticks = 1, .unfinished = &mark, .halted = &halted, .engine = engine};
+  columns_t columns = {.initial = unit, .held = unit + NX * VARIED, .columns = slopes, .count = VARIED, .after = after};
+  columns.starts_from_identity = columns.initial_state_varied = 1;
+  columns.ticks_before_event = &ticks_before_event;
   propagate_ticks(scene, tangents, &arms, 0, 1, &columns);
-  return !marks[1];
+  return !mark;
 }

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "modes/segment_state.h"
+#include "modes/evaluations.h"
 
 #define PROJECTED 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
 
@@ -23,18 +23,18 @@ static int is_off(const scene_t* scene, const real* x, const segment_t* segment,
 
 /* Positions and velocities with closed contacts: one step of the projection. */
 static void find_closed(const scene_t* scene, const real* x, const segment_t* segment, const real* anchor, real* after) {
-  const prediction_t* known = segment->predicted;
-  if (NC && is_predicted(scene, segment) && known->closes && same(x, known->after, 2 * NU)
-      && same(anchor, known->anchor, 2 * NC)) {
-    copy(after, known->closed, 2 * NU);
+  const prediction_t* prediction = segment->predicted;
+  if (NC && is_predicted(scene, segment) && prediction->closes && same(x, prediction->after, 2 * NU)
+      && same(anchor, prediction->anchor, 2 * NC)) {
+    copy(after, prediction->closed, 2 * NU);
     return;
   }
-  CALL(scene->contact_close, (x, segment->p.tunable, anchor), (after));
+  CALL(scene->contact_close, (x, segment->p.all, anchor), (after));
 }
 
 /* Project positions and velocities onto the closed contacts, and onto the anchors of sticking ones. */
 static void close_contacts(const scene_t* scene, real* x, const segment_t* segment, const real* anchor) {
-  if (!any_closed(scene, &segment->p)) return;
+  if (!any_closed(scene, segment->p.all)) return;
   real after[2 * NU];
   for (int turn = 0; turn < 2; ++turn) {
     find_closed(scene, x, segment, anchor, after);
@@ -53,9 +53,7 @@ static void rest_touching(const scene_t* scene, real* x, const segment_t* segmen
   if (NC < 2) return;
   const double rounding = speed_rounding(scene, x);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL_MODES(modes, segment->p);
-  segment_t resting = *segment;
-  resting.p = modes;
+  LOCAL_SEGMENT(resting, segment);
   int any = 0;
   find_geometry(scene, x, segment, &geometry);
   for (int k = 0; k < NC; ++k) {

@@ -6,34 +6,35 @@
  */
 
 #pragma once
-#include "modes/loads.h"
+#include "modes/prediction.h"
 #include "guards/smoothness.h"
 
 /* A step of all lanes, with its continuous output and the loads at its stage at the end. */
 typedef struct {
-  real *next, *inside, *near;
+  real *all, *next, *inside, *near;
 } step_of_lanes_t;
 #define STEP_OF_LANES (4 * NX + NEARS)
 
 static inline step_of_lanes_t step_of_lanes_of(const scene_t* scene, real* numbers) {
-  step_of_lanes_t step = {numbers, numbers + NX, numbers + 4 * NX};
+  step_of_lanes_t step = {numbers, numbers, numbers + NX, numbers + 4 * NX};
   return step;
 }
 
-/* Make a step in modes p by the functions that the engine of one arm takes; `load` are the loads at its beginning, or null. */
-static void make_steps(const scene_t* scene, const real* x, const real* u, const real* p, const real* h, const real* load,
+/* Make a step in modes p by the functions that the engine of one arm takes; `loads` are those at its beginning, or null. */
+static void make_steps(const scene_t* scene, const real* x, const real* u, const real* p, const real* h, const loads_t* loads,
                        step_of_lanes_t* step) {
   int moving = 0, moves[LANES];
   for (int j = 0; scene->moving && j < LANES; ++j) {
-    double modes[MODES + 1];
-    for (int i = 0; i < MODES; ++i) modes[i] = LANE(p[NP + i], j);
-    moving += moves[j] = all_moves(scene, modes);
+    double own[P_LENGTH + 1];
+    for (int i = NP; i < P_LENGTH; ++i) own[i] = LANE(p[i], j);
+    moves[j] = all_moves(scene, own);
+    moving += moves[j];
   }
   if (moving == LANES) {
     CALL(scene->moving_step, (x, u, p, h), (step->next, step->inside, step->inside + NX, step->inside + 2 * NX));
     return;
   }
-  if (load) copy(step->inside, load + LOADS - NX, NX);
+  if (loads) copy(step->inside, loads->slope, NX);
   else slope_at(scene, x, u, p, step->inside);
   CALL(scene->step, (x, u, p, h, step->inside),
        (step->next, step->inside + NX, step->inside + 2 * NX, step->near, step->near + NU));
@@ -42,14 +43,14 @@ static void make_steps(const scene_t* scene, const real* x, const real* u, const
   CALL(scene->moving_step, (x, u, p, h), (moved, moved + NX, moved + 2 * NX, moved + 3 * NX));
   for (int k = 0; k < 4 * NX; ++k)
     for (int j = 0; j < LANES; ++j)
-      if (moves[j]) LANE((k < NX ? step->next + k : step->inside + k - NX)[0], j) = LANE(moved[k], j);
+      if (moves[j]) LANE(step->all[k], j) = LANE(moved[k], j);
 }
 
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
 #define FAR_BELOW (0.9 - NEAR) /* loads that are not near a limit at either end of a tick */
 
-/* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `modes` receives their modes if what is
- * at rest stays there. */
+/* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `modes` receives their modes if
+ * what is at rest stays there. */
 static real find_clear_modes(const scene_t* scene, const real* x, const geometry_t* at, const modes_t* modes) {
   const real none = 0.0;
   real event_free = 1.0, fastest = 1.0;
@@ -63,14 +64,6 @@ static real find_clear_modes(const scene_t* scene, const real* x, const geometry
   clear((real*)modes->contact, CONTACT_MODE * NC);
   for (int k = 0; k < NC; ++k) event_free = event_free && MOVES * at->size[k] < at->place[3 * k];
   return event_free;
-}
-
-/* Whether a joint is held in some lane. */
-static int holds_any(const scene_t* scene, const modes_t* modes) {
-  int any = 0;
-  for (int i = 0; i < ND; ++i)
-    for (int j = 0; j < LANES; ++j) any |= LANE(modes->direction[i], j) == 0.0;
-  return any;
 }
 
 /* Give joints that are held the speed 0, as the engine does, where it is -0; other speeds do not change. */
@@ -111,35 +104,37 @@ static real clear_within_step(const scene_t* scene, const real* x, const step_of
 }
 
 /* Lanes that are clear at the beginning of a tick. `p` receives tunable numbers and modes, `holds` whether a joint is held in
- * some lane, and `load` the loads if one is. */
+ * some lane, and `loads` the loads if one is. */
 static real clear_at_begin(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* place, real* p,
-                           real* load, int* holds) {
+                           const loads_t* loads, int* holds) {
   const modes_t modes = modes_of(scene, p);
   const geometry_t geometry = geometry_of(scene, place);
   int any = 0;
-  copy(modes.tunable, tunable, NP);
+  copy(modes.all, tunable, NP);
   real event_free = find_clear_modes(scene, x, &geometry, &modes);
   for (int j = 0; j < LANES; ++j) any |= LANE(event_free, j) != 0.0;
-  *holds = any && holds_any(scene, &modes);
-  if (*holds) loads_at(scene, x, u, p, load);
-  if (*holds && NX == 2 * NU) event_free = event_free && stays_held(scene, load, &modes);
+  *holds = 0;
+  for (int i = 0; any && i < ND; ++i)
+    for (int j = 0; j < LANES; ++j) *holds |= LANE(modes.direction[i], j) == 0.0;
+  if (*holds) loads_at(scene, x, u, p, loads);
+  if (*holds && NX == 2 * NU) event_free = event_free && stays_held(scene, loads->load, &modes);
   return event_free;
 }
 
 /* Make the step, and find the lanes that stay clear in it; `after` receives where the contacts are after it. With internal
  * states, which may break a joint loose within the step, none does that holds one. */
 static real clear_step(const scene_t* scene, const real* x, const real* u, const real* h, const real* place, const real* p,
-                       const real* load, int holds, step_of_lanes_t* step, real* after) {
+                       const loads_t* loads, int holds, step_of_lanes_t* step, real* after) {
   const modes_t modes = modes_of(scene, (real*)p);
   const geometry_t begin = geometry_of(scene, place), end = geometry_of(scene, after);
-  make_steps(scene, x, u, p, h, holds ? load : 0, step);
+  make_steps(scene, x, u, p, h, holds ? loads : 0, step);
   find_places(scene, step->next, after);
   real event_free = clear_within_step(scene, x, step, &begin, &end, &modes, *h);
   if (!holds) return event_free;
   if (NX > 2 * NU) return 0.0 * event_free;
   event_free = event_free && varies_evenly(scene, x, step->next, step->inside, *h);
   if (scene->near_loads) return event_free && stays_held(scene, step->near, &modes);
-  real end_load[LOADS + 1];
-  loads_at(scene, step->next, u, p, end_load);
-  return event_free && stays_held(scene, end_load, &modes);
+  LOCAL(loads_t, end_loads, loads_of, LOADS);
+  loads_at(scene, step->next, u, p, &end_loads);
+  return event_free && stays_held(scene, end_loads.load, &modes);
 }

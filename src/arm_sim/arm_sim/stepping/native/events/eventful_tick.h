@@ -27,7 +27,7 @@ static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x
 
 static void record_begin(const scene_t* scene, record_t* record, const segment_t* segment, const real* x) {
   if (!record) return;
-  copy(record->p.tunable, segment->p.tunable, P_LENGTH);
+  copy(record->p.all, segment->p.all, P_LENGTH);
   for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(scene, segment, k);
   for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
 }
@@ -83,7 +83,7 @@ EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, cons
   report_t report = {0.0, 0, 0, 0};
   LOCAL_TICK(segment, u);
   segment.control = control;
-  copy(segment.p.tunable, p, NP);
+  copy(segment.p.all, p, NP);
   const enum trouble trouble = tick_with_events(scene, x, &segment, h, &report, trace, after);
   trace->time_stepped = report.time_stepped;
   return trouble == NONE;

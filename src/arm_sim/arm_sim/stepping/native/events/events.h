@@ -4,6 +4,7 @@
  */
 
 #pragma once
+#include "events/free_motion.h"
 #include "events/predicted_tick.h"
 #include "events/shortcut.h"
 
@@ -15,10 +16,10 @@ static int tick(const scene_t* scene, const real* x, const real* u, const real* 
   if (scene->event_free_shortcut && event_free_shortcut(scene, x, u, p, h, &begun, after)) return 1;
   LOCAL_TICK(segment, u);
   segment.control = control;
-  copy(segment.p.tunable, p, NP);
+  copy(segment.p.all, p, NP);
   if (scene->event_free_shortcut && NC) keep_geometry(scene, x, &memory, begun.place);
   else if (begun.holds)
-    keep_loads(scene, x, begun.p + NP, &memory, &begun.load); /* in modes without contacts, as the engine's */
+    keep_loads(scene, x, begun.p.all + NP, &memory, &begun.loads); /* in modes without contacts, as the engine's */
   report->trouble = tick_with_events(scene, x, &segment, h, report, 0, after);
   return report->trouble == NONE;
 }

@@ -4,42 +4,33 @@
  */
 
 #pragma once
-#include "modes/segment_state.h"
+#include "modes/evaluations.h"
 
 #define REST_SPEED 1e-9          /* speed treated as rounding if all joints of an arm are held */
-#define INDEPENDENT 1e-10  /* part of a row that must be left by those before it, for it to count for the rank */
 
-/* Rank of a positive semidefinite matrix whose rows may be of very different size, by elimination with diagonal pivots. */
+/* Rank of a positive semidefinite matrix whose rows may be of very different size. */
 static int rank_of(const scene_t* scene, real* W) {
   double trace = 0.0, root[MC + 1];
-  int count = 0;
+  int basic[MC + 1], count = 0;
   for (int i = 0; i < MC; ++i) trace += AT(W, MC, i, i);
   for (int i = 0; i < MC; ++i) root[i] = AT(W, MC, i, i) > IMMOBILE * trace ? 1.0 / sqrt(AT(W, MC, i, i)) : 0.0;
   for (int i = 0; i < MC; ++i)
     for (int j = 0; j < MC; ++j) AT(W, MC, i, j) *= root[i] * root[j];
-  for (; count < MC; ++count) {
-    int k = 0;
-    real row[MC + 1];
-    for (int i = 1; i < MC; ++i)
-      if (AT(W, MC, i, i) > AT(W, MC, k, k)) k = i;
-    const real largest = AT(W, MC, k, k);
-    if (!(largest > INDEPENDENT)) break;
-    for (int i = 0; i < MC; ++i) row[i] = AT(W, MC, i, k);
-    for (int i = 0; i < MC; ++i)
-      for (int j = 0; j < MC; ++j) AT(W, MC, i, j) -= row[i] * row[j] / largest;
-  }
+  for (int i = 0; i < MC; ++i) basic[i] = -1;
+  eliminate(MC, MC, W, 0, MC, basic);
+  for (int i = 0; i < MC; ++i) count += basic[i] >= 0;
   return count;
 }
 
 /* Whether friction, constraints and contacts leave no degree of freedom. */
 static int is_held(const scene_t* scene, const real* x, const segment_t* segment) {
-  if (largest_of(x + NU, NU) > REST_SPEED) return 0;
+  if (max_abs(x + NU, NU) > REST_SPEED) return 0;
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   int free = NU;
   for (int i = 0; i < ND; ++i) free -= segment->p.direction[i] == 0.0;
   if (scene->constrained) {
     real rank = 0.0;
-    CALL(scene->bilateral, (x, segment->u, segment->p.tunable), (&rank, 0));
+    CALL(scene->bilateral, (x, segment->u, segment->p.all), (&rank, 0));
     free -= (int)(rank + 0.5);
   }
   if (free > MC) return 0;

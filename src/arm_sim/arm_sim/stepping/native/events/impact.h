@@ -15,6 +15,7 @@
 #define REBOUND_HALVINGS 60 /* bisections to find the largest rebound that adds no energy */
 #define IMPACT_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* changes of the stops that take part in an impact ... */
 #define IMPACT_WORST_FIRST (3 * NU)                         /* ... and before the first violation is chosen */
+enum hits { HITS = 1, REBOUNDS = 2 }; /* joints or contacts in an impact: whether one hits, and one rebounds */
 #define MISSED 1e-6   /* relative error of the velocities after an impulse: a jammed contact cannot rebound */
 #define PULLING 1e-12 /* tolerated pulling impulse of a stop, relative to the largest */
 
@@ -55,14 +56,14 @@ static double find_impulse(const scene_t* scene, const inertia_t* inertia, const
     if (answers[k].state == UNSOLVABLE) return INFINITY;
     for (int i = 0; i < 3; ++i) jump->impulse[3 * k + i] = answers[k].force[i];
   }
-  const double largest = largest_of(c, MC);
+  const double largest = max_abs(c, MC);
   for (int i = 0; i < MC; ++i) {
     double change = 0.0;
     for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * jump->impulse[j];
     gain += jump->impulse[i] * (before[i] + 0.5 * change);
     const enum contact_state state = answers[i / 3].state;
-    const int wanted = state == STICKS || (state == SLIDES && i % 3 == 0);
-    if (wanted && fabs(c[i] + change) > MISSED * largest) return INFINITY;
+    const int is_reached = state == STICKS || (state == SLIDES && i % 3 == 0);
+    if (is_reached && fabs(c[i] + change) > MISSED * largest) return INFINITY;
   }
   return gain;
 }
@@ -70,14 +71,14 @@ static double find_impulse(const scene_t* scene, const inertia_t* inertia, const
 /* Velocities after an impact in which joints without direction change by `change`, and the impulses of their stops. */
 static void apply_impact_map(const scene_t* scene, const real* x, const segment_t* segment, const real* change,
                              const double* impulse, real* after, real* held) {
-  CALL(scene->impact_map, (x, segment->p.tunable, change, impulse), (after, held));
+  CALL(scene->impact_map, (x, segment->p.all, change, impulse), (after, held));
   segment->memory->work += scene->impact_cost;
 }
 
 /* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */
 static int find_infeasible_stop(const scene_t* scene, const real* x, const segment_t* segment, const real* after,
                                 const real* held, int first) {
-  const double fastest = 1.0 + largest_of(x + NU, NU), hardest = largest_of(held, NU);
+  const double fastest = 1.0 + max_abs(x + NU, NU), hardest = max_abs(held, NU);
   double most = 0.0;
   int worst = -1;
   for (int i = 0; i < NU; ++i) {
@@ -93,11 +94,29 @@ static int find_infeasible_stop(const scene_t* scene, const real* x, const segme
   return worst;
 }
 
+/* The result of an impact with a fraction of the full rebound where no joint has a rigid stop. */
+static void solve_impact_of_contacts(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
+  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  find_inertia(scene, x, segment, &inertia);
+  find_geometry(scene, x, segment, &geometry);
+  jump->gain = find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump);
+  if (jump->gain == INFINITY) return;
+  for (int i = 0; i < NU; ++i) {
+    jump->after[i] = x[NU + i];
+    for (int j = 0; j < MC; ++j) jump->after[i] += AT(inertia.B, NU, i, j) * jump->impulse[j];
+  }
+}
+
 /* Find which contacts and stops take part in an impact with a fraction of the full rebound, and its result. */
-static void solve_impact_with_stops(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
+static void solve_impact(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real met[2 * NU], change[NU], held[NU];
+  if (!scene->rigid) {
+    solve_impact_of_contacts(scene, x, segment, part, jump);
+    return;
+  }
   jump->gain = INFINITY;
   for (int i = 0; i < NU; ++i) segment->p.direction[i] = at_stop(scene, x, i) * x[NU + i] > 0.0 ? 0.0 : 1.0;
   for (int k = 0; k < IMPACT_PIVOTS; ++k) {
@@ -132,47 +151,6 @@ static void solve_impact_with_stops(const scene_t* scene, const real* x, segment
   }
 }
 
-/* Velocities of joints after they hit their stops: 1 if one hits, 2 if one rebounds. */
-static int find_stop_rebounds(const scene_t* scene, const real* x, segment_t* segment, int rebounds, double rounding,
-                              double* leaves) {
-  int hits = 0, known = 0;
-  real slope[NX];
-  for (int i = 0; i < NU; ++i) {
-    const int side = at_stop(scene, x, i);
-    const double speed = side * x[NU + i];
-    leaves[i] = 0.0;
-    if (!(speed > rounding)) continue;
-    hits |= 1;
-    const double rebound = rebounds ? scene->rebound_of[side > 0][i] * speed : 0.0;
-    if (rebound <= LEAST_REBOUND) continue;
-    if (!known) find_slope(scene, x, segment, slope);
-    known = 1;
-    if (rebound <= rounding_rebound_of_joint(x[i], slope[NU + i])) continue;
-    leaves[i] = -side * rebound;
-    hits |= 2;
-  }
-  return hits;
-}
-
-/* The same where no joint has a rigid stop. */
-static void solve_impact_of_contacts(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  find_inertia(scene, x, segment, &inertia);
-  find_geometry(scene, x, segment, &geometry);
-  jump->gain = find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump);
-  if (jump->gain == INFINITY) return;
-  for (int i = 0; i < NU; ++i) {
-    jump->after[i] = x[NU + i];
-    for (int j = 0; j < MC; ++j) jump->after[i] += AT(inertia.B, NU, i, j) * jump->impulse[j];
-  }
-}
-
-static void solve_impact(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
-  if (scene->rigid) solve_impact_with_stops(scene, x, segment, part, jump);
-  else solve_impact_of_contacts(scene, x, segment, part, jump);
-}
-
 /* Joints set at rest on their stops after a blow take their loops with them. */
 static void rest_linked(const scene_t* scene, real* x, segment_t* segment, jump_t* jump) {
   real change[NU], held[NU], after[NU];
@@ -201,6 +179,45 @@ static void record_impact(const scene_t* scene, record_t* record, const segment_
   for (int i = 0; i < MC; ++i) record->impulse[i] = jump->impulse[i];
 }
 
+/* Velocities of joints after they hit their stops. */
+static int find_stop_rebounds(const scene_t* scene, const real* x, segment_t* segment, int rebounds, double rounding,
+                              double* leaves) {
+  int hits = 0, has_slope = 0;
+  real slope[NX];
+  for (int i = 0; i < NU; ++i) {
+    const int side = at_stop(scene, x, i);
+    const double speed = side * x[NU + i];
+    leaves[i] = 0.0;
+    if (!(speed > rounding)) continue;
+    hits |= HITS;
+    const double rebound = rebounds ? scene->rebound_of[side > 0][i] * speed : 0.0;
+    if (rebound <= LEAST_REBOUND) continue;
+    if (!has_slope) find_slope(scene, x, segment, slope);
+    has_slope = 1;
+    if (rebound <= rounding_rebound_of_joint(x[i], slope[NU + i])) continue;
+    leaves[i] = -side * rebound;
+    hits |= REBOUNDS;
+  }
+  return hits;
+}
+
+/* Velocities of touching contacts, which begin as zero, after they hit their planes. */
+static int find_contact_rebounds(const scene_t* scene, const real* x, const segment_t* segment, int rebounds, double rounding,
+                                 const geometry_t* geometry, double* leaves) {
+  double least_rebound[NC + 1];
+  int hits = 0;
+  for (int k = 0; k < NC; ++k) {
+    const double speed = geometry->speed[3 * k], rebound = -scene->restitution[k] * speed;
+    if (segment->contact[k].touching == 0.0 || !(speed < -rounding)) continue;
+    if (!hits) find_rounding_rebounds(scene, x, segment, geometry, least_rebound);
+    hits |= HITS;
+    if (!rebounds || rebound <= least_rebound[k]) continue;
+    leaves[k] = rebound;
+    hits |= REBOUNDS;
+  }
+  return hits;
+}
+
 /* Change the velocities where a touching contact approaches, or a joint hits its stop: energy lost, or -1 if no impulse
  * is found.
  *
@@ -213,27 +230,16 @@ static double impact(const scene_t* scene, real* x, segment_t* segment, int rebo
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   if (!NC && !scene->rigid) return 0.0;
   LOCAL(jump_t, jump, jump_of, JUMP);
-  double least_rebound[NC + 1], part = 1.0;
-  int any = 0, any_rebound = 0;
+  double part = 1.0;
   find_geometry(scene, x, segment, geometry);
   find_closed_gaps(scene, segment, geometry);
   const double rounding = speed_rounding(scene, x);
-  const int stops = find_stop_rebounds(scene, x, segment, rebounds, rounding, jump.leaves);
-  for (int k = 0; k < NC; ++k) {
-    any |= segment->contact[k].touching != 0.0 && geometry->speed[3 * k] < -rounding;
-    jump.touching |= segment->contact[k].touching != 0.0;
-  }
-  if (!any && !stops) return 0.0;
-  any_rebound = stops & 2;
-  if (any) find_rounding_rebounds(scene, x, segment, geometry, least_rebound);
-  for (int k = 0; k < NC; ++k) {
-    const int hits = segment->contact[k].touching != 0.0 && geometry->speed[3 * k] < -rounding;
-    jump.rebound[k] = hits ? -scene->restitution[k] * geometry->speed[3 * k] : 0.0;
-    if (!hits || jump.rebound[k] <= least_rebound[k] || !rebounds) jump.rebound[k] = 0.0;
-    any_rebound |= jump.rebound[k] > 0.0;
-  }
+  int hits = find_stop_rebounds(scene, x, segment, rebounds, rounding, jump.leaves);
+  hits |= find_contact_rebounds(scene, x, segment, rebounds, rounding, geometry, jump.rebound);
+  if (!hits) return 0.0;
+  for (int k = 0; k < NC; ++k) jump.touching |= segment->contact[k].touching != 0.0;
   solve_impact(scene, x, segment, 1.0, &jump);
-  if (jump.gain > 0.0 && any_rebound) {
+  if (jump.gain > 0.0 && hits & REBOUNDS) {
     double low = 0.0, high = 1.0;
     for (int k = 0; k < REBOUND_HALVINGS; ++k) {
       const double middle = 0.5 * (low + high);

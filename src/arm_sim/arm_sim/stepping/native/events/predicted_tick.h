@@ -11,10 +11,10 @@ EXPORTED void predict(const void* of, prediction_t* tick) {
   const scene_t* scene = (const scene_t*)of;
   LOCAL_TICK(segment, tick->u);
   geometry_t geometry = geometry_of(scene, tick->geometry);
-  copy(segment.p.tunable, tick->p, P_LENGTH);
+  copy(segment.p.all, tick->p, P_LENGTH);
   guess_modes(scene, tick->x, &segment, &geometry);
   find_anchors(scene, &geometry, tick->anchor);
-  copy(tick->p, segment.p.tunable, P_LENGTH);
+  copy(tick->p, segment.p.all, P_LENGTH);
   tick->rests = anything_rests(scene, tick->x, &segment);
   tick->closes = tick->slides = 0;
   for (int k = 0; k < NC; ++k) {
@@ -28,7 +28,7 @@ static enum trouble make_predicted(const scene_t* scene, const prediction_t* tic
                                    double* after) {
   LOCAL_TICK(segment, tick->u);
   segment.predicted = tick;
-  copy(segment.p.tunable, tick->p, NP);
+  copy(segment.p.all, tick->p, NP);
   return tick_with_events(scene, tick->x, &segment, tick->length, report, trace, after);
 }
 
@@ -48,7 +48,7 @@ EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_fre
   trace_t trace = {&record, numbers, 0, 1, 0, 0, 0, 0};
   if (make_predicted(scene, tick, &report, &trace, result->after) != NONE) return 0;
   if (trace.count != 1 || !record.event_free || record.hit || report.time_stepped) return 0;
-  copy(result->p, record.p.tunable, P_LENGTH);
+  copy(result->p, record.p.all, P_LENGTH);
   copy(result->grip, record.limit, NC);
   copy(result->begin, record.begin, NX);
   copy(result->end, record.end, NX);

@@ -15,10 +15,10 @@
  * over what happens close to the event may not notice it. If not, a shorter one is to be tried from the same beginning.
  */
 static int is_accurate_cut(const scene_t* scene, substeps_t* at, double h, double length, double size) {
-  if (size <= 1.0 || length < 1e-12 * h) return 1;
-  const double factor = 0.9 * pow(size, -1.0 / scene->order);
+  if (size <= 1.0 || length < SHORTEST * h) return 1;
+  const double factor = SAFETY * pow(size, -1.0 / scene->order);
   at->done -= at->trial;
-  at->step = length * (factor > 0.2 ? factor : 0.2);
+  at->step = length * (factor > LEAST_FACTOR ? factor : LEAST_FACTOR);
   return 0;
 }
 
@@ -26,8 +26,8 @@ static int is_accurate_cut(const scene_t* scene, substeps_t* at, double h, doubl
 static void record_step(const segment_t* segment, double length) {
   trace_t* trace = segment->trace;
   if (!segment->record) return;
-  if (trace->taken < trace->most_steps) trace->steps[trace->taken] = length;
-  ++trace->taken;
+  if (trace->step_count < trace->most_steps) trace->steps[trace->step_count] = length;
+  ++trace->step_count;
   segment->record->steps += 1.0;
 }
 
@@ -121,7 +121,7 @@ static void find_ended_modes(const scene_t* scene, const real* x, segment_t* seg
 
 /* Set joints that have just reached zero speed at rest: 0 if one was still fast, since the motion was not continuous. */
 static int stop_joints(const scene_t* scene, real* x, const segment_t* segment) {
-  const double fastest = largest_of(x + NU, NU);
+  const double fastest = max_abs(x + NU, NU);
   for (int i = 0; i < ND; ++i)
     if (may_stick(scene, i) && x[NU + i] * segment->p.direction[i] <= 0.0) {
       if (fabs(x[NU + i]) > SUDDEN_STOP * (1.0 + fastest)) return 0;
@@ -132,8 +132,5 @@ static int stop_joints(const scene_t* scene, real* x, const segment_t* segment) 
 
 /* Move joints that are beyond a rigid stop by rounding to the stop. */
 static void stop_at_limits(const scene_t* scene, real* x) {
-  for (int i = 0; scene->rigid && i < NU; ++i) {
-    if (x[i] < scene->rigid_stop[0][i]) x[i] = scene->rigid_stop[0][i];
-    if (x[i] > scene->rigid_stop[1][i]) x[i] = scene->rigid_stop[1][i];
-  }
+  for (int i = 0; scene->rigid && i < NU; ++i) x[i] = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
 }

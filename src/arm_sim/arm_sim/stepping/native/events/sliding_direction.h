@@ -14,49 +14,37 @@ static double drift_tolerance(const scene_t* scene, const segment_t* segment) {
   return scene->adaptive ? 10.0 * segment->control->tolerance : TURN_ERROR;
 }
 
-/* Rate at which friction rotates the velocity of each sliding contact towards its direction; 0 if none slides. */
-static int turning_rates(const scene_t* scene, const real* x, const segment_t* segment, loads_t* loads, geometry_t* geometry,
-                         double* rate) {
+/* Find how friction turns each sliding contact at the beginning of a segment, unless that is known. */
+static void find_turning(const scene_t* scene, const real* x, segment_t* segment) {
+  if (segment->turns || !NC) return;
+  LOCAL(loads_t, loads, loads_of, LOADS);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   int any = 0;
+  segment->turns = 1;
   for (int k = 0; k < NC; ++k) {
-    rate[k] = 0.0;
+    segment->turning[k].rate = 0.0;
     any |= scene->friction[k] > 0.0 && is_sliding(segment->p.contact + k);
   }
-  if (!any) return 0;
-  find_loads(scene, x, segment, loads);
-  find_geometry(scene, x, segment, geometry);
+  if (!any) return;
+  find_loads(scene, x, segment, &loads);
+  find_geometry(scene, x, segment, &geometry);
   find_inertia(scene, x, segment, &inertia);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
-    const contact_mode_t* mode = segment->p.contact + k;
-    if (!(scene->friction[k] > 0.0 && is_sliding(mode))) continue;
-    const double a = -mode->along[1], b = mode->along[0], size = hypot(geometry->speed[n + 1], geometry->speed[n + 2]);
-    double mobility = a * a * AT(inertia.W, MC, n + 1, n + 1) + b * b * AT(inertia.W, MC, n + 2, n + 2);
-    mobility += 2.0 * a * b * AT(inertia.W, MC, n + 1, n + 2);
-    rate[k] = scene->friction[k] * loads->force[n] * mobility / fmax(size, scene->slowest);
-  }
-  return 1;
-}
-
-/* Find how each contact turns at the beginning of a segment, unless that is known. */
-static void find_turning(const scene_t* scene, const real* x, segment_t* segment) {
-  if (segment->turns || !NC) return;
-  double rate[NC + 1];
-  LOCAL(loads_t, loads, loads_of, LOADS);
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  segment->turns = 1;
-  for (int k = 0; k < NC; ++k) segment->turning[k].rate = 0.0;
-  if (!turning_rates(scene, x, segment, &loads, &geometry, rate)) return;
-  for (int k = 0; k < NC; ++k) {
-    const real *s = geometry.speed + 3 * k + 1, *a = loads.rate + 3 * k + 1, *along = segment->p.contact[k].along;
-    const double ahead = along[0] * a[0] + along[1] * a[1], across = fabs(along[0] * a[1] - along[1] * a[0]);
+    const real *s = geometry.speed + n + 1, *a = loads.rate + n + 1, *along = segment->p.contact[k].along;
     turning_t* turning = segment->turning + k;
-    if (!(rate[k] > 0.0)) continue;
-    turning->slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), scene->slowest);
-    turning->rate = rate[k] + turning->slows;
-    turning->drift = across / rate[k];
-    turning->turn = across;
+    if (!(scene->friction[k] > 0.0 && is_sliding(segment->p.contact + k))) continue;
+    double mobility = along[1] * along[1] * AT(inertia.W, MC, n + 1, n + 1); /* across its direction */
+    mobility += along[0] * along[0] * AT(inertia.W, MC, n + 2, n + 2);
+    mobility -= 2.0 * along[1] * along[0] * AT(inertia.W, MC, n + 1, n + 2);
+    const double speed = fmax(hypot(s[0], s[1]), scene->slowest),
+                 rate = scene->friction[k] * loads.force[n] * mobility / speed;
+    if (!(rate > 0.0)) continue;
+    turning->slows = fmax(-(along[0] * a[0] + along[1] * a[1]), 0.0) / speed;
+    turning->rate = rate + turning->slows;
+    turning->turn = fabs(along[0] * a[1] - along[1] * a[0]);
+    turning->drift = turning->turn / rate;
   }
 }
 
@@ -111,9 +99,7 @@ static double find_reach(const scene_t* scene, const segment_t* segment, double 
 static void stop_reversed_contacts(const scene_t* scene, real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1];
-  LOCAL_MODES(modes, segment->p);
-  segment_t stopped = *segment;
-  stopped.p = modes;
+  LOCAL_SEGMENT(stopped, segment);
   int any = 0;
   find_geometry(scene, x, segment, &geometry);
   find_anchors(scene, &geometry, anchor);

@@ -21,9 +21,7 @@
  * into planes and stops are kept, since the impact that removes them accounts for their energy.
  */
 static void correct_penetrations(const scene_t* scene, real* x, const segment_t* segment) {
-  LOCAL_MODES(modes, segment->p);
-  segment_t caught = *segment;
-  caught.p = modes;
+  LOCAL_SEGMENT(caught, segment);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1], v[NU];
   for (int i = 0; i < ND; ++i)
@@ -48,10 +46,9 @@ static void limit_penetration(const scene_t* scene, const real* x, const segment
   real end[NU];
   double part = 1.0;
   for (int i = 0; i < NU; ++i) end[i] = after[i];
-  while (is_inside(scene, after, segment)) {
+  while (part > 0.0 && is_inside(scene, after, segment)) {
     part = part > LEAST_PART ? 0.5 * part : 0.0;
     for (int i = 0; i < NU; ++i) after[i] = x[i] + part * (end[i] - x[i]);
-    if (part == 0.0) break;
   }
 }
 
@@ -71,7 +68,7 @@ static int passes_end(const scene_t* scene, const real* x, const segment_t* segm
   at.segment = segment;
   at.t = 0.0;
   evaluate_stop_guards(scene, &at, &guards);
-  return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
+  return max_of(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
 
 /* Shorten a step that takes a joint beyond the end of its motion: its length, -1 if it cannot be computed. In a linkage the

@@ -52,6 +52,21 @@ static int force_may_cross(const scene_t* scene, const segment_t* segment, const
          && *tangential_guard(end, k) > -NEAR * stick_limit(scene, segment, k) * push;
 }
 
+/* Whether the forces of all closed contacts are far from their limits. */
+static int contacts_hold_firmly(const scene_t* scene, const segment_t* segment, const loads_t* loads) {
+  double heaviest = 0.0;
+  for (int k = 0; k < NC; ++k)
+    if (segment->p.contact[k].closed != 0.0) heaviest = fmax(heaviest, loads->force[3 * k]);
+  for (int k = 0; k < NC; ++k) {
+    const real* r = loads->force + 3 * k;
+    const contact_mode_t* mode = segment->p.contact + k;
+    if (mode->closed == 0.0) continue;
+    if (!(r[0] > FIRM * heaviest)) return 0;
+    if (mode->sticks != 0.0 && !(hypot(r[1], r[2]) < (1.0 - FIRM) * stick_limit(scene, segment, k) * r[0])) return 0;
+  }
+  return 1;
+}
+
 static int contacts_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   const piece_t* piece = &search->piece;
   const segment_t* segment = search->segment;

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "modes/segment_state.h"
+#include "modes/evaluations.h"
 
 /* A step of the method in a segment, with its continuous output: derivatives at its ends, and the state in its middle. */
 typedef struct {
@@ -18,13 +18,13 @@ typedef struct {
 
 static piece_t piece_of(const scene_t* scene, real* numbers) {
   real* near = numbers + 5 * NX;
-  piece_t piece = {numbers, numbers + NX, numbers + 2 * NX, {near, near + NU, 0, 0, 0}, 0, 0.0, 0.0};
+  piece_t piece = {numbers, numbers + NX, numbers + 2 * NX, {near, near, near + NU, 0, 0, 0}, 0, 0.0, 0.0};
   return piece;
 }
 
 /* The slope at the beginning of a piece, with which its steps begin; where nothing is held they find it themselves. */
 static void begin_piece(const scene_t* scene, const segment_t* segment, piece_t* piece) {
-  if (scene->moving && all_moves(scene, segment->p.direction)) return;
+  if (scene->moving && all_moves(scene, segment->p.all)) return;
   find_slope(scene, piece->begin, segment, piece->inside);
 }
 
@@ -32,29 +32,29 @@ static void begin_piece(const scene_t* scene, const segment_t* segment, piece_t*
  * and that of q, with an estimate. The step may be predicted.
  */
 static int make_step(const scene_t* scene, const segment_t* segment, double h, piece_t* piece, real* error) {
-  const prediction_t* known = segment->predicted;
+  const prediction_t* prediction = segment->predicted;
   const real length = h;
-  const int moves = scene->moving && all_moves(scene, segment->p.direction);
+  const int moves = scene->moving && all_moves(scene, segment->p.all);
   real *inside = piece->inside, *slope = inside + NX, *middle = slope + NX;
   piece->length = h;
-  if (is_predicted(scene, segment) && h == known->length && same(piece->begin, known->x, NX)) {
-    copy(piece->end, known->after, NX);
-    copy(piece->inside, known->inside, 3 * NX);
-    copy(piece->near.load, known->near, NEARS);
-    piece->nears = known->nears != 0;
+  if (is_predicted(scene, segment) && h == prediction->length && same(piece->begin, prediction->x, NX)) {
+    copy(piece->end, prediction->after, NX);
+    copy(piece->inside, prediction->inside, 3 * NX);
+    copy(piece->near.all, prediction->near, NEARS);
+    piece->nears = prediction->nears != 0;
     return within_reach(scene, piece->end);
   }
   piece->nears = !moves && scene->near_loads && STEADY;
   if (moves && scene->adaptive)
-    CALL(scene->moving_attempt, (piece->begin, segment->u, segment->p.tunable, &length),
+    CALL(scene->moving_attempt, (piece->begin, segment->u, segment->p.all, &length),
          (piece->end, error, error + 1, inside, slope, middle));
   else if (moves)
-    CALL(scene->moving_step, (piece->begin, segment->u, segment->p.tunable, &length), (piece->end, inside, slope, middle));
+    CALL(scene->moving_step, (piece->begin, segment->u, segment->p.all, &length), (piece->end, inside, slope, middle));
   else if (scene->adaptive)
-    CALL(scene->attempt, (piece->begin, segment->u, segment->p.tunable, &length, inside),
+    CALL(scene->attempt, (piece->begin, segment->u, segment->p.all, &length, inside),
          (piece->end, error, error + 1, slope, middle, piece->near.load, piece->near.force));
   else
-    CALL(scene->step, (piece->begin, segment->u, segment->p.tunable, &length, inside),
+    CALL(scene->step, (piece->begin, segment->u, segment->p.all, &length, inside),
          (piece->end, slope, middle, piece->near.load, piece->near.force));
   return within_reach(scene, piece->end);
 }

@@ -1,80 +1,95 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Location of an event in time, to rounding.
+ * Location of an event in time, to rounding: the first zero of one of several values.
+ *
+ * Each value is smooth, the largest of them is not: zeros are predicted for each that changes its sign, and the earliest is
+ * tried. Where values are rounding, as of a joint that has just begun to move, predictions mean nothing: trials then creep
+ * ahead in steps that grow.
  */
 
 #pragma once
-#include "scene.h"
-
-#include <math.h>
-#include <string.h>
+#include "numerics/vectors.h"
 
 #define MOST_TRIALS 200
 #define INSTANT 2e-16 /* half of the tolerance of an instant, relative to the searched interval */
-#define GROWTH 32.0   /* growth of the steps out of an interval where values are rounding */
+#define GROWTH 32.0   /* growth of the steps that creep */
 
-static double largest_among(const double* values, int count) {
-  double largest = -INFINITY;
-  for (int i = 0; i < count; ++i) largest = fmax(largest, values[i]);
-  return largest;
+/* The interval of the search: the last trial, its other end, and the trial before them; times, and values there. */
+typedef struct {
+  double x1, x2, x3;
+  double *f1, *f2, *f3;
+} bracket_t;
+
+/* Let a trial replace the end of the interval that is on its side of the first zero. */
+static void update_bracket(bracket_t* at, int count, double trial, const double* values) {
+  const size_t size = (size_t)count * sizeof *values;
+  const int is_on_same_side = (max_of(values, count) > 0.0) == (max_of(at->f1, count) > 0.0);
+  at->x3 = is_on_same_side ? at->x1 : at->x2;
+  memcpy(at->f3, is_on_same_side ? at->f1 : at->f2, size);
+  if (!is_on_same_side) {
+    at->x2 = at->x1;
+    memcpy(at->f2, at->f1, size);
+  }
+  at->x1 = trial;
+  memcpy(at->f1, values, size);
 }
 
 /* Zero of a value, as a fraction of the interval from x1 to x2: inverse quadratic interpolation where three values allow it,
  * else bisection (Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
  * without using derivatives", Advances in Engineering Software 28, 1997).
  */
-static double zero_between(double x1, double x2, double x3, double f1, double f2, double f3) {
-  const double place = (x1 - x2) / (x3 - x2), height = (f1 - f2) / (f3 - f2);
+static double predicted_zero(const bracket_t* at, int i) {
+  const double f1 = at->f1[i], f2 = at->f2[i], f3 = at->f3[i];
+  const double place = (at->x1 - at->x2) / (at->x3 - at->x2), height = (f1 - f2) / (f3 - f2);
   if (!(height * height < place && (1.0 - height) * (1.0 - height) < 1.0 - place)) return 0.5; /* also if one is infinite */
-  return f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2);
+  return f1 / (f2 - f1) * f3 / (f2 - f3) + (at->x3 - at->x1) / (at->x2 - at->x1) * f1 / (f3 - f1) * f2 / (f3 - f2);
+}
+
+/* The earliest of the predicted zeros, as a fraction of the interval. */
+static double earliest_zero(const bracket_t* at, int count) {
+  const int backwards = at->x2 < at->x1;
+  double part = backwards ? 0.0 : 1.0;
+  for (int i = 0; i < count; ++i) {
+    if ((at->f1[i] > 0.0) == (at->f2[i] > 0.0)) continue;
+    const double zero = predicted_zero(at, i);
+    part = backwards ? fmax(part, zero) : fmin(part, zero);
+  }
+  return part;
+}
+
+/* Whether a value that is positive at the other end is rounding, or positive, at the last trial. */
+static int is_rounding(const bracket_t* at, int count, double tolerance) {
+  int any = 0;
+  for (int i = 0; i < count; ++i) any |= at->f2[i] > 0.0 && at->f1[i] >= -tolerance;
+  return any;
 }
 
 /* First instant at which one of several values changes from not positive, as all are at 0, to positive, as one is at h,
  * where they are `at_h`; values up to `tolerance` are accepted as rounding.
  *
- * Zeros are predicted for each value that changes its sign, and the earliest is tried: each value is smooth, the largest of
- * them is not. At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, that
- * is the result. `room` is for 4 * count numbers.
+ * At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, that is the
+ * result. `room` is for 4 * count numbers.
  */
 static double first_positive(void (*values_at)(const void*, double, double*), const void* context, int count, double h,
                              const double* at_h, double tolerance, double* room) {
-  /* The last trial, the other end of the interval, and the one before them. */
-  const size_t size = (size_t)count * sizeof(double);
-  double *f1 = room, *f2 = f1 + count, *f3 = f2 + count, *value = f3 + count, x1 = h, x2 = 0.0, x3, part = 0.5, creep = 0.0;
-  memcpy(f1, at_h, size);
-  values_at(context, 0.0, f2);
-  if (largest_among(f2, count) > 0.0) return INSTANT * h;
+  bracket_t at = {h, 0.0, 0.0, room, room + count, room + 2 * count};
+  double *values = room + 3 * count, part = 0.5, creep = 0.0;
+  copy(at.f1, at_h, count);
+  values_at(context, 0.0, at.f2);
+  if (max_of(at.f2, count) > 0.0) return INSTANT * h;
   for (int k = 0; k < MOST_TRIALS; ++k) {
-    const double trial = x1 + part * (x2 - x1);
-    values_at(context, trial, value);
-    const double worst = largest_among(value, count);
-    const int same = (worst > 0.0) == (largest_among(f1, count) > 0.0);
-    x3 = same ? x1 : x2;
-    memcpy(f3, same ? f1 : f2, size);
-    if (!same) {
-      x2 = x1;
-      memcpy(f2, f1, size);
-    }
-    x1 = trial;
-    memcpy(f1, value, size);
-    const double least = INSTANT * h / fabs(x2 - x1);
+    const double trial = at.x1 + part * (at.x2 - at.x1);
+    values_at(context, trial, values);
+    update_bracket(&at, count, trial, values);
+    const double worst = max_of(at.f1, count), width = fabs(at.x2 - at.x1), least = INSTANT * h / width;
     if (least > 0.5 || (worst > 0.0 && (worst <= tolerance || creep > 0.0))) break;
-    double rising = -INFINITY; /* the earliest prediction of values that are positive at the other end */
-    for (int i = 0; i < count; ++i)
-      if (f2[i] > 0.0) rising = fmax(rising, f1[i]);
-    creep = worst > 0.0 || rising < -tolerance ? 0.0 : creep > 0.0 ? GROWTH * creep : INSTANT * h;
-    if (creep > 0.0) { /* interpolation is useless between values that are rounding */
-      part = fmin(creep / fabs(x2 - x1), 0.5);
-      continue;
+    if (worst > 0.0 || !is_rounding(&at, count, tolerance)) {
+      creep = 0.0;
+      part = fmax(fmin(earliest_zero(&at, count), 1.0 - least), least);
+    } else {
+      creep = creep > 0.0 ? GROWTH * creep : INSTANT * h;
+      part = fmin(creep / width, 0.5);
     }
-    const int ahead = x2 < x1; /* is 1 the later end */
-    part = ahead ? 0.0 : 1.0;
-    for (int i = 0; i < count; ++i) {
-      if ((f1[i] > 0.0) == (f2[i] > 0.0)) continue;
-      const double zero = zero_between(x1, x2, x3, f1[i], f2[i], f3[i]);
-      part = ahead ? fmax(part, zero) : fmin(part, zero);
-    }
-    part = fmax(fmin(part, 1.0 - least), least);
   }
-  return largest_among(f1, count) > 0.0 ? x1 : x2;
+  return max_of(at.f1, count) > 0.0 ? at.x1 : at.x2;
 }

@@ -2,8 +2,8 @@
  *
  * Guards: comparisons of the laws that act in a mode, not positive while it lasts. Each is smooth in time within a segment.
  *
- * A law (contact, dry friction, stops, switches, sets that hold together) adds its guards by a file of its own, and by an entry in
- * the list of guards.h, by which all are evaluated, bounded inside steps, and predicted in one way.
+ * A law (contact, dry friction, stops, switches, sets that hold together) adds its guards by a file of its own, and by an
+ * entry in the list of guards.h, by which all are evaluated, bounded inside steps, and predicted in one way.
  */
 
 #pragma once
@@ -11,18 +11,19 @@
 #include "guards/smoothness.h"
 
 #define TURNING_BACK 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
+#define FIRM (2.0 * NEAR) /* distance from a limit, relative to it, at which a state close by is within it, too */
 #define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */
 
-/* Values of all guards: of contacts gaps, or normal and tangential forces; of joints friction, and both stops; of drives and cords
- * comparisons; of the sets that hold together the largest excess, in place of those of their parts. */
+/* Values of all guards: of contacts gaps, or normal and tangential forces; of joints friction, and both stops; of drives and
+ * cords comparisons; of the sets that hold together the largest excess, in place of those of their parts. */
 typedef struct {
-  double *contact, *joint, *stop, *pressed, *switched, *sets;
+  double *all, *contact, *joint, *stop, *pressed, *switched, *sets;
 } guard_values_t;
 #define GUARD_VALUES (2 * NC + ND + 2 * NU + 2 * NQ + NK + 1)
 
 static guard_values_t guard_values_of(const scene_t* scene, double* numbers) {
   guard_values_t guards;
-  guards.contact = numbers;
+  guards.all = guards.contact = numbers;
   guards.joint = guards.contact + 2 * NC;
   guards.stop = guards.joint + ND;
   guards.pressed = guards.stop + 2 * NU;
@@ -32,7 +33,7 @@ static guard_values_t guard_values_of(const scene_t* scene, double* numbers) {
 }
 
 static void fill(const scene_t* scene, guard_values_t* guards, double value) {
-  for (int i = 0; i < GUARD_VALUES; ++i) guards->contact[i] = value;
+  for (int i = 0; i < GUARD_VALUES; ++i) guards->all[i] = value;
 }
 
 /* Two guards of a contact: its gap or normal force; its tangential force or speed. */
@@ -67,15 +68,8 @@ typedef struct {
   double (*arrival)(const scene_t* scene, const guarded_t* at, const real* slope);
 } guard_law_t;
 
-/* Whether a contact is closed or a joint sticks. */
-static int anything_held(const scene_t* scene, const segment_t* segment) {
-  int any = any_closed(scene, &segment->p);
-  for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0;
-  return any;
-}
-
 /* Speed against its direction that a sliding joint may have by rounding. */
-static double turning_rounding(const scene_t* scene, const real* x) { return TURNING_BACK * (1.0 + largest_of(x + NU, NU)); }
+static double turning_rounding(const scene_t* scene, const real* x) { return TURNING_BACK * (1.0 + max_abs(x + NU, NU)); }
 
 /* Whether a contact is apart or slides: its place or speed may end its mode. */
 static int any_travels(const scene_t* scene, const segment_t* segment) {

@@ -6,18 +6,22 @@
 #pragma once
 #include "guards/guards.h"
 
-#define VIOLATION_ROUNDING 1e-15       /* violation treated as rounding */
-#define SEARCH_FACTOR 4.0 /* factor of the next trial, if no mode has ended by the time that was predicted */
-#define GUARD_SAMPLES 4             /* parts of a step at whose ends modes are looked at where one may end inside it, ... */
-#define SAMPLE_PHASE 3.0      /* ... and as many for every further phase of its waves, in [rad], ... */
-#define MOST_GUARD_SAMPLES 64       /* ... but not more than these */
-#define PEAK_MARGIN 0.6     /* error of the largest sample of a guard, relative to the second difference of samples ... */
-#define PEAK_DOUBT 0.1      /* ... and of its value at a predicted maximum, relative to the differences ... */
-#define PEAK_GAIN 1e-2      /* ... which falls by this factor with every prediction ... */
-#define PEAK_TRIALS 8       /* ... of at most so many */
-#define EARLIER 4           /* earlier events that are looked for before one that was found */
+#define VIOLATION_ROUNDING 1e-15 /* violation treated as rounding */
+#define SEARCH_FACTOR 4.0        /* factor of the next trial, if no mode has ended by the time that was predicted */
+#define EARLIER 4                /* earlier events that are looked for before one that is known */
 
-/* Whether all modes are satisfied at a time in the piece, by a step of that length. */
+/* Samples of guards on the continuous output of a piece. */
+#define GUARD_SAMPLES 4       /* parts of a piece at whose ends they are taken, ... */
+#define SAMPLE_PHASE 3.0      /* ... and as many more for every further phase of its waves, in [rad] */
+#define MOST_GUARD_SAMPLES 64
+
+/* Search for the maximum of a guard. */
+#define PEAK_MARGIN 0.6 /* error of the largest sample, relative to the second difference of samples */
+#define PEAK_DOUBT 0.1  /* error of the first predicted maximum, relative to the differences of samples */
+#define PEAK_GAIN 1e-2  /* factor by which the error falls with every prediction */
+#define PEAK_TRIALS 8   /* predictions at most */
+
+/* Largest guard at a time in the piece, to which a step of its own is made; INFINITY if it cannot be reached. */
 static double excess_at(const scene_t* scene, const search_t* search, double t, guard_values_t* guards) {
   LOCAL(piece_t, part, piece_of, PIECE);
   real error[2];
@@ -45,24 +49,41 @@ static double vertex_of(const double* t, const double* f) {
   return bend < 0.0 && way >= t[0] - t[1] && way <= t[2] - t[1] ? way : NAN;
 }
 
-/* Search the maximum of a guard, which was predicted between three times: a time at which the guard is positive, or 0. */
-static double peak_of(const scene_t* scene, const search_t* search, int guard, double* t, double* f, guard_values_t* guards) {
+/* A time near the maximum of a guard, predicted between three times, at which it is positive; 0 if there is none. */
+static double crossing_at_peak(const scene_t* scene, const search_t* search, int guard, double* t, double* f,
+                               guard_values_t* guards) {
   double doubt = PEAK_DOUBT * (fabs(f[1] - f[0]) + fabs(f[1] - f[2]));
   for (int k = 0; k < PEAK_TRIALS; ++k, doubt *= PEAK_GAIN) {
-    const double way = vertex_of(t, f), trial = t[1] + way;
+    const double trial = t[1] + vertex_of(t, f);
     if (!(trial > t[0] && trial < t[2])) return 0.0;
     excess_at(scene, search, trial, guards);
-    const double value = guards->contact[guard];
+    const double value = guards->all[guard];
     if (value > 0.0) return value < INFINITY ? trial : 0.0;
     if (value < -doubt || trial == t[1]) return 0.0;
-    const int later = trial > t[1], better = value >= f[1];
-    const int moved = better ? (later ? 0 : 2) : (later ? 2 : 0); /* the end of the bracket that is replaced */
-    t[moved] = better ? t[1] : trial;
-    f[moved] = better ? f[1] : value;
-    if (better) {
+    const int is_later = trial > t[1], is_higher = value >= f[1];
+    const int replaced = is_higher == is_later ? 0 : 2; /* end of the bracket */
+    t[replaced] = is_higher ? t[1] : trial;
+    f[replaced] = is_higher ? f[1] : value;
+    if (is_higher) {
       t[1] = trial;
       f[1] = value;
     }
+  }
+  return 0.0;
+}
+
+/* The same of any guard whose last three samples, of which the last is at k * step, have a maximum that may be positive. */
+static double crossing_between(const scene_t* scene, const search_t* search, const guard_values_t* sample, int k, double step,
+                               guard_values_t* guards) {
+  for (int guard = 0; guard < GUARD_VALUES; ++guard) {
+    double t[3] = {(k - 2) * step, (k - 1) * step, k * step}, f[3];
+    for (int i = 0; i < 3; ++i) f[i] = sample[i].all[guard];
+    if (f[1] == -INFINITY) continue; /* there is no such guard in these modes */
+    const double bend = 2.0 * f[1] - f[0] - f[2], highest = fmax(f[1], fmax(f[0], f[2]));
+    const double way = highest + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
+    if (way != way) continue;
+    const double crossing = crossing_at_peak(scene, search, guard, t, f, guards);
+    if (crossing > 0.0) return crossing;
   }
   return 0.0;
 }
@@ -75,50 +96,46 @@ static double peak_of(const scene_t* scene, const search_t* search, int guard, d
 static double find_crossing(const scene_t* scene, const search_t* search, const guard_values_t* end, guard_values_t* guards) {
   const piece_t* piece = &search->piece;
   if (!may_cross(scene, search, end)) return 0.0;
-  double sample_numbers[3 * GUARD_VALUES];
+  double numbers[3 * GUARD_VALUES];
   guard_values_t sample[3]; /* the last three */
   real x[NX];
-  for (int k = 0; k < 3; ++k) sample[k] = guard_values_of(scene, sample_numbers + k * GUARD_VALUES);
+  for (int i = 0; i < 3; ++i) sample[i] = guard_values_of(scene, numbers + i * GUARD_VALUES);
   const double phase = phase_of(scene, piece->begin, piece->end), parts = GUARD_SAMPLES * (1.0 + floor(phase / SAMPLE_PHASE));
   const int samples = (int)fmin(parts, MOST_GUARD_SAMPLES);
   const double step = piece->length / samples;
   for (int k = 0; k <= samples; ++k) {
-    guard_values_t* last = sample + k % 3;
-    state_inside(scene, piece, (double)k / samples, x);
-    if (k == samples) *last = *end;
-    else evaluate_guards(scene, x, search->segment, search->ground, piece->from + k * step, 0, last);
-    for (int guard = 0; k > 1 && guard < GUARD_VALUES; ++guard) {
-      double t[3] = {(k - 2) * step, (k - 1) * step, k * step}, f[3];
-      if (sample[(k + 2) % 3].contact[guard] == -INFINITY) continue; /* there is no such guard in these modes */
-      for (int i = 0; i < 3; ++i) f[i] = sample[(k + 1 + i) % 3].contact[guard];
-      const double bend = 2.0 * f[1] - f[0] - f[2];
-      const double way = fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
-      if (way != way) continue;
-      const double crossing = peak_of(scene, search, guard, t, f, guards);
-      if (crossing > 0.0) return crossing;
+    const guard_values_t oldest = sample[0];
+    sample[0] = sample[1];
+    sample[1] = sample[2];
+    sample[2] = k < samples ? oldest : *end;
+    if (k < samples) {
+      state_inside(scene, piece, (double)k / samples, x);
+      evaluate_guards(scene, x, search->segment, search->ground, piece->from + k * step, 0, sample + 2);
     }
+    const double crossing = k > 1 ? crossing_between(scene, search, sample, k, step, guards) : 0.0;
+    if (crossing > 0.0) return crossing;
   }
   return 0.0;
 }
 
-/* End a piece at the first violation of a mode in it, known at a time `known` with `guards`: its length, -1 if it cannot be
- * computed. `error` is that of its last step.
+/* End a piece at the first violation of a mode in it, of which a later one is known, with its guards: its length, -1 if it
+ * cannot be computed. `error` is that of its last step.
  */
-static double end_at_event(const scene_t* scene, search_t* search, double known, guard_values_t* guards, real* error) {
+static double end_at_event(const scene_t* scene, search_t* search, double later, guard_values_t* guards, real* error) {
   piece_t* piece = &search->piece;
   LOCAL(guard_values_t, early, guard_values_of, GUARD_VALUES);
   double room[4 * GUARD_VALUES];
-  for (double near = find_next(scene, piece->begin, search->segment); near < known; near *= SEARCH_FACTOR) {
+  for (double near = predicted_arrival(scene, piece->begin, search->segment); near < later; near *= SEARCH_FACTOR) {
     if (!(excess_at(scene, search, near, &early) > 0.0)) continue;
-    known = near;
-    copy(guards->contact, early.contact, GUARD_VALUES);
+    later = near;
+    copy(guards->all, early.all, GUARD_VALUES);
   }
   for (int turn = 0; turn < EARLIER; ++turn) {
-    const double length = first_positive(guards_at, search, GUARD_VALUES, known, guards->contact, VIOLATION_ROUNDING, room);
+    const double length = first_positive(guards_at, search, GUARD_VALUES, later, guards->all, VIOLATION_ROUNDING, room);
     if (!make_step(scene, search->segment, length, piece, error)) return -1.0;
     evaluate_guards(scene, piece->end, search->segment, search->ground, piece->from + length, 0, &early);
-    known = find_crossing(scene, search, &early, guards);
-    if (known == 0.0) return length;
+    later = find_crossing(scene, search, &early, guards);
+    if (later == 0.0) return length;
   }
   return piece->length;
 }
@@ -131,7 +148,7 @@ static double find_violation(const scene_t* scene, const search_t* search, doubl
   if (!reached) fill(scene, guards, INFINITY);
   if (!reached || evaluate_guards(scene, piece->end, search->segment, search->ground, piece->from + h, near, guards) > 0.0)
     return h;
-  const double known = find_crossing(scene, search, guards, &peak);
-  if (known > 0.0) copy(guards->contact, peak.contact, GUARD_VALUES);
-  return known;
+  const double crossing = find_crossing(scene, search, guards, &peak);
+  if (crossing > 0.0) copy(guards->all, peak.all, GUARD_VALUES);
+  return crossing;
 }

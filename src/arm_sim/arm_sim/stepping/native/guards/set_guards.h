@@ -10,7 +10,7 @@
 /* In place of the guards of a set's parts: by how much its reactions of the least norm exceed a limit. */
 static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {
   const segment_t* segment = at->segment;
-  if (!scene->indeterminate || !anything_held(scene, segment)) return;
+  if (!scene->indeterminate || all_moves(scene, segment->p.all)) return;
   if (!anything_beyond(scene, at->x, segment, &at->loads)) return;
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   find_sets_held(scene, at->x, segment, &at->loads, &sets);

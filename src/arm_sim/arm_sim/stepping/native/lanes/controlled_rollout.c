@@ -7,127 +7,123 @@
 #include "lanes/lanes.h"
 #include "motion/step_control.h"
 
-/* What is advanced, and where it goes: the arguments of `rollout`. */
 typedef struct {
-  const arms_t* arms;
-  long long last;
-  double* out;
-  int last_only;
-  double* effort;
-} batch_t;
-
-typedef struct {
-  long long arm;   /* batch.last: there is none left for this lane */
-  long long tick;
+  long long arm, tick;
   long long tried; /* sub-steps of this tick */
+  int has_arm;     /* 0: no arm is left for this lane */
   int begins;      /* whether a tick begins */
   substeps_t at;
 } lane_t;
 
+/* The arguments of `rollout`, and the arms that are advanced side by side. */
 typedef struct {
-  lane_t lane[LANES];
+  const arms_t* arms;
+  long long last;
+  double *out, *effort;
+  int last_only;
+  int busy;          /* lanes that have an arm */
   long long waiting; /* the next arm */
+  lane_t lane[LANES];
   real *x, *r, *u, *p; /* states at the beginning of the sub-step, inputs, what acts, tunable numbers */
   real length;
 } group_t;
 
-static void store(const scene_t* scene, const batch_t* batch, const group_t* group, int j) {
+static void store(const scene_t* scene, const group_t* group, int j) {
   const lane_t* own = group->lane + j;
-  double* to = batch->out + own->arm * NX * (batch->last_only ? 1 : batch->arms->ticks + 1);
-  if (batch->last_only && own->tick < batch->arms->ticks) return;
-  for (int i = 0; i < NX; ++i) to[(batch->last_only ? 0 : own->tick * NX) + i] = LANE(group->x[i], j);
+  double* to = group->out + own->arm * NX * (group->last_only ? 1 : group->arms->ticks + 1);
+  if (group->last_only && own->tick < group->arms->ticks) return;
+  for (int i = 0; i < NX; ++i) to[(group->last_only ? 0 : own->tick * NX) + i] = LANE(group->x[i], j);
 }
 
-/* Give a lane the next arm that has a tick to make, or none. */
-static void take_arm(const scene_t* scene, const batch_t* batch, group_t* group, int j) {
+/* Give a lane the next arm that has a tick to make, if there is one. */
+static void take_arm(const scene_t* scene, group_t* group, int j) {
   lane_t* own = group->lane + j;
   do {
-    own->arm = group->waiting;
-    if (own->arm >= batch->last) return;
-    ++group->waiting;
+    own->arm = group->waiting++;
+    own->has_arm = own->begins = own->arm < group->last;
+    if (!own->has_arm) {
+      --group->busy;
+      return;
+    }
     own->tick = 0;
-    own->begins = 1;
     own->at.step = 0.0;
-    for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = batch->arms->x0[own->arm * NX + i];
-    for (int i = 0; i < NP; ++i) LANE(group->p[i], j) = batch->arms->p[own->arm * batch->arms->p_arm + i];
-    store(scene, batch, group, j);
-  } while (!batch->arms->ticks);
+    for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = group->arms->x0[own->arm * NX + i];
+    for (int i = 0; i < NP; ++i) LANE(group->p[i], j) = group->arms->p[own->arm * group->arms->p_arm + i];
+    store(scene, group, j);
+  } while (!group->arms->ticks);
 }
 
-static void begin_tick(const scene_t* scene, const batch_t* batch, group_t* group, int j, const real* acted) {
-  lane_t* own = group->lane + j;
-  own->begins = 0;
-  own->tried = 0;
-  own->at = first_substep(batch->arms->h, own->at.step);
-  for (int i = 0; i < NU; ++i) LANE(group->u[i], j) = LANE(acted[i], j);
-  for (int i = 0; batch->effort && i < NU; ++i)
-    batch->effort[(own->arm * batch->arms->ticks + own->tick) * NU + i] = LANE(acted[i], j);
-}
-
-/* Find what acts in the ticks that begin. */
-static void begin_ticks(const scene_t* scene, const batch_t* batch, group_t* group) {
+/* Begin the ticks that are due: find what acts in them. */
+static void begin_ticks(const scene_t* scene, group_t* group) {
+  const arms_t* arms = group->arms;
   real acted[NU];
   int any = 0;
   for (int j = 0; j < LANES; ++j) {
     const lane_t* own = group->lane + j;
-    if (own->arm >= batch->last || !own->begins) continue;
-    const double* r = batch->arms->tau + own->arm * batch->arms->tau_arm + own->tick * batch->arms->tau_tick;
+    if (!own->begins) continue;
+    const double* r = arms->tau + own->arm * arms->tau_arm + own->tick * arms->tau_tick;
     for (int i = 0; i < NR; ++i) LANE(group->r[i], j) = r[i];
     any = 1;
   }
   if (!any) return;
   CALL(scene->actuate, (group->x, group->r), (acted));
-  for (int j = 0; j < LANES; ++j)
-    if (group->lane[j].arm < batch->last && group->lane[j].begins) begin_tick(scene, batch, group, j, acted);
+  for (int j = 0; j < LANES; ++j) {
+    lane_t* own = group->lane + j;
+    if (!own->begins) continue;
+    own->begins = 0;
+    own->tried = 0;
+    own->at = first_substep(arms->h, own->at.step);
+    for (int i = 0; i < NU; ++i) LANE(group->u[i], j) = LANE(acted[i], j);
+    for (int i = 0; group->effort && i < NU; ++i)
+      group->effort[(own->arm * arms->ticks + own->tick) * NU + i] = LANE(acted[i], j);
+  }
 }
 
 /* Accept an attempt of a lane, or not. */
-static void end_attempt(const scene_t* scene, const batch_t* batch, group_t* group, int j, const real* next, double error) {
+static void end_attempt(const scene_t* scene, group_t* group, int j, const real* next, double error) {
   lane_t* own = group->lane + j;
   const enum outcome outcome =
-      control_step(scene, &own->at, batch->arms->h, error / scene->tolerance, is_lane_within_reach(scene, next, j));
+      control_step(scene, &own->at, group->arms->h, error / scene->tolerance, is_lane_within_reach(scene, next, j));
   const int accepted = outcome == ACCEPTED || outcome == ENDED;
   const int meets = accepted && meets_any_stop(scene, group->x, next, own->at.trial, 0, j);
   if (accepted)
     for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = LANE(next[i], j);
   const int exhausted = ++own->tried == scene->most_substeps && outcome != ENDED;
   if (outcome == STEP_TOO_SMALL || exhausted || meets) {
-    batch->arms->unfinished[own->arm] = 1;
-    take_arm(scene, batch, group, j);
+    group->arms->unfinished[own->arm] = 1;
+    take_arm(scene, group, j);
   } else if (outcome == ENDED) {
     ++own->tick;
     own->begins = 1;
-    store(scene, batch, group, j);
-    if (own->tick == batch->arms->ticks) take_arm(scene, batch, group, j);
+    store(scene, group, j);
+    if (own->tick == group->arms->ticks) take_arm(scene, group, j);
   }
-}
-
-/* Whether a lane has an arm. */
-static int any_lane_has_arm(const batch_t* batch, const group_t* group) {
-  int any = 0;
-  for (int j = 0; j < LANES; ++j) any |= group->lane[j].arm < batch->last;
-  return any;
 }
 
 /* As `rollout` of rollout.c; an arm is marked, too, that cannot be advanced. */
 EXPORTED void controlled_rollout(const scene_t* scene, const arms_t* arms, long long first, long long last, double* out,
                                  int last_only, double* effort) {
-  const batch_t batch = {arms, last, out, last_only, effort};
   real next[NX], x[NX], r[NR], u[NU], tunable[NP + 1], error, error_q;
-  group_t group = {.waiting = first, .x = x, .r = r, .u = u, .p = tunable, .length = arms->h};
+  group_t group = {.arms = arms, .last = last, .out = out, .effort = effort, .last_only = last_only, .busy = LANES};
+  group.waiting = first;
+  group.x = x;
+  group.r = r;
+  group.u = u;
+  group.p = tunable;
+  group.length = arms->h;
   clear(r, NR);
   clear(u, NU);
   for (int j = 0; j < LANES; ++j) { /* what a lane without an arm computes does not matter */
     for (int i = 0; i < NX; ++i) LANE(group.x[i], j) = arms->x0[first * NX + i];
     for (int i = 0; i < NP; ++i) LANE(group.p[i], j) = arms->p[first * arms->p_arm + i];
   }
-  for (int j = 0; j < LANES; ++j) take_arm(scene, &batch, &group, j);
-  while (!is_halted(arms) && any_lane_has_arm(&batch, &group)) {
-    begin_ticks(scene, &batch, &group);
+  for (int j = 0; j < LANES; ++j) take_arm(scene, &group, j);
+  while (!is_halted(arms) && group.busy) {
+    begin_ticks(scene, &group);
     for (int j = 0; j < LANES; ++j)
-      if (group.lane[j].arm < last) LANE(group.length, j) = next_length(&group.lane[j].at, arms->h);
+      if (group.lane[j].has_arm) LANE(group.length, j) = next_length(&group.lane[j].at, arms->h);
     CALL(scene->attempt, (group.x, group.u, group.p, &group.length), (next, &error, &error_q));
     for (int j = 0; j < LANES; ++j)
-      if (group.lane[j].arm < last) end_attempt(scene, &batch, &group, j, next, LANE(error, j));
+      if (group.lane[j].has_arm) end_attempt(scene, &group, j, next, LANE(error, j));
   }
 }

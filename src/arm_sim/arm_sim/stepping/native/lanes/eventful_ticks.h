@@ -10,34 +10,27 @@
 
 #define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
-/* Steps from the beginnings of ticks, and where the contacts are after them. */
-static void write_steps_of_lanes(const scene_t* scene, const step_of_lanes_t* step, const real* place, prediction_t* tick) {
-  write_steps(scene, step->next, step->inside, place, tick);
-  if (!scene->near_loads) return;
-  write_arms(tick->near, PREDICTION, step->near, NEARS, LANES);
-  for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
-}
-
 /* Steps of lanes whose modes are clear, which the engine of one arm may then take from `tick`: 1 in `done` for those that
  * surely have no event, so that it need not be asked. Returns the number of other lanes, of the first `used`; where they
  * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
 static int predict_event_free(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* h,
                               const real* place, int used, prediction_t* tick, real* next, real* done) {
-  real p[P_LENGTH + 1], after[PLACES + 1], load[LOADS + 1];
+  real p[P_LENGTH + 1], after[PLACES + 1];
+  LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
-  int others = 0, left = 0, holds;
-  const real event_free = clear_at_begin(scene, x, u, tunable, place, p, load, &holds);
-  for (int j = 0; j < used; ++j) others += LANE(event_free, j) == 0.0;
-  if (2 * others > used) return others;
-  *done = event_free && clear_step(scene, x, u, h, place, p, load, holds, &step, after);
+  int unclear = 0, left = 0, holds;
+  const real event_free = clear_at_begin(scene, x, u, tunable, place, p, &loads, &holds);
+  for (int j = 0; j < used; ++j) unclear += LANE(event_free, j) == 0.0;
+  if (2 * unclear > used) return unclear;
+  *done = event_free && clear_step(scene, x, u, h, place, p, &loads, holds, &step, after);
   for (int i = 0; i < NX; ++i) next[i] = step.next[i];
   rest_held(scene, next);
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
   if (!left) return 0;
-  write_steps_of_lanes(scene, &step, after, tick);
+  write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < P_LENGTH && LANE(event_free, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
-  return others;
+  return unclear;
 }
 
 /* What lanes will ask for in the modes that the engine guesses. */
@@ -45,7 +38,9 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
                                      prediction_t* tick) {
   const long long stride = PREDICTION;
   long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
-  real p[P_LENGTH + 1], load[LOADS], place[PLACES + 1], inertia[INERTIA + 1], anchor[2 * NC + 1], closed[2 * NU];
+  real p[P_LENGTH + 1], place[PLACES + 1], anchor[2 * NC + 1], closed[2 * NU];
+  LOCAL(loads_t, loads, loads_of, LOADS);
+  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
@@ -56,15 +51,15 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
   }
   read_arms(p, P_LENGTH, tick->p, stride, of_lane);
   if (rests) {
-    loads_at(scene, x, u, p, load);
-    write_arms(tick->loads, stride, load, LOADS, LANES);
+    loads_at(scene, x, u, p, &loads);
+    write_arms(tick->loads, stride, loads.all, LOADS, LANES);
   }
-  make_steps(scene, x, u, p, h, rests ? load : 0, &step);
+  make_steps(scene, x, u, p, h, rests ? &loads : 0, &step);
   find_places(scene, step.next, place);
-  write_steps_of_lanes(scene, &step, place, tick);
+  write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, place, tick);
   if (slides) {
-    CALL(scene->contact_inertia, (x, u, p), (inertia, inertia + MC * MC, inertia + MC * MC + MC * NU));
-    write_arms(tick->inertia, stride, inertia, INERTIA, LANES);
+    inertia_at(scene, x, u, p, &inertia);
+    write_arms(tick->inertia, stride, inertia.all, INERTIA, LANES);
   }
   if (closes) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
@@ -79,13 +74,13 @@ static void tick_of_lanes(const scene_t* scene, const real* x, const real* r, co
                           const engine_t* engine, real* next, real* acted) {
   LOCAL_PREDICTIONS(tick);
   real place[PLACES + 1], done = 0.0;
-  int others = used, left = 0;
+  int unclear = used, left = 0;
   CALL(scene->actuate, (x, r), (acted));
   begin_ticks(scene, x, acted, tunable, h, tick, place);
   if (scene->joints_and_contacts_only)
-    others = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
+    unclear = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
   for (int j = 0; j < used; ++j) left += LANE(done, j) == 0.0;
-  if (left && others > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
+  if (left && unclear > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {
     double after[NX];
     if (LANE(done, j) != 0.0) continue;

@@ -10,6 +10,9 @@
 
 #include <stdint.h>
 
+#define STOP_MARGIN 1e-9     /* distance to a stop that is near, relative to the position or 1, ... */
+#define SPEED_MARGIN 1e-6    /* ... and to the way at the speeds of a tick: derivatives see no stop that is farther away */
+
 /* Arms and their ticks. Python: ArmTable. */
 typedef struct {
   const double* x0;  /* states at the beginning, NX for each arm */
@@ -18,11 +21,12 @@ typedef struct {
   long long tau_arm, tau_tick, p_arm;
   double h; /* length of a tick */
   long long ticks;
-  int8_t* unfinished;            /* marks of arms, 0 at first; the one before them is set if the caller wants nothing more */
+  int8_t* unfinished;   /* marks of arms, 0 at first */
+  const int8_t* halted; /* becomes nonzero if the results are of no use any more */
   const engine_t* engine; /* in a scene with events, that of one arm */
 } arms_t;
 
-static int is_halted(const arms_t* arms) { return ((volatile const int8_t*)arms->unfinished)[-1]; }
+static int is_halted(const arms_t* arms) { return *(volatile const int8_t*)arms->halted; }
 
 /* Lanes that have an arm in the group that begins with one. */
 static inline int lanes_used(long long arm, long long last) { return last - arm < LANES ? (int)(last - arm) : LANES; }
@@ -57,20 +61,22 @@ static inline int is_lane_within_reach(const scene_t* scene, const real* x, int 
   return reached;
 }
 
-/* Whether the arm in a lane may meet a stop in a motion of that length from x to `next`, or come near one if `near`. */
-static inline int meets_any_stop(const scene_t* scene, const real* x, const real* next, double length, int near, int lane) {
+/* Whether the arm in a lane may meet a stop in a motion of that length from x to `next`, or come near one, `with_margin`. */
+static inline int meets_any_stop(const scene_t* scene, const real* x, const real* next, double length, int with_margin,
+                                 int lane) {
   int met = 0;
   (void)lane; /* alone */
   for (int i = 0; scene->stops && i < NU; ++i) {
     const double q = LANE(x[i], lane), v = LANE(x[NU + i], lane), end = LANE(next[i], lane), v_end = LANE(next[NU + i], lane);
-    const double margin = 1e-6 * length * (__builtin_fabs(v) + __builtin_fabs(v_end)) + 1e-9 * (1.0 + __builtin_fabs(q));
-    met |= meets_stop(scene, q, v, end, v_end, length, near ? margin : 0.0, i);
+    const double speeds = __builtin_fabs(v) + __builtin_fabs(v_end);
+    const double margin = SPEED_MARGIN * length * speeds + STOP_MARGIN * (1.0 + __builtin_fabs(q));
+    met |= meets_stop(scene, q, v, end, v_end, length, with_margin ? margin : 0.0, i);
   }
   return met;
 }
 
-/* Mark arms that may meet a stop in a tick from x to `next`, or come near one if `near`. */
+/* Mark arms that may meet a stop in a tick from x to `next`, or come near one, `with_margin`. */
 static inline void mark_stops(const scene_t* scene, const arms_t* arms, const long long* of_lane, const real* x,
-                              const real* next, int near) {
-  for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, near, j);
+                              const real* next, int with_margin) {
+  for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, with_margin, j);
 }

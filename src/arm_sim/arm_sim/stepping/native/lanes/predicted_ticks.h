@@ -24,11 +24,15 @@ static inline void begin_ticks(const scene_t* scene, const real* x, const real* 
   }
 }
 
-/* Steps from the beginnings of ticks, with their continuous output and where the contacts are after them. */
-static inline void write_steps(const scene_t* scene, const real* next, const real* inside, const real* place,
+/* Steps from the beginnings of ticks, with their continuous output, loads near their ends, if these are known, and where the
+ * contacts are after them. */
+static inline void write_steps(const scene_t* scene, const real* next, const real* inside, const real* near, const real* place,
                                prediction_t* tick) {
   const long long stride = PREDICTION;
   write_arms(tick->after, stride, next, NX, LANES);
   write_arms(tick->inside, stride, inside, 3 * NX, LANES);
   write_arms(tick->geometry_after, stride, place, PLACES, LANES);
+  if (!near) return;
+  write_arms(tick->near, stride, near, NEARS, LANES);
+  for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
 }

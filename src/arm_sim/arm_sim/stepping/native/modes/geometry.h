@@ -8,12 +8,13 @@
 
 /* Places and speeds, three numbers each, and the lengths that add up to a gap. */
 typedef struct {
-  real *place, *speed, *size;
+  real *all, *place, *speed, *size;
 } geometry_t;
-#define PLACES (7 * NC)
+#define PLACES (2 * MC + NC)
 
 static inline geometry_t geometry_of(const scene_t* scene, const real* numbers) {
-  geometry_t geometry = {(real*)numbers, (real*)numbers + MC, (real*)numbers + 2 * MC};
+  real* all = (real*)numbers;
+  geometry_t geometry = {all, all, all + MC, all + 2 * MC};
   return geometry;
 }
 

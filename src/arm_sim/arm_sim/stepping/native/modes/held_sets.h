@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What holds together where statics does not determine the reactions, in the modes of a segment; release of a set that gives way.
+ * What holds together where statics does not determine the reactions, in the modes of a segment; release of a set that gives
+ * way.
  */
 
 #pragma once
 #include "contact/indeterminate.h"
-#include "modes/segment_state.h"
+#include "modes/evaluations.h"
 
 #define EDGE 1e-9            /* relative distance from the friction cone within which a force is on its boundary */
 #define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */
@@ -13,8 +14,7 @@
 
 static void find_statics(const scene_t* scene, const real* x, const segment_t* segment, statics_t* balance) {
   segment->memory->work += scene->statics_cost;
-  CALL(scene->statics, (x, segment->u, segment->p.tunable),
-       (balance->push, balance->reaction, balance->capacity, balance->drift));
+  CALL(scene->statics, (x, segment->u, segment->p.all), (balance->push, balance->reaction, balance->capacity, balance->drift));
 }
 
 /* What is held, with its reactions of the least norm and its limits. */

@@ -58,12 +58,12 @@ static double rounding_rebound_of_joint(double q, double fall) {
  * never stop. */
 static void rest_on_stops(const scene_t* scene, real* x, const segment_t* segment) {
   real slope[NX];
-  int known = 0;
+  int has_slope = 0;
   for (int i = 0; i < NU; ++i) {
     const double leaving = -at_stop(scene, x, i) * x[NU + i];
     if (!(leaving > 0.0 && leaving < CERTAIN_REBOUND)) continue;
-    if (!known) find_slope(scene, x, segment, slope);
-    known = 1;
+    if (!has_slope) find_slope(scene, x, segment, slope);
+    has_slope = 1;
     if (leaving <= rounding_rebound_of_joint(x[i], slope[NU + i])) x[NU + i] = 0.0;
   }
 }
@@ -140,7 +140,7 @@ static int find_carried(const scene_t* scene, const real* x, const segment_t* se
   LOCAL(statics_t, balance, statics_of, STATICS);
   double T[NM * (NU + 1) + 1];
   int basic[NM + 1], column[NU], moving = 0, count = 0, any = 0;
-  const double fastest = largest_of(x + NU, NU);
+  const double fastest = max_abs(x + NU, NU);
   for (int i = 0; i < NU; ++i) {
     carried[i] = 0;
     moving += !rests(scene, x, i);
@@ -149,7 +149,7 @@ static int find_carried(const scene_t* scene, const real* x, const segment_t* se
   find_statics(scene, x, segment, &balance);
   for (int i = 0; i < NU; ++i) column[i] = rests(scene, x, i) ? moving + i - count : count++;
   for (int k = 0; k < NM; ++k) {
-    const double largest = largest_of(balance.push + NU * k, NU), size = largest > 0.0 ? largest : 1.0;
+    const double largest = max_abs(balance.push + NU * k, NU), size = largest > 0.0 ? largest : 1.0;
     for (int i = 0; i < NU; ++i) T[(NU + 1) * k + column[i]] = balance.push[i + NU * k] / size;
     T[(NU + 1) * k + NU] = balance.drift[k] / size;
     basic[k] = -1;
@@ -180,5 +180,5 @@ static void guess_turning(const scene_t* scene, const real* x, segment_t* segmen
 
 static void guess_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   guess_from_velocities(scene, x, segment, geometry);
-  if (scene->constrained && largest_of(x + NU, NU) > 0.0) guess_turning(scene, x, segment);
+  if (scene->constrained && max_abs(x + NU, NU) > 0.0) guess_turning(scene, x, segment);
 }

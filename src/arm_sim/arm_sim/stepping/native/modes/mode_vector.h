@@ -17,7 +17,7 @@ typedef struct {
 
 /* The vector p of the generated functions. Python: Modes. */
 typedef struct {
-  real* tunable;   /* numbers of the scene; here the vector begins */
+  real* all;       /* the vector: the tunable numbers of the scene, then all modes in the order of these members */
   real* direction; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
   real* pressed;   /* of joints: -1 and 1 press against the lower and the upper compliant stop, else 0 */
   real* switches;  /* of drives and cords: 1 where a comparison holds, else 0 */
@@ -31,15 +31,21 @@ static inline modes_t modes_of(const scene_t* scene, real* p) {
   return modes;
 }
 
-/* Whether every joint slides and every contact is apart, in modes of one arm after its tunable numbers. */
-static inline int all_moves(const scene_t* scene, const double* modes) {
-  int moves = 1;
-  for (int i = 0; i < ND; ++i) moves &= modes[i] != 0.0;
-  for (int k = 0; k < NC; ++k) moves &= modes[ND + NQ + NK + CONTACT_MODE * k] == 0.0; /* closed */
+/* Whether a contact is closed, by the vector p of one arm. */
+static inline int any_closed(const scene_t* scene, const double* p) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= p[NP + ND + NQ + NK + CONTACT_MODE * k] != 0.0;
+  return any;
+}
+
+/* Whether every joint slides and every contact is apart, by the vector p of one arm. */
+static inline int all_moves(const scene_t* scene, const double* p) {
+  int moves = !any_closed(scene, p);
+  for (int i = 0; i < ND; ++i) moves &= p[NP + i] != 0.0;
   return moves;
 }
 
 /* Declare modes that begin as others. */
 #define LOCAL_MODES(name, like) \
   LOCAL(modes_t, name, modes_of, P_LENGTH); \
-  copy(name.tunable, (like).tunable, P_LENGTH)
+  copy(name.all, (like).all, P_LENGTH)

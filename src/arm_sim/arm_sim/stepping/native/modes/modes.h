@@ -5,12 +5,13 @@
  * A joint at rest sticks while its holding torque is within the static level; otherwise it slides in the direction of the
  * torque on it (Glocker, Set-Valued Force Laws, 2001). A joint at rest at a rigid stop is also held, by a reaction that only
  * pushes. A contact touches where its gap is zero to rounding. Which of them stick, slide, transmit forces or separate is a
- * complementarity problem in the metric of M, solved by pivoting: the entry with the largest violation changes its mode
- * until there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty,
- * Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by friction_cones.h.
+ * complementarity problem in the metric of M, solved by pivoting: the entry with the largest violation changes its mode until
+ * there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty, Linear
+ * Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by
+ * friction_cones.h.
  *
- * Where statics does not determine the reactions of what is held, the parts hold together: see indeterminate.h. A set that does not
- * hold is released in the motion in which it gives way, and pivoting goes on from there.
+ * Where statics does not determine the reactions of what is held, the parts hold together: see indeterminate.h. A set that
+ * does not hold is released in the motion in which it gives way, and pivoting goes on from there.
  */
 
 #pragma once
@@ -61,7 +62,7 @@ static int anything_beyond(const scene_t* scene, const real* x, const segment_t*
  * receives the number of the set to which the violated limit belongs, or 0. */
 static int find_infeasible(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads, int first,
                            indeterminate_t* sets, int* set) {
-  const double heaviest = 1.0 + largest_of(loads->force, MC), fastest = 1.0 + largest_of(loads->rate, MC);
+  const double heaviest = 1.0 + max_abs(loads->force, MC), fastest = 1.0 + max_abs(loads->rate, MC);
   const real* d = segment->p.direction;
   double most = 0.0;
   int worst = -1, resting = 0;
@@ -80,8 +81,7 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
   for (int i = 0; i < ND; ++i) resting |= rests(scene, x, i);
   if (!resting) return worst;
   const real* a = loads->slope + NU;
-  const double quickest = 1.0 + largest_of(a, NU), level = largest_of(scene->static_level, NU),
-               highest = level > 0.0 ? level : 1.0;
+  const double quickest = 1.0 + max_abs(a, NU), level = max_abs(scene->static_level, NU), highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(scene, x, i)) continue;
     const int number = (int)sets->set[i];
@@ -198,14 +198,14 @@ static int anything_rests(const scene_t* scene, const real* x, const segment_t* 
  * a stop bears it, does not. */
 static int any_jams(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads) {
   LOCAL(inertia_t, inertia, inertia_of, INERTIA);
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= is_sliding(segment->p.contact + k) && !(loads->grip[k] > 0.0);
-  if (!any) return 0;
-  find_inertia(scene, x, segment, &inertia);
-  any = 0;
-  for (int k = 0; k < NC; ++k)
-    any |= is_sliding(segment->p.contact + k) && !(loads->grip[k] > 0.0) && AT(inertia.W, MC, 3 * k, 3 * k) > 0.0;
-  return any;
+  int has_inertia = 0;
+  for (int k = 0; k < NC; ++k) {
+    if (!is_sliding(segment->p.contact + k) || loads->grip[k] > 0.0) continue;
+    if (!has_inertia) find_inertia(scene, x, segment, &inertia);
+    has_inertia = 1;
+    if (AT(inertia.W, MC, 3 * k, 3 * k) > 0.0) return 1;
+  }
+  return 0;
 }
 
 /* Try the modes of all joints at rest, with all contacts solved together for each: 1 if one satisfies the laws. This is the
@@ -258,10 +258,10 @@ static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, 
 EXPORTED long long find_modes(const scene_t* scene, const real* x, const real* u, real* p) {
   LOCAL_TICK(segment, u);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  copy(segment.p.tunable, p, P_LENGTH);
+  copy(segment.p.all, p, P_LENGTH);
   find_geometry(scene, x, &segment, &geometry);
   const int settled = solve_modes(scene, x, &segment, &geometry);
-  copy(p, segment.p.tunable, P_LENGTH);
+  copy(p, segment.p.all, P_LENGTH);
   return settled ? NONE : UNDETERMINED;
 }
 
@@ -272,7 +272,7 @@ EXPORTED void share_reactions(const scene_t* scene, const real* x, const real* u
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(statics_t, balance, statics_of, STATICS);
   part_t parts[PARTS];
-  copy(segment.p.tunable, p, P_LENGTH);
+  copy(segment.p.all, p, P_LENGTH);
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
   if (!scene->indeterminate) return;
   find_loads(scene, x, &segment, &loads);

@@ -8,12 +8,7 @@
 
 #pragma once
 #include "modes/geometry.h"
-#include "modes/mode_vector.h"
-
-/* Numbers of loads, and of those without rates and slopes; of inertia. */
-#define LOADS (NU + 7 * NC + NX)
-#define NEARS (NU + 3 * NC)
-#define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
+#include "modes/loads.h"
 
 /* Whether loads at a step's stage at its end tell of those at its end: under error control they are the same, and without
  * internal states they do not swing within a step. */
@@ -39,8 +34,8 @@ static inline void bound_inside(const scene_t* scene, const real* x, const real*
   *high += bend;
 }
 
-/* A predicted tick: what is given and known of it. The arrays are one after another, and `inside` is the continuous output of the
- * step from the beginning to the end: derivatives there, and the state in the middle. */
+/* A predicted tick: what is given and known of it. The arrays are one after another, and `inside` is the continuous output of
+ * the step from the beginning to the end: derivatives there, and the state in the middle. */
 typedef struct {
   double *x, *u, *p;         /* beginning of a tick, its command, and its probable modes */
   double length;             /* of the tick */
@@ -93,8 +88,8 @@ static inline event_free_t event_free_of(const scene_t* scene, double* numbers) 
   return tick;
 }
 
-/* The engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked for; make the tick,
- * return 0 if it cannot be computed; make a tick without events, return 0 if there is one. Python: Engine. */
+/* The engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked for; make the
+ * tick, return 0 if it cannot be computed; make a tick without events, return 0 if there is one. Python: Engine. */
 typedef struct {
   const void* scene; /* of one arm: the first argument of each */
   void (*predict)(const void* scene, prediction_t* tick);

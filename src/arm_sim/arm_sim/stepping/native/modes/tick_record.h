@@ -6,13 +6,6 @@
 #pragma once
 #include "modes/mode_vector.h"
 
-/* Whether a contact is closed. */
-static inline int any_closed(const scene_t* scene, const modes_t* p) {
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= p->contact[k].closed != 0.0;
-  return any;
-}
-
 /* A segment of a tick, for derivatives. */
 typedef struct {
   real *before, *begin, *end; /* states before its impact, after it, and at the end of its motion */
@@ -52,6 +45,6 @@ typedef struct {
   double* numbers;   /* ... with their numbers, ... */
   double* steps;     /* ... and the lengths of their steps, one after the other */
   long long most, most_steps; /* room for both ... */
-  long long count, taken;     /* ... and how many there were, even if there was room for fewer */
+  long long count, step_count;     /* ... and how many there were, even if there was room for fewer */
   long long time_stepped; /* whether its end was time-stepped */
 } trace_t;

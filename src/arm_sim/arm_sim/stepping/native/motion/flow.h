@@ -51,18 +51,12 @@ static int flow_controlled(const scene_t* scene, equation_t* attempt, describes_
   return 0;
 }
 
-/* The same by one step of fixed length. */
-static int flow_fixed(const scene_t* scene, equation_t* step, describes_t* watch, const real* x, const real* u, const real* p,
-                      double h, real* after) {
-  const real length = h;
-  if (watch && !watch(scene, x, u, 0, h)) return 0;
-  CALL(step, (x, u, p, &length), (after));
-  return within_reach(scene, after) && (!watch || watch(scene, x, u, after, h));
-}
-
 /* The same, by one step of fixed length or under error control. */
 static int flow(const scene_t* scene, equation_t* step, equation_t* attempt, describes_t* watch, const real* x, const real* u,
                 const real* p, double h, control_t* control, real* after) {
-  return scene->adaptive ? flow_controlled(scene, attempt, watch, x, u, p, h, control, after)
-                         : flow_fixed(scene, step, watch, x, u, p, h, after);
+  const real length = h;
+  if (scene->adaptive) return flow_controlled(scene, attempt, watch, x, u, p, h, control, after);
+  if (watch && !watch(scene, x, u, 0, h)) return 0;
+  CALL(step, (x, u, p, &length), (after));
+  return within_reach(scene, after) && (!watch || watch(scene, x, u, after, h));
 }

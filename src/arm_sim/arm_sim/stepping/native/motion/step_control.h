@@ -10,6 +10,11 @@
 
 #include <math.h>
 
+#define SAFETY 0.9       /* of the predicted length */
+#define LEAST_FACTOR 0.2 /* of a length from one sub-step to the next, ... */
+#define MOST_FACTOR 6.0  /* ... also where the error is rounding */
+#define SHORTEST 1e-12 /* sub-step, relative to the tick */
+
 typedef struct {
   double done;  /* time of the tick that is behind */
   double step;  /* length to try next, later of the next tick */
@@ -27,17 +32,17 @@ static inline substeps_t first_substep(double h, double step) {
 
 static inline double next_length(substeps_t* at, double h) {
   const double left = h - at->done;
-  at->last = at->step >= left * (1.0 - 1e-12);
+  at->last = at->step >= left * (1.0 - SHORTEST);
   return at->trial = at->last ? left : at->step;
 }
 
 /* What to do after an attempt. size: its error, relative to the tolerance; reached: whether its end is finite. */
 static inline enum outcome control_step(const scene_t* scene, substeps_t* at, double h, double size, int reached) {
-  double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / scene->order); /* NaN must shrink it */
-  factor = !(factor > 0.2) || !reached ? 0.2 : factor > 6.0 ? 6.0 : factor;
+  double factor = size < 1e-10 ? MOST_FACTOR : SAFETY * pow(size, -1.0 / scene->order); /* NaN must shrink it */
+  factor = !(factor > LEAST_FACTOR) || !reached ? LEAST_FACTOR : factor > MOST_FACTOR ? MOST_FACTOR : factor;
   if (!(size <= 1.0) || !reached) {
     at->step = at->trial * factor;
-    return at->step < 1e-12 * h ? STEP_TOO_SMALL : REJECTED;
+    return at->step < SHORTEST * h ? STEP_TOO_SMALL : REJECTED;
   }
   at->done += at->trial;
   /* A last sub-step that was cut short says little of how long the next may be. */

@@ -6,8 +6,8 @@
 #pragma once
 #include "scene.h"
 
-/* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half of
- * `way`; the rest is for its error. `margin` is added.
+/* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half
+ * of `way`; the rest is for its error. `margin` is added.
  */
 static inline int meets_stop(const scene_t* scene, double q, double v, double q_end, double v_end, double length,
                              double margin, int joint) {

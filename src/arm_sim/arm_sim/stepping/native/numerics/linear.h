@@ -6,6 +6,8 @@
 #pragma once
 #include <math.h>
 
+#define DEPENDS 1e-10 /* pivot of an elimination that is rounding, where all columns are of size 1 */
+
 /* Solve A x = b for a row-major n by n matrix, both overwritten, by elimination with row pivots: 0 if A is singular. */
 static int solve_linear(int n, double* A, double* b) {
   for (int k = 0; k < n; ++k) {
@@ -32,4 +34,30 @@ static int solve_linear(int n, double* A, double* b) {
     b[i] /= A[n * i + i];
   }
   return 1;
+}
+
+/* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`; `basic` receives the column of
+ * each row that gets a pivot, else it remains -1. */
+static void eliminate(int rows, int columns, double* T, int begin, int end, int* basic) {
+  for (;;) {
+    int row = -1, column = 0;
+    double largest = DEPENDS;
+    for (int i = 0; i < rows; ++i)
+      for (int j = begin; j < end && basic[i] < 0; ++j)
+        if (fabs(T[columns * i + j]) > largest) {
+          largest = fabs(T[columns * i + j]);
+          row = i;
+          column = j;
+        }
+    if (row < 0) return;
+    basic[row] = column;
+    const double pivot = T[columns * row + column];
+    for (int j = 0; j < columns; ++j) T[columns * row + j] /= pivot;
+    for (int i = 0; i < rows; ++i) {
+      const double factor = T[columns * i + column];
+      if (i == row || factor == 0.0) continue;
+      for (int j = 0; j < columns; ++j) T[columns * i + j] -= factor * T[columns * row + j];
+      T[columns * i + column] = 0.0;
+    }
+  }
 }

@@ -18,16 +18,15 @@ static inline void clear(real* numbers, int count) {
   for (int i = 0; i < count; ++i) numbers[i] = 0.0;
 }
 
-/* Whether numbers are the same, bit for bit. */
+/* Whether numbers are the same, bit for bit. Without memcmp: exported code calls functions of mathematics alone. */
 static inline int same(const double* a, const double* b, int count) {
-  int equal = 1;
-  for (int i = 0; equal && i < count; ++i) {
+  for (int i = 0; i < count; ++i) {
     long long bits[2];
     memcpy(bits, a + i, sizeof *a);
     memcpy(bits + 1, b + i, sizeof *b);
-    equal = bits[0] == bits[1];
+    if (bits[0] != bits[1]) return 0;
   }
-  return equal;
+  return 1;
 }
 
 static inline double dot(const double* a, const double* b, int count) {
@@ -36,10 +35,16 @@ static inline double dot(const double* a, const double* b, int count) {
   return sum;
 }
 
-/* The largest magnitude. */
-static inline double largest_of(const double* values, int count) {
+static inline double max_abs(const double* values, int count) {
   double largest = 0.0;
   for (int i = 0; i < count; ++i)
     if (fabs(values[i]) > largest) largest = fabs(values[i]);
+  return largest;
+}
+
+static inline double max_of(const double* values, int count) {
+  double largest = -INFINITY;
+  for (int i = 0; i < count; ++i)
+    if (values[i] > largest) largest = values[i];
   return largest;
 }
