@@ -40,7 +40,7 @@ SAYS = {
         "view": "arms in the browser",
         "inputs": "checks",
         "state": "(q, v, z)",
-        "external_wrench": "pushes",
+        "external_wrench": "pushes", "coefficients": "between functions",
         "imperfections": "sensors, lines",
         "exceptions": "SimulationDiverged",
         "figures": "one style",

@@ -34,11 +34,9 @@ with show(run, port=0) as page, page._camera((400, 400)) as shoot:
     films = []
     for time in np.arange(0.0, END, 1.0 / RATE):
         page._seek(time)
-        force, hand = FORCES[np.digitize(time, UNTIL)], sim.dynamics.pose(
-            run.q[np.searchsorted(run.time, time - 1e-9)], "panda_hand"
-        )[:3, 3]
-        pull.visible = any(force)
-        pull.points = np.array([[hand, hand + 4e-3 * np.array(force)]])
+        force, q = FORCES[np.digitize(time, UNTIL)], run.q[np.searchsorted(run.time, time - 1e-9)]
+        hand = sim.dynamics.pose(q, "panda_hand")[:3, 3]
+        pull.points, pull.visible = np.array([[hand, hand + 4e-3 * np.array(force)]]), any(force)
         plt.setp(lines, xdata=[time, time])
         figure.canvas.draw()
         films.append(np.hstack([shoot(), np.asarray(figure.canvas.buffer_rgba())[..., :3]]))

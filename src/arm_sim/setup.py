@@ -32,7 +32,7 @@ setup(
     install_requires=[f"arm_dynamics=={VERSION}", *wanted("requirements.txt")],
     extras_require={"robots": wanted("requirements-robots.txt"), "test": ["pytest"]},
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={"": [*CODE, *DATA, "py.typed", "**/CMakeLists.txt"]},
+    package_data={"": [*CODE, *DATA, "py.typed", "**/CMakeLists.txt", "**/README.md.in"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -60,7 +60,7 @@ def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
 
 def test_joints_keep_their_names_but_for_what_all_share() -> None:
     assert joint_words(["j1", "j2"]) == ["j1", "j2"]
-    assert joint_words(["a/panda_joint1", "a/panda_joint2"]) == ["joint1", "joint2"]
+    assert joint_words(["a/panda_joint1", "a/panda_joint2"]) == ["joint 1", "joint 2"]
     assert joint_words(["shoulder_pan_joint", "elbow_joint"]) == ["shoulder pan", "elbow"]
 
 

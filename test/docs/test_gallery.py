@@ -113,9 +113,7 @@ def test_every_page_says_which_lectures_and_equations_it_is_about() -> None:
     assert all(f"[{page.title}]({page.link})" in text and page.shows in text for page in found)
     assert set(lectures.titles()) == set(lectures.COURSES)
     first_page = (GALLERY / "README.rst").read_text()
-    for page in found:
-        script = page.link.removeprefix("/generated/gallery/").replace(".rst", ".py")
-        assert f"   * - `{page.title} <{script}>`__\n     - {page.shows}\n" in first_page
+    assert all(f"`{page.title} <" in first_page and page.shows in first_page for page in found)
 
 
 @pytest.mark.parametrize(

@@ -132,12 +132,13 @@ def most_moved(q: Array) -> list[int]:
 
 
 def joint_words(names: Sequence[str]) -> list[str]:
-    """Names in words, without what all begin or end with up to "_" or "/"."""
+    """Names in words, as "joint 1", without what all begin or end with up to "_" or "/"."""
     parts = [re.split("[_/]", name) for name in names]
     kept = min(map(len, parts)) - 1
     first = min(len(commonprefix(parts)), kept)
     last = min(len(commonprefix([part[::-1] for part in parts])), kept - first)
-    return [" ".join(part[first : len(part) - last]) for part in parts]
+    words = [" ".join(part[first : len(part) - last]) for part in parts]
+    return [re.sub(r"(?<=[a-z]{2})(?=\d)", " ", word) for word in words]
 
 
 def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:

@@ -224,7 +224,7 @@ def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
         if by == "trajectory":
             node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
         else:
-            node.action._coming = None  # a later one waits to be accepted
+            node.action._pending = None  # a later one waits to be accepted
 
     monkeypatch.setattr(node.action, "_begin", begun)
     status, result = client.result(client.send(to(0.4, 0.4)))

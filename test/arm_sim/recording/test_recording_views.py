@@ -92,7 +92,7 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
     with Image.open(tmp_path / "a.gif") as image:
         assert (image.n_frames, image.info["duration"]) == (4, 30)  # [ms]
     _, ground, links, clock = film._func(3)
-    np.testing.assert_array_equal(ground.get_xydata()[[0, 1, 3, 4], 0], [0.0, 0.0, 0.0, 0.35])
+    np.testing.assert_array_equal(ground.get_xydata()[[1, 2, 5, 6], 0], [0.0, 0.0, 0.35, 0.35])
     assert clock.get_text() == "0.09 s"
     crank, rocker = run.q[-1, 0], run.q[-1, 2]
     points = links.get_xydata()

@@ -12,7 +12,8 @@ from arm_dynamics.cdr import GIGA
 from arm_dynamics.codegen.addresses import address
 from arm_sim.recording.files.messages import tick_layout
 from arm_sim.ros.node_library import library
-from arm_sim.ros.record.chunks import PERIOD_NS, SIZE, Chunk
+from arm_sim.ros.record.chunk import PERIOD_NS, Chunk
+from arm_sim.ros.record.chunk_thread import SIZE
 from arm_sim.ros.record.ticks import TickCopy
 
 TICK, STATE = 7, 300

@@ -22,7 +22,7 @@ from recorded_engine import busy, contents, engine_of, run, scene
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
-from arm_sim.ros.record.chunks import COUNT, SIZE
+from arm_sim.ros.record.chunk_thread import COUNT, SIZE
 from arm_sim.ros.record.ticks import TickRecorder
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.runtime_changes import payload_change
@@ -229,7 +229,7 @@ class _SlowDisk:
 def test_a_disk_that_cannot_follow_costs_ticks_and_no_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    monkeypatch.setattr("arm_sim.ros.record.chunk_thread.SIZE", 1 << 14)
     engine = engine_of(scene())
     recorder = TickRecorder(tmp_path / "run.mcap", engine)
     recorder.thread.mcap = slow = _SlowDisk(recorder.thread.mcap)
@@ -250,7 +250,7 @@ def test_a_disk_that_cannot_follow_costs_ticks_and_no_time(
 def test_steps_by_request_wait_for_the_disk(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    monkeypatch.setattr("arm_sim.ros.record.chunk_thread.SIZE", 1 << 14)
     engine = engine_of(scene())
     engine.ticks.paused = True
     recorder = TickRecorder(tmp_path / "run.mcap", engine)
@@ -265,8 +265,8 @@ def test_time_goes_on_where_the_reset_itself_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The chunk with the reset is damaged; the state behind it is a tick after the one before."""
-    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
-    monkeypatch.setattr("arm_sim.ros.record.chunks.COUNT", 100)  # for all, however slow the disk
+    monkeypatch.setattr("arm_sim.ros.record.chunk_thread.SIZE", 1 << 14)
+    monkeypatch.setattr("arm_sim.ros.record.chunk_thread.COUNT", 100)  # on slow disks, too
     engine, path = engine_of(scene()), tmp_path / "run.mcap"
     recorder = TickRecorder(path, engine)
     run(engine, 500)

@@ -40,7 +40,7 @@ def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: A
     assert plot.data[0].tolist() == time.tolist()
     assert [curve.tolist() for curve in plot.data[1:3]] == (1.0 + rows).T.tolist()
     for now, values in ((2.0, ">3<"), (1.5, ">2<"), (-1.0, ">1<"), (9.0, ">4<")):
-        panel.read(now)
+        panel.show_values(now)
         assert values in text.content
 
 

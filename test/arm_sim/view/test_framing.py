@@ -12,7 +12,7 @@ from browser import Page, needed, opened
 
 from arm_sim import Simulator
 from arm_sim.view import show
-from arm_sim.view.framing import FIELD, axes, fitted, keep_framed
+from arm_sim.view.framing import FIELD, TO_CAMERA, axes, direction, fitted, keep_framed
 
 # What is in front at pixels of the page: 1 for the picture, 0 for a panel, -1 outside the page.
 _IN_FRONT = """points => points.map(([x, y]) => {
@@ -41,6 +41,14 @@ def test_a_camera_that_is_fitted_sees_all_points_and_is_as_near_as_can_be(
     assert min(room) < 1e-9  # nearer, they would not be inside
     position, look_at = fitted(points, 100.0, aspect)
     assert np.linalg.norm(position - look_at) == pytest.approx(100.0)
+
+
+def test_arms_that_turn_about_one_level_axis_are_seen_almost_along_it() -> None:
+    y, z = np.eye(3)[1:]
+    way = direction(np.column_stack([y, -y, 0.0 * y]))
+    assert -way[1] > 0.9 * np.linalg.norm(way) and way[2] > 0.0
+    for others in ([z, z], [y, z], [0.0 * z]):
+        assert direction(np.column_stack(others)) is TO_CAMERA
 
 
 def test_a_camera_of_ours_follows_every_size_of_the_page(rng: np.random.Generator) -> None:

@@ -45,6 +45,16 @@ def test_a_link_without_visuals_is_the_cylinder_of_its_inertia() -> None:
     assert bone.joint == capsule.joint == 1
 
 
+def test_point_masses_are_balls_and_hinges_between_bodies_pins() -> None:
+    drawn = visuals_of(ArmModel(load_scene("double_pendulum")))
+    upper, lower = ([x for x in drawn if x.joint == joint] for joint in (1, 2))
+    assert [x.kind for x in upper] == ["sphere", "capsule"]  # its mass, and the rod to the elbow
+    assert [x.kind for x in lower] == ["sphere", "cylinder", "capsule"]
+    ball, pin_, rod_ = lower
+    assert ball.size[0] > 2 * rod_.size[0]
+    assert abs(pin_.placement.rotation[:, 2] @ [0.0, 1.0, 0.0]) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("geometry", "size"),
     [

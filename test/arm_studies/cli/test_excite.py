@@ -68,7 +68,7 @@ def test_the_figure_shows_shares_of_the_limits_by_joint(
     shoulder, elbow = figure.axes
     about = "" if acceleration == 20.0 else ", of its largest"
     assert f"acceleration{about}" in [text.get_text() for text in figure.legends[0].texts]
-    assert elbow.get_xlim() == (0.0, 2.0) and elbow.get_xlabel() == "time [s]"
+    assert elbow.get_xlim() == (0.0, 2.06) and elbow.get_xlabel() == "time [s]"
     times, limits = shoulder.lines[0].get_xdata(), room.limits
     states = [motion.sample(t) for t in times]
     q, v, a = (np.array([getattr(state, part) for state in states]) for part in "qva")

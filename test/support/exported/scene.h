@@ -24,7 +24,7 @@ int slope_differentiate_tick(const scene_t* scene, const tangents_t* tangents, c
                              const double* r, const double* p, double h, double* after, double* slopes);
 equation_t project, torques, acting_torques, servo, effort_slopes;
 
-#define PERIOD 1e-3
+#define LIBRARY_PERIOD 1e-3
 #define NZ 1
 #define START {0.0, 0.0, 0.0, 0.0, 0.0}
 #define OF_STATE {-1}

@@ -88,9 +88,9 @@ class PID(JointLaw):
         kp, ki, kd = gain("kp", kp, n), gain("ki", ki, n), gain("kd", kd, n)
         if np.any((kp == 0.0) & (ki > 0.0)):
             raise InvalidInput(f"kp is {kp}; allowed: positive where ki is positive")
-        each = ki * positive("dt", dt)
-        back = np.minimum(np.divide(each, kp, out=np.zeros(n), where=kp > 0.0), 1.0)
-        self.tuning = kp, kd, each, back, positive_limits("limit", limit, n)
+        per_tick = ki * positive("dt", dt)
+        back = np.minimum(np.divide(per_tick, kp, out=np.zeros(n), where=kp > 0.0), 1.0)
+        self.tuning = kp, kd, per_tick, back, positive_limits("limit", limit, n)
         self.restart()
 
     @property
@@ -106,10 +106,10 @@ class PID(JointLaw):
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
         """Torques, and the integral with back-calculation; see ``JointLaw.formula``."""
-        (kp, kd, each, back, limit), (integral,) = tuning, memory
+        (kp, kd, per_tick, back, limit), (integral,) = tuning, memory
         unlimited = pull(q, v, desired, kp, kd) + integral
         tau = clipped(unlimited, limit)
-        return tau, (integral + each * (desired.q - q) + back * (tau - unlimited),)
+        return tau, (integral + per_tick * (desired.q - q) + back * (tau - unlimited),)
 
 
 @sealed

@@ -44,8 +44,8 @@ class LowPass:
     def __init__(self, order: int, cutoff: list[float], dt: float) -> None:
         n = len(cutoff)
         passing = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
-        both = [coefficients(order, f, dt) if f else passing for f in cutoff]
-        self._b, self._a = np.array([b for b, _ in both]), np.array([a for _, a in both])
+        filters = [coefficients(order, f, dt) if f else passing for f in cutoff]
+        self._b, self._a = np.array([b for b, _ in filters]), np.array([a for _, a in filters])
         # y = b0 x + s1, s1' = (b1 - a1 b0) x - a1 s1 + s2, s2' = (b2 - a2 b0) x - a2 s1
         step = np.zeros((order + 1, order + 1, n))
         step[0, 0], step[0, 1] = self._b[:, 0], 1.0

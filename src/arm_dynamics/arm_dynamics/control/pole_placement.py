@@ -57,9 +57,10 @@ def held_gains(
     if dt == 0.0:
         return kp, kd
     root = np.sqrt((0.25 * kd**2 - kp).astype(complex))
+    # 1 - z₁, 1 - z₂ and 1 - z₁ z₂, without cancellation for short ticks.
     first, second = -np.expm1((root - 0.5 * kd) * dt), -np.expm1(-(root + 0.5 * kd) * dt)
-    both = -np.expm1(-kd * dt)
-    return (first * second).real / dt**2, ((first + second).real + both) / (2.0 * dt)
+    product = -np.expm1(-kd * dt)
+    return (first * second).real / dt**2, ((first + second).real + product) / (2.0 * dt)
 
 
 def gain(name: str, value: ArrayLike, n: int) -> Array:

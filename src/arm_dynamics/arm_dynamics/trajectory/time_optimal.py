@@ -137,7 +137,7 @@ class _LimitedPath:
 
     def __init__(self, motion: JointPath, capacity: Capacity, points: int) -> None:
         dry = capacity.dynamics.steady_friction.has_dry
-        marks = np.concatenate([motion.over.times, _turns(motion.over) if dry else []])
+        marks = np.concatenate([motion.over.times, _reversals(motion.over) if dry else []])
         self._us = _grid(points, marks)
         self._steps = np.diff(self._us)
         at = self._us[:-1, None] + self._steps[:, None] * _WITHIN.clip(1e-9, 1.0 - 1e-9)
@@ -212,7 +212,7 @@ def _reachable(steps: Array, by_y: Array, by_x: Array, rest: Array) -> Array | N
     for i in reversed(range(len(steps))):
         ahead = 2.0 * steps[i] * np.array([1.0, -1.0])  # of the next x, between zero and its most
         a, b = np.append(by_y[i], ahead), np.append(by_x[i], [1.0, -1.0])
-        most[i] = _most(a, b, np.append(room[i], [most[i + 1], 0.0]))
+        most[i] = _largest_x(a, b, np.append(room[i], [most[i + 1], 0.0]))
     x = np.zeros_like(most)
     if np.isnan(most).any():
         return None
@@ -223,7 +223,7 @@ def _reachable(steps: Array, by_y: Array, by_x: Array, rest: Array) -> Array | N
     return x if np.all(x[1:] + x[:-1] > 0.0) else None
 
 
-def _most(a: Array, b: Array, room: Array) -> float:
+def _largest_x(a: Array, b: Array, room: Array) -> float:
     """Largest x with a y + b x ≤ room for some y, or NaN.
 
     Between the lines that limit y from above and from below there is a gap, concave over x; where
@@ -254,7 +254,7 @@ def _grid(points: int, marks: Array) -> Array:
     return np.union1d(marks, even[gap > 0.2 * np.gradient(even)])
 
 
-def _turns(over: Trajectory) -> Array:
+def _reversals(over: Trajectory) -> Array:
     """Points of a path at which a joint reverses, hence its dry friction jumps."""
     shares = np.linspace(0.0, 1.0, _SAMPLES)
     us, _, first, _ = over.table(shares)

@@ -14,9 +14,14 @@ from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of
+from arm_sim.derivatives.gradient import (
+    Gradients,
+    RolloutGradient,
+    gradient_of,
+    initial_slope,
+)
 from arm_sim.derivatives.linearization import Linearizer
-from arm_sim.derivatives.rollout_change import rollout_change
+from arm_sim.derivatives.tangents import Arms
 from arm_sim.inputs import one_side, row, rows, torque, whole
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import packed
@@ -316,13 +321,20 @@ class Derivatives:
             NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
-        p = self._plant.parameters.merged(parameters or {}, self._stepper.p)
-        rollouts, linearizer = self._rollouts(), self.linearizer()
+        plant, rollouts = self._plant, self._rollouts()
+        p = plant.parameters.merged(parameters or {}, self._stepper.p)
         batch = rollouts.batch(q0, v0, tau, steps, p, last_only=True)
-        arms, n = len(batch.x0), self._plant.model.n
-        dx0 = np.hstack([rows("dq0", dq0, arms, n), rows("dv0", dv0, arms, n)])
-        changes, sided = rollouts.by_tick("dtau", dtau, arms, batch.steps), one_side(side)
-        return rollout_change(self._plant, linearizer, batch, dx0, changes, threads, lanes, sided)
+        count, ticks, n = len(batch.x0), batch.steps, plant.model.n
+        dx0 = np.hstack([rows("dq0", dq0, count, n), rows("dv0", dv0, count, n)])
+        if plant.nz:
+            arms = zip(batch.x0, dx0, strict=True)
+            dz0 = [initial_slope(plant, x[: 2 * n]) @ dx for x, dx in arms]
+            dx0 = np.hstack([dx0, np.array(dz0)])
+        initial = np.ascontiguousarray(dx0)[:, :, None]
+        held = rollouts.by_tick("dtau", dtau, count, ticks)[:, :ticks, :, None]
+        columns = Arms(batch.x0, batch.tau[:, :ticks], batch.p, initial, held)
+        moved = self.linearizer().jvps(columns, threads, lanes, every=True, side=one_side(side))
+        return np.concatenate([initial[:, None], moved], axis=1)[..., : 2 * n, 0]
 
     def rollout_gradient(
         self,

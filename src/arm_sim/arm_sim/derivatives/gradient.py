@@ -27,7 +27,6 @@ from arm_sim.derivatives.event_free_gradient import (
     tick_functions,
 )
 from arm_sim.derivatives.motion import Motion, naming
-from arm_sim.derivatives.rollout_change import initial_slope
 from arm_sim.derivatives.tangents import LONGEST
 from arm_sim.derivatives.tick_derivatives import TickDerivatives
 from arm_sim.integrators.selection import Choice
@@ -102,6 +101,23 @@ def gradient_of(
     if len(shape) == 1:
         by_tau = by_tau.sum(axis=0)
     return RolloutGradient(by_start[:, :n], by_start[:, n:], by_tau, by_p, plant.parameters)
+
+
+def initial_slope(plant: Plant, x: Array) -> Array:
+    """Derivative of the initial internal states by (q, v), shape (nz, 2n).
+
+    They are those at rest and nearly linear, so fourth-order differences are accurate.
+    """
+    n, h = plant.model.n, 2.0**-10
+
+    def at(place: Array) -> Array:
+        return plant.laws.initial(place[:n], place[n:])
+
+    columns = [
+        (8.0 * (at(x + e) - at(x - e)) - (at(x + 2 * e) - at(x - 2 * e))) / (12.0 * h)
+        for e in h * np.eye(2 * n)
+    ]
+    return np.column_stack(columns)
 
 
 @sealed

@@ -26,11 +26,11 @@ def check_program(library: Library, expected: Expected, points: Sequence[Point])
     """
     checks = _Checks(library)
     for k, point in enumerate(points):
-        checks.at(k, *point)
+        checks.add_point(k, *point)
         for term in library.terms:
-            checks.compare(k, term, expected.of(term, *point))
+            checks.add_term(k, term, expected.of(term, *point))
     if library.tick:
-        checks.run(library.tick)
+        checks.add_motion(library.tick)
     program = [
         comment(library.about) + f'#include "{library.name}.h"\n',
         of_files(["check.h"]),
@@ -50,27 +50,27 @@ class _Checks:
         self._name = library.name
         self.tables, self.calls = list[str](), list[str]()
 
-    def at(self, k: int, q: Array, v: Array, a: Array) -> None:
+    def add_point(self, k: int, q: Array, v: Array, a: Array) -> None:
         for name, values in (("q", q), ("v", v), ("a", a)):
             self.tables.append(_table(f"{name}{k}", values))
 
-    def compare(self, k: int, term: Term, results: Sequence[Array]) -> None:
+    def add_term(self, k: int, term: Term, results: Sequence[Array]) -> None:
         tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}
         inputs = [tables.get(x, "NULL") for x in term.arguments]
-        outputs = [f"got{i}" for i in range(len(results))]
-        lines = [f"double got{i}[{values.size}];" for i, values in enumerate(results)]
+        outputs = [f"result{i}" for i in range(len(results))]
+        lines = [f"double result{i}[{values.size}];" for i, values in enumerate(results)]
         lines.append(f"{self._name}_{term.name}({', '.join([*inputs, *outputs])});")
         for i, values in enumerate(results):
             table = f"{term.name}_{k}" + (f"_{term.results[i]}" if i else "")
             self.tables.append(_table(table, values))
-            arguments = f'"{term.name}", got{i}, {table}, {values.size}, {_ROUNDING}'
+            arguments = f'"{term.name}", result{i}, {table}, {values.size}, {_ROUNDING}'
             lines.append(f"wrong += differs({arguments});")
         self.calls.append("  {\n    " + "\n    ".join(lines) + "\n  }")
 
-    def run(self, tick: Tick) -> None:
+    def add_motion(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
         motion = test_motion(tick.simulator, tick.differentiable)
-        name, n, most = self._name, tick.simulator.n, _ROUNDING
+        name, n, tolerance = self._name, tick.simulator.n, _ROUNDING
         ticks = motion.held * len(motion.commands)
         self.tables += [
             _table("commands", motion.commands.ravel()),
@@ -87,8 +87,8 @@ class _Checks:
             f'    if (code) printf("ticks: %s\\n", {name}_error_text(code));\n'
             f"    wrong += code != 0;\n"
             f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
-            f'    if (!code) wrong += differs("{ticks} ticks, q", q, last_q, {n}, {most});\n'
-            f'    if (!code) wrong += differs("{ticks} ticks, v", v, last_v, {n}, {most});\n'
+            f'    if (!code) wrong += differs("{ticks} ticks, q", q, last_q, {n}, {tolerance});\n'
+            f'    if (!code) wrong += differs("{ticks} ticks, v", v, last_v, {n}, {tolerance});\n'
             f"{self._slopes(motion)}"
             f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
             "    free(sim);\n"

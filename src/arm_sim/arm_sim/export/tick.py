@@ -88,6 +88,7 @@ def tick_of(
     parts = [amalgamated(engine, included), _defines(simulator)]
     if tangents:
         parts.append(derivatives_of_ticks(tangents, included))
+    # What the interface calls besides the functions of the engine.
     functions += [f for f in (plant.mechanics.project, plant.torques) if f is not None]
     interface = {"library.h": "sim.c"}
     if servo:
@@ -98,12 +99,12 @@ def tick_of(
         functions.append(effort_slopes(plant, len(numbers)))
     parts.append(of_files(list(interface.values()), included | {*interface}) + _setter(numbers))
     return Tick(
-        simulator,
-        tuple(number.name for number in numbers),
-        tuple(functions),
-        bool(tangents),
-        "\n".join(parts),
-        f"{_PERIOD} {choice.dt!r}\n{of_files(list(interface))}",
+        simulator=simulator,
+        parameters=tuple(number.name for number in numbers),
+        functions=tuple(functions),
+        differentiable=bool(tangents),
+        source="\n".join(parts),
+        declarations=f"{_PERIOD} {choice.dt!r}\n{of_files(list(interface))}",
     )
 
 

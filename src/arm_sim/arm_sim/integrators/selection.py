@@ -212,13 +212,13 @@ def _swings(sampled: list[Response], dt: float) -> bool:
 
 def _instability(plant: Plant, method: Method, dt: float) -> str:
     """Why a method is unstable in steps of ``dt``, and what would do; empty if it is stable."""
-    shaky = [response for response in responses(plant) if grows(method, response, dt)]
-    if not shaky:
+    unstable = [response for response in responses(plant) if grows(method, response, dt)]
+    if not unstable:
         return ""
     longest, first = min(
-        ((longest_step(method, response, dt), k) for k, response in enumerate(shaky))
+        ((longest_step(method, response, dt), k) for k, response in enumerate(unstable))
     )
-    why = _describe_mode(plant, shaky[first], worst(method, shaky[first], dt))
+    why = _describe_mode(plant, unstable[first], worst(method, unstable[first], dt))
     return (
         f"unstable at dt = {dt:g} s: {why}; dt up to {longest:.2g} s, 'implicit', or 'dop853' "
         "with a tolerance would do"

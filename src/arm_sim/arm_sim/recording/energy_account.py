@@ -140,13 +140,11 @@ class EnergyAccount:
         acting = u if pushed is None else u + p[:, pushed]
         way = self._parts(after)[0] - self._parts(x)[0]
         work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick
+        dt = self.choice.dt
         heat = [
-            dissipated_work(
-                self._dynamics(p[run.start]), self.choice.dt,
-                (x[run], after[run]), u[run],
-            )
+            dissipated_work(self._dynamics(p[run.start]), dt, (x[run], after[run]), u[run])
             for run in self._present.runs(p)
-        ]  # fmt: skip
+        ]
         return np.stack([work, np.concatenate(heat)], axis=1)
 
     def contact_losses(self, x: Array, u: Array, p: Array) -> Array:

@@ -45,12 +45,16 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
     for part, (attribute, *unit) in QUANTITIES.items():
         arrays: list[Array] = [getattr(one, attribute) for one in recordings]
-        if part == "position" or any(np.nan_to_num(array).any() for array in arrays):
+        shown = {
+            name for one, array in zip(recordings, arrays, strict=True) for name in names
+            if part == "position" or np.nan_to_num(array[:, one.joint_names.index(name)]).any()
+        }  # fmt: skip
+        if shown:
             panels[f"{part} [{figures.units(types, *unit)}]"] = [
                 [
                     (word, array[:, one.joint_names.index(name)], color)
                     for name, word, color in drawn
-                    if part == "position" or array[:, one.joint_names.index(name)].any()
+                    if name in shown
                 ]
                 for one, array in zip(recordings, arrays, strict=True)
             ]

@@ -260,8 +260,8 @@ class RecordedMotion(Contents):
         largest = float(self.error[:, :n].max(initial=0.0))
         unit = units(self.plant.model.joint_types, "rad", "m", " or ")
         rounded = largest <= np.finfo(float).eps * max(1.0, abs(self.q).max(initial=0.0))
-        to = "rounding" if rounded else f"{largest:.1g} {unit}"
-        return f"accurate to {to}, by a second run {run.how} ({run.means})"
+        bound = "rounding" if rounded else f"{largest:.1g} {unit}"
+        return f"accurate to {bound}, by a second run {run.how} ({run.means})"
 
     def _magnification(self, row: int) -> float:
         """Factor by which a change of the start has grown at a row; 1 with windows."""

@@ -88,7 +88,8 @@ class Display:
         self._sends_states, self._sends_frames = self._states.has_subscribers, False
         if self._tf is not None:
             if next(self._updates) % _SELDOM == 0:
-                self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
+                rivals = self._tf.has_rivals()
+                self.frames = "left to robot_state_publisher" if rivals else "published"
             self._sends_frames = self.frames == "published" and self._tf.has_subscribers
         if not (self._sends_states or self._sends_frames):
             self._timer.cancel()

@@ -48,7 +48,7 @@ class Frames:
         """Whether there are subscribers."""
         return bool(self._publisher.get_subscription_count())
 
-    def rivals(self) -> bool:
+    def has_rivals(self) -> bool:
         """Whether a robot_state_publisher of the same namespace publishes frames."""
         here = self._node.get_namespace()
         publishers = self._node.get_publishers_info_by_topic(self._topic)

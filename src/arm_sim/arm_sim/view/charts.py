@@ -59,9 +59,9 @@ class Chart:
         """Draw curves, values of shape (k, curves); the legend has their last values."""
         self.time, self.values = time, values
         self.plot.data = _columns(time, values)
-        self.read(np.inf)
+        self.show_values(np.inf)
 
-    def read(self, time: float) -> None:
+    def show_values(self, time: float) -> None:
         """Show the values at a time in [s] in the legend, the first ones before all."""
         row = max(int(np.searchsorted(self.time, time + 1e-9)) - 1, 0)
         values = self.values[row] if len(self.time) else np.full(len(self.names), np.nan)
@@ -86,10 +86,10 @@ class ChartPanel:
             self.charts[title] = Chart(self._gui, title, names)
         return self.charts[title]
 
-    def read(self, time: float) -> None:
+    def show_values(self, time: float) -> None:
         """Show the values at a time in [s] in all legends."""
         for chart in self.charts.values():
-            chart.read(time)
+            chart.show_values(time)
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
         """Fold the plots away for a visitor whose picture they leave too narrow."""

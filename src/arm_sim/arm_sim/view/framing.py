@@ -34,7 +34,8 @@ def direction(joint_axes: Array) -> Array:
     axis = directions[:, 0]
     if sizes[:1].sum() == 0.0 or sizes[1:].any() > 1e-6 or abs(axis[2]) > 0.7:
         return TO_CAMERA
-    return np.sign(axis @ TO_CAMERA) * axis + 0.35 * TO_CAMERA + [0.0, 0.0, 0.2]
+    way: Array = np.sign(axis @ TO_CAMERA) * axis + 0.35 * TO_CAMERA + [0.0, 0.0, 0.2]
+    return way
 
 
 def fitted(

@@ -82,7 +82,7 @@ class Player(View):
             for recording, actor in self._motions:
                 actor.draw(instant(recording, self.time))
         self._slider.value = self.time
-        self._panel.read(self.time)
+        self._panel.show_values(self.time)
         self._report("")
 
     def _seek(self, time: float) -> None:

@@ -148,11 +148,12 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
     model, size = robot.bare, robot.reach
     thin, visuals = THIN * size, []
 
-    def add(joint: int, along: Array, middle: Array, radius: float, length: float) -> None:
-        place, wide = pin.SE3(turn_to(along), middle), 2 * radius
-        visuals.append(
-            Visual(model.names[joint], joint, place, "capsule", (wide, wide, length), METAL)
-        )
+    def add(
+        joint: int, kind: str, along: Array, middle: Array, wide: float, length: float,
+        colour: Colour = METAL,
+    ) -> None:  # fmt: skip
+        place, box = pin.SE3(turn_to(along), middle), (wide, wide, length)
+        visuals.append(Visual(model.names[joint], joint, place, kind, box, colour))
 
     for joint in joints:
         body = model.inertias[joint]
@@ -161,9 +162,12 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
             along, across = max(float(moments[0]), 0.0), float(moments[1:].mean())
             radius = np.sqrt(2 * along / body.mass)
             length = np.sqrt(max(12 * across / body.mass - 3 * radius**2, 0.0))
-            if length < thin:
-                radius = max(_ball(body.mass), 3 * thin)
-            add(joint, axes[:, 0], body.lever, float(np.clip(radius, thin, THICK * size)), length)
+            if max(radius, length) < thin:
+                wide = 2 * float(np.clip(_ball(body.mass), 3 * thin, THICK * size))
+                add(joint, "sphere", axes[:, 0], body.lever, wide, wide)
+            else:
+                wide = 2 * float(np.clip(radius, thin, THICK * size))
+                add(joint, "capsule", axes[:, 0], body.lever, wide, float(length))
         ways = [
             model.jointPlacements[child].translation
             for child in range(1, model.njoints)
@@ -171,11 +175,10 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
         ]
         axis = np.asarray(model.joints[joint].createData().S).ravel()[3:]
         if model.parents[joint] and axis.any():
-            pin_ = pin.SE3(turn_to(axis), np.zeros(3)), "cylinder", (4 * thin, 4 * thin, 9 * thin)
-            visuals.append(Visual(model.names[joint], joint, *pin_, BEARING))
+            add(joint, "cylinder", axis, np.zeros(3), 4 * thin, 9 * thin, BEARING)
         for way in ways or [body.lever]:
             if (length := float(np.linalg.norm(way))) > thin:
-                add(joint, way, way / 2, thin, length)
+                add(joint, "capsule", way, way / 2, 2 * thin, length)
     return visuals
 
 

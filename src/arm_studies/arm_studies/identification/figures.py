@@ -128,7 +128,7 @@ def draw_excitation(motion: Trajectory, room: Room, path: Path) -> None:
             for label, values in curves.items():
                 axis.plot(times, 100.0 * values[:, j], lw=1.2, label=label)
             axis.axhspan(-100.0, 100.0, color="0.96", lw=0, zorder=0)
-            axis.set(title=name, ylim=(-110.0, 110.0), xlim=(0.0, motion.duration))
+            axis.set(title=name, ylim=(-110.0, 110.0), xlim=(0.0, 1.03 * motion.duration))
         for axis in axes.flat[max(0, len(names) - 2) : len(names)]:
             axis.set_xlabel("time [s]")
             axis.tick_params(labelbottom=True)

@@ -151,12 +151,7 @@ def run(
     context = Context()
     node: Any = None
     try:
-        avoid_shared_memory()
-        try:
-            off = SignalHandlerOptions.NO
-            rclpy.init(args=args, context=context, signal_handler_options=off)
-        except RuntimeError as error:
-            raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
+        _start_ros(context, args)
         node = make_node(context=context)
         _handle_signals(lambda number, _: signals.append(number))
         _warn_of_unknown(node)
@@ -178,6 +173,14 @@ def run(
             node.destroy_node()
         context.try_shutdown()
     return 0
+
+
+def _start_ros(context: Context, args: list[str] | None) -> None:
+    avoid_shared_memory()
+    try:
+        rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
 
 
 def _handle_signals(handler: Callable[[int, Any], object]) -> None:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tangents: how a small change of the state, command or parameters grows over steps and ticks."""
 
-from arm_sim.derivatives.tangents.choice import CompiledTangents
 from arm_sim.derivatives.tangents.functions import (
     LONGEST,
     TANGENTS,
@@ -10,7 +9,4 @@ from arm_sim.derivatives.tangents.functions import (
 )
 from arm_sim.derivatives.tangents.tangents import Arms, Tangents
 
-__all__ = [
-    "LONGEST", "TANGENTS", "Arms", "CompiledTangents", "TangentFunctions", "Tangents",
-    "tangents_source",
-]  # fmt: skip
+__all__ = ["LONGEST", "TANGENTS", "Arms", "TangentFunctions", "Tangents", "tangents_source"]

@@ -201,8 +201,8 @@ class Tangents:
         unit = address(self._unit)  # the same for all arms and ticks
         table = ArmTable(address(x), address(r), address(p), r.shape[1], 0, 0, dt, ticks)
         columns = Columns(unit, unit + 8 * nx * k, address(slopes), 0, 0, 0, nx * k, 0, k, True)
-        alone, _ = self._side_by_side(table, marks, columns, after, begins, (threads, lanes))
-        return after, slopes, alone
+        invalid, _ = self._side_by_side(table, marks, columns, after, begins, threads, lanes)
+        return after, slopes, invalid
 
     def columns(
         self, arms: Arms, every: bool, threads: int | None, lanes: int | None,
@@ -230,20 +230,20 @@ class Tangents:
             address(arms.initial), address(arms.held), address(columns), *strides(arms.initial, 1),
             *strides(arms.held, 2), by_arm, by_tick if every else 0, arms.initial.shape[-1], False,
         )  # fmt: skip
-        cores = threads, lanes
-        alone, ticks = self._side_by_side(table, marks, table_of_columns, after, begins, cores)
-        return columns, alone, after, ticks
+        invalid, ticks = self._side_by_side(
+            table, marks, table_of_columns, after, begins, threads, lanes
+        )
+        return columns, invalid, after, ticks
 
     def _side_by_side(
         self, table: ArmTable, marks: Marks, columns: Columns, after: Array, begins: bool,
-        cores: tuple[int | None, int | None],
+        threads: int | None, lanes: int | None,
     ) -> tuple[list[int], Counts]:  # fmt: skip
         """Call ``propagate_ticks`` of native/derivatives/tangent_ticks.c.
 
         Returns:
             The arms whose results are invalid, and with events the ticks of each before one.
         """
-        threads, lanes = cores
         # With events lanes save less time than their compilation takes.
         lanes = 1 if self._functions.event_free and lanes is None else lanes
         code, width = widest(lanes, self.library)

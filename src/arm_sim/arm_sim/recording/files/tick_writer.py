@@ -61,14 +61,15 @@ class TickFile(McapWriter):
         for name, text in texts.items():
             self.add_attachment(0, 0, name, "text/plain", text.encode())
         folder = states.rpartition("/")[0]
-        self.states, self.ticks, self.changes, self.log, self.robot = (
-            self.channel(topic, kind, msg.definition(kind), msg.LATCHED if kind == STRING else "")
-            for topic, kind in (
-                (states, JOINT_STATE), (f"{prefix}/ticks", TICK), (f"{prefix}/changes", CHANGE),
-                (f"{prefix}/events", LOG), (f"{folder}/robot_description", STRING),
-            )
-        )  # fmt: skip
+        self.states = self._channel(states, JOINT_STATE)
+        self.ticks = self._channel(f"{prefix}/ticks", TICK)
+        self.changes = self._channel(f"{prefix}/changes", CHANGE)
+        self.log = self._channel(f"{prefix}/events", LOG)
+        self.robot = self._channel(f"{folder}/robot_description", STRING, msg.LATCHED)
         self.urdf = msg.written(STRING, data=texts[URDF_FILE])
+
+    def _channel(self, topic: str, kind: str, profile: str = "") -> int:
+        return self.channel(topic, kind, msg.definition(kind), profile)
 
     def add(self, channel: int, stamp: int, message: bytes) -> None:
         """Add a message of a time in [ns]."""

@@ -18,7 +18,11 @@ class JointCommands:
 
     A message commands the joints for which it has a number; the others keep their last command, an
     effort, a velocity or a position. While all joints have efforts, a command consists of efforts
-    only. ``admit`` decides whether a source may command joints, see ``Arbiter.admit``.
+    only. A reader calls ``admit`` or ``note`` for each message, whose numbers ``command`` takes.
+
+    Args:
+        model: The arm.
+        admit: Decides whether a source may command joints, see ``Arbiter.admit``.
     """
 
     def __init__(self, model: ArmModel, admit: Callable[[str, frozenset[int]], None]) -> None:

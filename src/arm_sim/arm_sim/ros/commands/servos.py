@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
@@ -34,10 +31,6 @@ class Servos:
             _ = compiled.servo  # built on first use
             return True
         if not background.busy:
-            background.start(lambda: compiled.servo, _raise_failure)
-        background.deliver()
+            background.start(lambda: compiled.servo, lambda result: result())
+        background.deliver()  # raises why they could not be built
         return False
-
-
-def _raise_failure(result: Callable[[], Any]) -> None:
-    result()

@@ -17,7 +17,7 @@ from arm_sim.recording.files.messages import CHANGE, tick_layout, written
 from arm_sim.recording.files.tick_writer import UNCHANGED, log_message
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.node_library import RECORD
-from arm_sim.ros.record.chunks import ChunkThread
+from arm_sim.ros.record.chunk_thread import ChunkThread
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
@@ -78,8 +78,8 @@ class TickRecorder:
         self._engine, self.path = engine, path
         self._name = prefix.rpartition("/")[2]
         self.file = TickFile(new_file(path), arm.origin, arm.joint_names, prefix, states)
-        begin = self.file.channel
-        self.channels = {topic: begin(topic, *about) for topic, about in topics.items()}
+        channel = self.file.channel
+        self.channels = {topic: channel(topic, *about) for topic, about in topics.items()}
         self.channels[states] = self.file.states
         self.thread = ChunkThread(self.file, on_failure)
         self._copy = TickCopy(arm, self.file.ticks, self.file.states)

@@ -21,7 +21,7 @@ from arm_dynamics.cdr import HEADER
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files import McapWriter, new_file
 from arm_sim.recording.files.messages import JOINT_STATE, LATCHED
-from arm_sim.ros.record.chunks import ChunkThread
+from arm_sim.ros.record.chunk_thread import ChunkThread
 from arm_sim.ros.record.definitions import definition_of, type_of
 
 _PERIOD = 0.5  # [s] between checks for new topics

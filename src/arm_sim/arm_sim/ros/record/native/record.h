@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Buffers of a recording. Python reads this header (chunks.py, ticks.py), checks that there is room, and reads the
+ * Buffers of a recording. Python reads this header (chunk.py, ticks.py), checks that there is room, and reads the
  * records, which are those of MCAP (https://mcap.dev/spec).
  */
 #pragma once
