@@ -22,7 +22,6 @@ SAYS = {
         "autodiff": "for JAX and PyTorch",
         "identification": "scenes from motions",
         "optimization": "iLQR",
-        "renaming": "former names",
         "sweeps": "many closed loops, one table",
     },
     "arm_sim": {
