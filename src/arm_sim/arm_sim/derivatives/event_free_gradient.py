@@ -29,8 +29,8 @@ from arm_sim.plant.slopes import pullback, scaled_jacobian
 from arm_sim.stepping.arm_table import Engine
 from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 
+# Ticks that are made in one call
 STRETCH = 1024
-"""Ticks that are made in one call."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class EventFreePart:
         return gradient
 
 
+# Some ticks of a motion
 type Part = TickPart | EventFreePart
-"""Some ticks of a motion."""
 
 
 class EventFreeGradients:

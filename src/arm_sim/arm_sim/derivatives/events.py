@@ -41,9 +41,9 @@ MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
 ENGINE = ("loads", "statics", "contact_geometry")
 
 _DERIVATIVES = NATIVE / "derivatives"
+# Names of ``enum refusal`` by their values
 REFUSALS = {value: name for name, value in Header(
     _DERIVATIVES / "sensitivities.h", only="refusal").constants.items()}  # fmt: skip
-"""Names of ``enum refusal`` by their values."""
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
@@ -72,15 +72,15 @@ MESSAGES = {
     "COINCIDE": "{}: events at the same instant",
     "GRAZES": "{} is grazed",
 }
+# Where a guard grazes that is not known
 UNKNOWN = "an event is grazed, or joints and contacts that held together let go"
-"""Where a guard grazes that is not known."""
 OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
 
+# Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``
 Helpers = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").structure("helpers_t")
-"""Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``."""
+# A traced tick: ``trace_t`` of ``native/modes/tick_record.h``
 TickTrace = Header(NATIVE / "modes/tick_record.h", only="trace_t").structure("trace_t")
-"""A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)
 CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
 

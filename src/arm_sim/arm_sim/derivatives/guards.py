@@ -23,10 +23,10 @@ FAR = 1e-6
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
 ROUNDING = 1e-12
 
+# Value of a guard, and the magnitude of its terms
 Guard = tuple[ca.MX, ca.MX]
-"""Value of a guard, and the magnitude of its terms."""
+# A guard that is never active
 NONE: Guard = (ca.MX(1), ca.MX(0))
-"""A guard that is never active."""
 
 
 def guard_names(plant: Plant) -> list[str]:

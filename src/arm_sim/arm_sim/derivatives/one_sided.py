@@ -47,8 +47,8 @@ class TickPoint:
         return TickPoint(*np.split(numbers, (nx, held)))
 
 
+# State at the end of a tick, shape (nx,), or its derivatives by (x, r, p[tuned])
 Tick = Callable[[TickPoint], Array]
-"""State at the end of a tick, shape (nx,), or its derivatives by (x, r, p[tuned])."""
 
 
 def one_sided(

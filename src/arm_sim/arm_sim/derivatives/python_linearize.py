@@ -14,9 +14,9 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.engine import NATIVE, address_of
 from arm_sim.stepping.python_step import function_of_structure, unanswered
 
+# Function of a state and a command: derivatives by both side by side, or None where they are left
+# to Python, and where the command is not an array or a list of n finite floats.
 Linearize = Callable[[object, object], Array | None]
-"""Function of a state and a command: derivatives by both side by side, or None where they are left
-to Python, and where the command is not an array or a list of n finite floats."""
 
 _FOLDER = NATIVE / "derivatives"
 _Arguments = Header(_FOLDER / "linearize.h").structure("linearize_t")

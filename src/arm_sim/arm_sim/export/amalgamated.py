@@ -11,8 +11,8 @@ from arm_dynamics.codegen import compiler
 from arm_sim.stepping.engine import NATIVE
 
 OWN = Path(__file__).parent / "native"
+# Files that stand in another place of a library
 ELSEWHERE = frozenset({"scalar.h"})
-"""Files that stand in another place of a library."""
 _FOLDERS = (OWN, NATIVE, compiler.NATIVE)
 _FIRST_COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 _INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)

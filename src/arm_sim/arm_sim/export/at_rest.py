@@ -22,8 +22,8 @@ from arm_sim.plant.options import Options
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.stepping.engine import braces, scene_source, sizes
 
+# Begins the names of this part of a library
 PREFIX = "rest_"
-"""Begins the names of this part of a library."""
 
 
 @one_at_a_time

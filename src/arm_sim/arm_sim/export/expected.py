@@ -18,11 +18,11 @@ from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.export.terms import DERIVATIVES, Term
 from arm_sim.simulation.simulator import Simulator
 
+# q, v, and a or tau
 Point = tuple[Array, Array, Array]
-"""q, v, and a or tau."""
 
+# Number of random states at which terms are compared
 TEST_POINTS = 3
-"""Number of random states at which terms are compared."""
 _COMMANDS, _HELD, _TORQUE_CAP = 5, 20, 50.0  # of ticks: commands, ticks of each, and [N m] at most
 _SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in loops the second
 

@@ -12,8 +12,8 @@ from uuid import uuid4
 
 from arm_dynamics import InvalidInput
 
+# File that says which files of a folder were exported
 MANIFEST = "export.json"
-"""File that says which files of a folder were exported."""
 
 
 def check_folder(out: Path) -> None:

@@ -20,8 +20,8 @@ from arm_sim.export.tick import Tick
 _TYPES = "#define casadi_real real\n#define casadi_int long long\n"
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
 _COLUMNS = 100
+# Code in lines that are not too long, unless a name is, which stays whole
 wrapped = partial(textwrap.fill, width=98, break_long_words=False, break_on_hyphens=False)
-"""Code in lines that are not too long, unless a name is, which stays whole."""
 _PRAGMAS = """\
 /* The same bits under all flags: no fused multiply-add, which GCC's vectorizer of straight code
  * also makes where it is forbidden. And no function of a library in the place of a loop.

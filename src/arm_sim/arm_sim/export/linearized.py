@@ -13,8 +13,8 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import dense_function
 
 _UNITS = '#include "derivatives/tangent_ticks.c"\n#include "derivatives/tick_derivative.c"\n'
+# Begins the names of this part of a library
 PREFIX = "slope_"
-"""Begins the names of this part of a library."""
 
 
 def derivatives_of_ticks(functions: TangentFunctions, included: set[str]) -> str:

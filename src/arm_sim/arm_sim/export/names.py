@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from arm_dynamics import InvalidInput
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+# Most characters of a library's name, to which functions add theirs
 LONGEST = 63
-"""Most characters of a library's name, to which functions add theirs."""
 # Words of C and C++; names that CMake reserves; the prefix of a part of libraries (at_rest.py);
 # headers that N.h would hide.
 _WORDS = frozenset(

@@ -24,8 +24,8 @@ class Channel(IntEnum):
     COMMANDS = 4
 
 
+# Draws the numbers of some ticks in a row, shape (ticks, size)
 Draw = Callable[[np.random.Generator, int], Array]
-"""Draws the numbers of some ticks in a row, shape (ticks, size)."""
 
 
 class Chance:

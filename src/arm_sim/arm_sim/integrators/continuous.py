@@ -17,13 +17,13 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.integrators.tableaux import Tableau
 
+# Order up to which conditions are tried
 HIGHEST = 6
-"""Order up to which conditions are tried."""
+# Residual of order conditions that are satisfied
 SOLVED = 1e-9
-"""Residual of order conditions that are satisfied."""
 
+# A rooted tree: the subtrees at its root
 Tree = tuple["Tree", ...]
-"""A rooted tree: the subtrees at its root."""
 
 
 def stage_at_end(tableau: Tableau) -> int | None:

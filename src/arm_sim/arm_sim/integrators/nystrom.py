@@ -21,12 +21,12 @@ import casadi as ca
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 
 Rates = Sequence[ca.MX] | Mapping[int, ca.SX]
+# By x, u and p
 Gradients = tuple[ca.MX, ca.MX, ca.MX]
-"""By x, u and p."""
+# x' at a state
 Slope = Callable[[ca.MX], ca.MX]
-"""x' at a state."""
+# Gradients at a state, from x' there and the gradient by x'
 Pullback = Callable[[ca.MX, ca.MX, ca.MX], Gradients]
-"""Gradients at a state, from x' there and the gradient by x'."""
 
 
 def slopes(

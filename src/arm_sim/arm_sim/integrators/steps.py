@@ -16,11 +16,11 @@ from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end, s
 from arm_sim.integrators.methods import Method
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 
+# The slope x' of a stage, from its number and state; numbers beyond the last mean the end
 Stage = Callable[[int, ca.MX], ca.MX]
-"""The slope x' of a stage, from its number and state; numbers beyond the last mean the end."""
+# Builds the function that an implicit method may use in place of the Jacobian, see
+# ``extrapolated_step``.
 Scaled = Callable[[], ca.Function | None]
-"""Builds the function that an implicit method may use in place of the Jacobian, see
-``extrapolated_step``."""
 
 
 @one_at_a_time

@@ -16,14 +16,14 @@ from arm_dynamics.equations import spring
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.parameters import EXTERNAL, Parameters
 
+# Energies that a repeated tick integrates
 FLOWS = (
     "work supplied [J]", "heat lost [J]", "heat of friction [J]", "external work [J]",
     "lost in contacts [J]",
 )  # fmt: skip
-"""Energies that a repeated tick integrates."""
 
+# Function (q, v, tau, p) -> power in [W]
 Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
-"""Function (q, v, tau, p) -> power in [W]."""
 
 
 @dataclass(frozen=True)

@@ -28,5 +28,5 @@ class Options:
     energies: bool = False
 
 
+# The equations of a scene as it is
 SCENE = Options()
-"""The equations of a scene as it is."""

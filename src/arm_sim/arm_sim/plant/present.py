@@ -15,12 +15,12 @@ from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 
+# Tunable quantities on which the model of the arm depends
 OF_ARM = ("gravity", "payload", "friction", "coulomb")
-"""Tunable quantities on which the model of the arm depends."""
+# Those that act on an arm
 FROM_OUTSIDE = (EXTERNAL, CONSTRAINTS)
-"""Those that act on an arm."""
+# Number of cached dynamics, since a motion may alternate between a few
 KEPT = 8
-"""Number of cached dynamics, since a motion may alternate between a few."""
 
 
 class PresentDynamics:

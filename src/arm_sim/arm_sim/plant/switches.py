@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.internal_state import Ensemble, Flow, StatefulLaw
 from arm_dynamics.arrays import Array
 
+# Operations that choose, with the sign of a - b, or zero, where they choose ``a`` or hold; a < b,
+# which excludes zero, where it does not hold.
 _COMPARED = {ca.OP_LT: 1.0, ca.OP_LE: -1.0, ca.OP_FMIN: -1.0, ca.OP_FMAX: 1.0}
-"""Operations that choose, with the sign of a - b, or zero, where they choose ``a`` or hold; a < b,
-which excludes zero, where it does not hold."""
 
 
 @dataclass(frozen=True)

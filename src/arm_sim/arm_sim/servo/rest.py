@@ -24,8 +24,8 @@ AT_REST = 1e-10
 # Rounding of an acceleration, relative to what adds up to it.
 ROUNDING = 100 * np.finfo(float).eps
 
+# Function of state and command -> x', and the torques of the drives on the joints
 StateRates = Callable[[Array, Array], tuple[Array, Array]]
-"""Function of state and command -> x', and the torques of the drives on the joints."""
 
 
 @dataclass(frozen=True)

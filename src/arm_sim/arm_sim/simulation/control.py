@@ -12,8 +12,8 @@ from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import hold
 from arm_sim.state import State
 
+# The command at a state
 Control = Callable[[State], Any]
-"""The command at a state."""
 
 
 def commands_of(

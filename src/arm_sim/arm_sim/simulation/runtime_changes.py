@@ -18,8 +18,8 @@ from arm_dynamics.scene.schema import validated
 from arm_sim.inputs import row
 from arm_sim.simulation.simulator import Simulator
 
+# Applies a prepared change: fast, to be called between two ticks
 Change = Callable[[], None]
-"""Applies a prepared change: fast, to be called between two ticks."""
 
 
 def payload_change(

@@ -30,40 +30,40 @@ from arm_sim.stepping.adaptive import LARGEST, MAX_SUBSTEPS, MAX_SUBSTEPS_TOUCHI
 from arm_sim.stepping.events import lengths
 
 NATIVE = Path(__file__).parent / "native"
+# Flags for compilers, see ``compiler.build``
 INCLUDED = (f"-I{NATIVE}",)
-"""Flags for compilers, see ``compiler.build``."""
 OF_LANES = (
     "lanes/rollout.c", "lanes/controlled_rollout.c", "derivatives/gradient.c",
     "derivatives/tangent_ticks.c",
 )  # fmt: skip
+# Units of the library for one arm at a time, and of that for several side by side
 OF_ONE_ARM = (
     "arm/arm.c", *OF_LANES, "derivatives/tick_derivative.c", "derivatives/tangent_step.c",
     "derivatives/eventful_derivatives.c", "derivatives/event_free_gradient.c",
 )  # fmt: skip
-"""Units of the library for one arm at a time, and of that for several side by side."""
 # The engine consists of loops, unlike generated code: short ones, slower as calls of memcpy.
 _FLAGS = ("-O2", "-fno-tree-loop-distribute-patterns", *compiler.FLAGS[1:])
+# Position of a stop that does not exist: beyond every position
 NOWHERE = sys.float_info.max
-"""Position of a stop that does not exist: beyond every position."""
+# Budget of a tick with events before it is time-stepped: arithmetic operations (less than a
+# millisecond), smooth motions that it may always take for each joint and each direction of a
+# contact, a factor with error control, and the overhead of a call in operations.
 MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
-"""Budget of a tick with events before it is time-stepped: arithmetic operations (less than a
-millisecond), smooth motions that it may always take for each joint and each direction of a
-contact, a factor with error control, and the overhead of a call in operations."""
+# Operations that take as long as several additions
 WEIGHTS = {
     ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
 }  # fmt: skip
-"""Operations that take as long as several additions."""
+# Costs of functions by their names in C
 COSTS = {
     "slope_cost": "rhs", "loads_cost": "loads", "inertia_cost": "contact_inertia",
     "impact_cost": "impact_map", "statics_cost": "statics",
 }  # fmt: skip
-"""Costs of functions by their names in C."""
+# Name of the structure in generated code
 SYMBOL = "own_scene"
-"""Name of the structure in generated code."""
 _HEADER = Header(NATIVE / "scene.h", only="scene_t most")
 _SCENE, _MOST = _HEADER.fields("scene_t"), _HEADER.constants
+# Members that lengths of arrays depend on; their names in capitals are macros
 SIZES = tuple(name for name, kind in _SCENE[: [n for n, _ in _SCENE].index("adaptive")])
-"""Members that lengths of arrays depend on; their names in capitals are macros."""
 
 
 @cache

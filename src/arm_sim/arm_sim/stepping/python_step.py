@@ -15,10 +15,10 @@ from arm_sim.state import State
 from arm_sim.stepping.arm import ARM, Arm
 from arm_sim.stepping.engine import NATIVE
 
+# Function of a command and the number of ticks before: it advances by a tick and returns the
+# state, or False if it cannot be computed; None, and nothing is done, if the command is not an
+# array or a list of n finite floats.
 PythonStep = Callable[[object, int], State | Literal[False] | None]
-"""Function of a command and the number of ticks before: it advances by a tick and returns the
-state, or False if it cannot be computed; None, and nothing is done, if the command is not an array
-or a list of n finite floats."""
 
 _TAKES = c_void_p, c_ssize_t, c_ssize_t, py_object, py_object
 _log = logging.getLogger(__name__)

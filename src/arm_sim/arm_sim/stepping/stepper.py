@@ -37,8 +37,8 @@ from arm_sim.stepping.events import EventReport, Modes, Trouble
 from arm_sim.stepping.slices import slices
 from arm_sim.stepping.tick_functions import FREE, MOVING, tick_functions
 
+# Arithmetic operations that take some hundredths of a second, and steps in a tick with events
 LITTLE_WORK, MANY_STEPS = 20_000_000, 20
-"""Arithmetic operations that take some hundredths of a second, and steps in a tick with events."""
 
 
 class Stepper:

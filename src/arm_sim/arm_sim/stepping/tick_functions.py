@@ -12,10 +12,10 @@ from arm_sim.integrators.steps import build_step
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.slopes import scaled_jacobian
 
+# Prefix of the functions for joints away from their stops
 FREE = "free_"
-"""Prefix of the functions for joints away from their stops."""
+# Prefix of the functions for joints that all slide, without contact
 MOVING = "moving_"
-"""Prefix of the functions for joints that all slide, without contact."""
 
 
 def tick_functions(

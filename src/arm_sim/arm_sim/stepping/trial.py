@@ -19,11 +19,11 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
 
+# Length of a motion in [s], and the largest number of its ticks
 DURATION, MOST_TICKS = 1.0, 1000
-"""Length of a motion in [s], and the largest number of its ticks."""
+# Motions from other postures, and the largest speed in them in [rad/s] or [m/s], unless the
+# joint's limit is lower.
 POSTURES, SPEED = 3, 5.0
-"""Motions from other postures, and the largest speed in them in [rad/s] or [m/s], unless the
-joint's limit is lower."""
 
 
 def keeps_accuracy(plant: Plant, stepper: Stepper, choice: Choice) -> bool:

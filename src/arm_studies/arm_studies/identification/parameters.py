@@ -63,7 +63,7 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     Selection sees gains in prediction, which errors that are correlated over the recording can
     cause; intervals count these.
     """
-    estimates = iter(estimated(fit).linear[fit.rows.samples.regressor.base.count :])
+    estimates = iter(estimated(fit).linear[len(fit.rows.samples.regressor.base.names) :])
     laws = []
     for own in fit.friction:
         sure = {kind: not abs(each.value) < SIGNIFICANT_RATIO * (each.high - each.value) < np.inf

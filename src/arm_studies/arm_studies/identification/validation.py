@@ -80,10 +80,10 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     before, each_before = _relative(rows.effort, nominal, test)
     residuals = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
     if error > max(before, checks.ROUNDING):
+        within = "within" if worse <= checks.STANDARD_ERRORS else "beyond"
         notes.append(
-            f"the nominal scene leaves less of the part held out, {before:.3%} against "
-            f"{error:.3%}; beyond what noise in the estimates explains, that is {worse:.1f} "
-            "standard errors"
+            f"the nominal scene predicts the part held out better, {before:.3%} against "
+            f"{error:.3%}; {within} what noise in the estimates explains"
         )
     return Validation(
         error=Errors(error, before), joints=[*map(Errors, each, each_before)], notes=notes,

@@ -105,8 +105,8 @@ def identify(
         scales, remarks = scales_of(rows, [SIMPLE] * model.n, prior)
         data, rows = replace(data, scales=scales), replace(rows, scales=scales)
         notes += remarks
-    some_late = 0 < len(late) < model.n
-    fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=not some_late)
+    aged = len(late) in (0, model.n)
+    fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=aged)
     notes += remarks
     report("selecting friction laws by cross-validation")
     fit, remarks = _with_selected_laws(fit.before(prior=most_evident(fit, prior)))

@@ -42,8 +42,7 @@ def draw(study: Study, table: Table, folder: Path) -> list[Path]:
     if not metrics:
         return []
     without_unit = [name for name in metrics if METRICS[name.partition(".")[0]].unit == "1"]
-    percent = {name: 100.0 * table[name] for name in without_unit}
-    table = replace(table, columns=table.columns | percent)
+    table = replace(table, columns=table.columns | {k: 100.0 * table[k] for k in without_unit})
     files, axes_of = [], dict(zip(metrics, _headings(study, metrics), strict=True))
     numbers = [name for name in table.varied if table[name].dtype.kind == "f"]
     numbers = [name for name in numbers if np.ptp(table[name]) > 0.0][:_MOST]

@@ -22,8 +22,8 @@ from arm_sim.stepping.tick_functions import MOVING
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
 LONGEST = 600_000
+# Name of the structure of functions of columns in generated code
 TANGENTS = "own_tangents"
-"""Name of the structure of functions of columns in generated code."""
 _MEMBERS = Header(NATIVE / "derivatives/tangents.h", only="tangents_t").fields("tangents_t")
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from arm_dynamics import ArmModel
 from arm_sim.state import State
 
+# Units of variables, as exponents of SI units; radians are counted for display only
 UNITS: dict[str, dict[str, int]] = {
     "s": {"s": 1},
     "rad": {"rad": 1},
@@ -21,7 +22,6 @@ UNITS: dict[str, dict[str, int]] = {
     "A": {"A": 1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
 }
-"""Units of variables, as exponents of SI units; radians are counted for display only."""
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,8 @@ def from_table(path: Path) -> Contents:
     if header.clock is None or not header.joints:
         raise InvalidInput(
             f"'{path}' has columns {known_names(table.names)}; 'time', 'position.NAME' and, where "
-            "they are known, 'velocity.NAME' and 'effort.NAME' are expected"
+            "they are known, 'velocity.NAME' and 'effort.NAME' are expected, or what 'ros2 topic "
+            "echo --csv' prints; of a bag of ROS 1, rosbags-convert makes one of ROS 2"
         )
 
     def of(column: Column | None) -> Array:

@@ -39,11 +39,6 @@ class BaseParameters:
     grouping: Array
     names: tuple[str, ...]
 
-    @property
-    def count(self) -> int:
-        """Number of groups."""
-        return len(self.independent)
-
     def of(self, theta: Array) -> Array:
         """β of parameters of shape (numbers,)."""
         return self.grouping @ theta

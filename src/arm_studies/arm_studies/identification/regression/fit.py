@@ -244,7 +244,8 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
     if friction.EXCESS not in kinds:
         shape = replace(shape, stribeck_velocity=None)
     if shape.load is not None:
-        growth = level * shape.steepness
+        at, factor = shape.table
+        growth = level * float((np.diff(factor) / np.diff(at)).max())  # torque over load
         if growth > friction.LARGEST_GROWTH:
             refused = growth
         if friction.COULOMB not in kinds or shape.load <= 0.01 or growth > friction.LARGEST_GROWTH:

@@ -66,12 +66,6 @@ class Shape:
             at, part = np.array(self.points).T
         return at, 1.0 - share + share * part
 
-    @property
-    def steepness(self) -> float:
-        """Largest slope of the factor between points, in [1/(N m)] or [1/N]."""
-        at, factor = self.table
-        return float((np.diff(factor) / np.diff(at)).max())
-
     def growth(self, load: Array) -> Array:
         """The factor of dry friction under torques of the drive in [N m] or [N], shape (k,)."""
         return np.asarray(Curve.through(*self.table)(abs(load)))
