@@ -12,7 +12,7 @@ from arm_dynamics.codegen import Kernel, operations
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.forward_dynamics import articulated_bodies
 from arm_dynamics.equations.tree import Tree
-from arm_dynamics.model import tree_of
+from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
 from models.oracle import Oracle
 from models.random_tree import random_tree
