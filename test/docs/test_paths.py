@@ -61,7 +61,7 @@ def follow(lines: list[str], folder: Path, ros: Ros, typed: dict[str, Typed]) ->
         typed[line] = Typed(line, folder, environment)
         if re.match(NODES, line):
             if "my_node" not in line:  # which has nothing to say
-                typed[line].listen(enough=r"\S")
+                typed[line].listen(enough="simulates|to try it")
             continue
         typed[line].listen()
         assert typed[line].process.returncode == 0, typed[line].said
