@@ -35,8 +35,8 @@ from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, 
 _log = logging.getLogger(__name__)
 _FLOAT, _ALL = np.dtype(float), Term.ALL
 LARGE = 1e50  # vectors up to which no term overflows
+# Calls whose angles are checked: a person makes few, a loop many
 CHECKED_CALLS = 100
-"""Calls whose angles are checked: a person makes few, a loop many."""
 
 
 def unanswered(*_: object) -> None:
@@ -80,8 +80,8 @@ def _method_of(entry: Entry) -> Callable[..., Array]:
     return method
 
 
+# What external torques and active constraints change
 _OF_THE_ARM_ALONE = dict.fromkeys((INVERSE, FORWARD), unanswered)
-"""What external torques and active constraints change."""
 
 
 @sealed
