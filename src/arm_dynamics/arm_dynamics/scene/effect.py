@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entries of a scene that would change nothing are refused, with what would make them act.
 
-Those of friction, which need the levels of mimic joints, are refused in ``model.friction_source``.
+Those of friction, which need the levels of mimic joints, are refused in ``model.friction.source``.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """Keys of a joint's friction in a scene.
 
 Combinations of keys are checked after the joint's own entry has been merged with that of ``"*"``
-and with the URDF's: see ``model.friction_source``.
+and with the URDF's: see ``model.friction.source``.
 """
 
 from __future__ import annotations

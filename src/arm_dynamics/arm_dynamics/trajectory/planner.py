@@ -29,7 +29,7 @@ from arm_dynamics.trajectory.joint_paths import (
 )
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Motion, Reference
-from arm_dynamics.trajectory.timing import Quintic
+from arm_dynamics.trajectory.timing.laws import Quintic
 from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import stop
 

@@ -21,7 +21,7 @@ from arm_dynamics.equations import friction, transmission
 from arm_dynamics.equations.elementary import Quantity, choose, larger, sign, size
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import like
-from arm_dynamics.model.friction_table import FrictionTable
+from arm_dynamics.model.friction.table import FrictionTable
 
 # Largest slope of friction over the torque that causes it, relative to the gear's efficiency; each
 # iteration of ``SteadyFriction.demanded`` then halves the error.
