@@ -276,7 +276,8 @@ class Dynamics:
         checked = vectors(self.joint_names, **dict(zip(entry.arguments, arguments, strict=False)))
         if self._checks_left:
             self._checks_left -= 1
-            turned = float(np.max(abs(checked[0]) * self._turning, initial=0.0))
+            degrees = self._turning * (2.0 * checked[0] % 1.0 == 0.0)  # as people write them
+            turned = float(np.max(abs(checked[0]) * degrees, initial=0.0))
             if remark := degrees_meant(turned):
                 self._checks_left = 0
                 _log.warning("position %s", remark)
