@@ -47,8 +47,8 @@ def _errors(results: Sequence[Result], path: Path) -> None:
             axes[0, column].set(title=f"{line[0].title}, {pace} line", xlabel="largest error [mm]")
             point = [r for r in results if r.pace == pace and r.task == "regulation"]
             _dots(axes[1, column], point, [r.final for r in point])
-            how = "moved in 1.5 s" if pace == "slow" else "stepped"
-            axes[1, column].set(title=f"{line[0].title}, set-point {how}", xlabel="error at the end [mm]")
+            how = "set-point moved in 1.5 s" if pace == "slow" else "set-point stepped"
+            axes[1, column].set(title=f"{line[0].title}, {how}", xlabel="error at the end [mm]")
 
 
 def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> None:
