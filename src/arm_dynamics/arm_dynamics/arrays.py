@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.exceptions import InvalidInput, known_names
 
+# Numbers of any shape
 Array = NDArray[np.float64]
-"""Numbers of any shape."""
 
 _FEW = 64  # largest size for which a list is faster than an array
 
@@ -37,8 +37,8 @@ def each(function: Callable[..., Array], *arguments: Array) -> Array:
     return np.array([function(*row) for row in zip(*columns, strict=False)])
 
 
+# Joint names, or the number of joints
 Joints = int | Sequence[str]
-"""Joint names, or the number of joints."""
 
 
 def count(joints: Joints) -> int:

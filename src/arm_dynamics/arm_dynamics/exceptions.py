@@ -13,11 +13,12 @@ from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from pathlib import Path
 
+# The suite's command here: the script of its folder, or what pip has installed
 ARM = "./arm" if (Path(__file__).parents[3] / "arm").is_file() else "arm"
-"""The suite's command here: the script of its folder, or what pip has installed."""
 _MANY_TURNS = 4.0 * math.pi  # [rad]
 _NAME = 80  # characters of a name that are shown
 _ALMOST = 0.8  # similarity of names that is more than one name in another
+# What other libraries call it, by our names; those with a dot are not in the same place
 ELSEWHERE = {
     "mass_matrix": "M H D inertia inertia_matrix crba",
     "coriolis_matrix": "C coriolis",
@@ -61,7 +62,6 @@ ELSEWHERE = {
     "damping_ratio": "kd zeta",
     "panda": "franka emika",
 }
-"""What other libraries call it, by our names; those with a dot are not in the same place."""
 
 
 class ArmError(Exception):

@@ -23,7 +23,7 @@ from arm_dynamics.control import (
 )
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
-from arm_dynamics.trajectory.time_scaling import Capacity, Strain
+from arm_dynamics.trajectory.timing.scaling import Capacity, Strain
 from arm_sim import Simulator
 from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, assert_close
 

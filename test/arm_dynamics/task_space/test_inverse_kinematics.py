@@ -10,7 +10,7 @@ from arm_dynamics import ArmError, InvalidInput, Unreachable
 from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
-from arm_dynamics.trajectory.time_scaling import BETWEEN
+from arm_dynamics.trajectory.timing.scaling import BETWEEN
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
 

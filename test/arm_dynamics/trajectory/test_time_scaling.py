@@ -9,8 +9,8 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, Unreachable
-from arm_dynamics.trajectory import time_scaling
-from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
+from arm_dynamics.trajectory.timing import scaling
+from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, closely
 from models.driven import wheel
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
@@ -146,7 +146,7 @@ def test_what_stays_far_from_its_limits_is_looked_at_once() -> None:
 
 
 def test_motions_that_bend_everywhere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time_scaling, "_MOST", 50)
+    monkeypatch.setattr(scaling, "_MOST", 50)
     noise = np.random.default_rng(0)
     with pytest.raises(InvalidInput, match="bends in more than 50 places"):
         closely(shares_of(lambda t: noise.uniform(0.0, 2.0, t.shape)), np.linspace(0.0, 1.0, 101))

@@ -8,8 +8,8 @@ from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.lugre_joints import LugreFriction
 from arm_dynamics.model.arm import ArmModel
 
+# Friction models with states; each applies to the joints with its key in the scene
 FRICTION: tuple[type[FrictionLaw], ...] = (LugreFriction,)
-"""Friction models with states; each applies to the joints with its key in the scene."""
 
 
 def laws_of(model: ArmModel) -> tuple[StatefulLaw, ...]:

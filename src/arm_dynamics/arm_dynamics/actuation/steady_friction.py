@@ -11,7 +11,7 @@ from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.attributes import frozen
 from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.model.friction.joint_friction import JointFriction
 
 REPETITIONS = 40
 

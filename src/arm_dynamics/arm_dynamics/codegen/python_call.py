@@ -21,9 +21,9 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.exceptions import KernelError
 
+# Function of arrays of one length, finite, contiguous and of float; it returns a new array, and
+# None for any other arguments and where the result is not finite.
 PythonCall = Callable[..., Array | None]
-"""Function of arrays of one length, finite, contiguous and of float; it returns a new array, and
-None for any other arguments and where the result is not finite."""
 
 _SOURCE = compiler.NATIVE / "python_call.c"
 _SIZE = ctypes.c_ssize_t

@@ -12,8 +12,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Kernel, pointers
 
+# Points that are computed in one call; between calls Python handles signals
 CHUNK = 8192
-"""Points that are computed in one call; between calls Python handles signals."""
 _DRIVER = compiler.NATIVE / "rows.c"
 
 

@@ -35,8 +35,8 @@ from arm_dynamics.exceptions import (
 from arm_dynamics.trajectory.reference import Reference
 
 _NOT_OWN = re.compile(f".*importlib|{re.escape(str(Path(__file__).parents[1]))}/")
+# A controller class, or a function that returns a controller; see ``make_controller``
 Maker = Callable[..., Any]
-"""A controller class, or a function that returns a controller; see ``make_controller``."""
 
 
 def is_own(name: str) -> bool:

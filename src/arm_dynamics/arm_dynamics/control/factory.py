@@ -166,9 +166,9 @@ def make_controller(
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 
+# Settings that a user-defined controller may take one by one. It gets no others by name: a setting
+# that is added later must not replace a default of its own.
 OFFERED = ("dt", "bandwidth", "damping_ratio", "frame", "axes", "limit")
-"""Settings that a user-defined controller may take one by one. It gets no others by name: a
-setting that is added later must not replace a default of its own."""
 
 
 def _without_extras(

@@ -14,8 +14,8 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.reference import Reference
 
+# Speed in [rad/s] or [m/s] over which the feed-forward of dry friction changes sign
 BAND = 0.01
-"""Speed in [rad/s] or [m/s] over which the feed-forward of dry friction changes sign."""
 
 
 def friction_feed_forward(

@@ -15,8 +15,8 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.trajectory.reference import Reference
 
+# Numbers of a formula, arrays or expressions
 Parts = Sequence[Any]
-"""Numbers of a formula, arrays or expressions."""
 
 
 class LawInput(NamedTuple):

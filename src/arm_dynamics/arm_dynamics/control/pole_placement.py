@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput
 
+# Largest bandwidth in [rad/s], beyond anything that a torque can follow
 FASTEST = 1e6
-"""Largest bandwidth in [rad/s], beyond anything that a torque can follow."""
+# Gain margin that is sensible: with so many times its gains a loop is still stable
 MARGIN = 2.0
-"""Gain margin that is sensible: with so many times its gains a loop is still stable."""
 
 
 def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:

@@ -27,8 +27,8 @@ from arm_dynamics.task_space.instant import TaskInstant, expressions
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
+# A controller of a frame of the arm
 TaskController = Controller[TaskReference]
-"""A controller of a frame of the arm."""
 
 
 class _TaskLaw:

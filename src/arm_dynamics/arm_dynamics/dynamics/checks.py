@@ -17,14 +17,14 @@ from arm_dynamics.terms.comparison import torque_size
 from arm_dynamics.terms.table import FORWARD, Term
 from arm_dynamics.terms.verify import CHECK_STATES, CHECK_TOLERANCE, compare, random_states, verify
 
+# Condition number of constraints above which a position is skipped if others are better
 WELL_CONDITIONED = 1e4
-"""Condition number of constraints above which a position is skipped if others are better."""
+# Largest amplification of rounding errors, in multiples of the condition number
 ROUNDINGS = 100.0
-"""Largest amplification of rounding errors, in multiples of the condition number."""
+# Fraction of the largest accelerations across constraints that is never taken for a whole one
 ROUNDED = 1e-9
-"""Fraction of the largest accelerations across constraints that is never taken for a whole one."""
+# Largest allowance for rounding: an error of 1e-7 never passes, whatever the condition number
 MOST_SLACK = 1e3
-"""Largest allowance for rounding: an error of 1e-7 never passes, whatever the condition number."""
 
 Acceleration = Callable[[Array, Array, Array], Array]
 

@@ -35,8 +35,8 @@ from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, 
 _log = logging.getLogger(__name__)
 _FLOAT, _ALL = np.dtype(float), Term.ALL
 LARGE = 1e50  # vectors up to which no term overflows
+# Calls whose angles are checked: a person makes few, a loop many
 CHECKED_CALLS = 100
-"""Calls whose angles are checked: a person makes few, a loop many."""
 
 
 def unanswered(*_: object) -> None:
@@ -80,8 +80,8 @@ def _method_of(entry: Entry) -> Callable[..., Array]:
     return method
 
 
+# What external torques and active constraints change
 _OF_THE_ARM_ALONE = dict.fromkeys((INVERSE, FORWARD), unanswered)
-"""What external torques and active constraints change."""
 
 
 @sealed
@@ -276,7 +276,8 @@ class Dynamics:
         checked = vectors(self.joint_names, **dict(zip(entry.arguments, arguments, strict=False)))
         if self._checks_left:
             self._checks_left -= 1
-            turned = float(np.max(abs(checked[0]) * self._turning, initial=0.0))
+            degrees = self._turning * (2.0 * checked[0] % 1.0 == 0.0)  # as people write them
+            turned = float(np.max(abs(checked[0]) * degrees, initial=0.0))
             if remark := degrees_meant(turned):
                 self._checks_left = 0
                 _log.warning("position %s", remark)

@@ -8,8 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+# A number, a NumPy array or a CasADi expression
 type Quantity = Any
-"""A number, a NumPy array or a CasADi expression."""
 
 
 def _of(*values: Quantity) -> Any:

@@ -18,8 +18,8 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.rigid_body import Placement, placements
 from arm_dynamics.equations.tree import Link, Tree, cross, skew, symmetric
 
+# Linear and angular velocity or acceleration of a link's frame, in its axes
 type Twist = tuple[ca.SX, ca.SX]
-"""Linear and angular velocity or acceleration of a link's frame, in its axes."""
 
 
 @dataclass

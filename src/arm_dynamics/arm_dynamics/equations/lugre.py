@@ -21,8 +21,8 @@ import math
 
 from arm_dynamics.equations.elementary import Quantity, exponential, size
 
+# Largest σ1 vd / Fc of a passive model with fading damping; see ``is_passive``
 FADING = 4.0 * math.sqrt(2.0 * math.e)
-"""Largest σ1 vd / Fc of a passive model with fading damping; see ``is_passive``."""
 
 
 def bending(v: Quantity, z: Quantity, sigma0: Quantity, level: Quantity) -> Quantity:

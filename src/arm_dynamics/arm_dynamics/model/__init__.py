@@ -5,7 +5,7 @@ Depends on the scene package and Pinocchio, and provides the equations with thei
 """
 
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.model.friction.joint_friction import JointFriction
 from arm_dynamics.model.robot import Robot
 
 __all__ = ["ArmModel", "JointFriction", "Robot"]

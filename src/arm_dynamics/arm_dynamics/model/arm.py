@@ -11,8 +11,8 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed, with_values
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.drive import JointDrive, drives_of
-from arm_dynamics.model.friction import JointFriction
-from arm_dynamics.model.friction_source import FrictionSource, friction_of
+from arm_dynamics.model.friction.joint_friction import JointFriction
+from arm_dynamics.model.friction.source import FrictionSource, friction_of
 from arm_dynamics.model.initial_state import initial_state
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of

@@ -262,15 +262,15 @@ FrameBased = (
     | DistanceConstraint
     | RollingConstraint
 )
+# A constraint that holds in both directions
 Bilateral = FrameBased | CouplingConstraint
-"""A constraint that holds in both directions."""
 Constraint = Annotated[Bilateral | Contact, Field(discriminator="type")]
 """A constraint of any type; the key ``type`` says which."""
+# The types of constraints by the value of the key ``type``
 SCHEMAS: dict[str, type[Part]] = {
     get_args(kind.model_fields["type"].annotation)[0]: kind
     for kind in get_args(Bilateral | Contact)
 }
-"""The types of constraints by the value of the key ``type``."""
 
 
 def switchable(constraints: tuple[Constraint, ...]) -> list[int]:

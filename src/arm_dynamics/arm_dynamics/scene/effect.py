@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entries of a scene that would change nothing are refused, with what would make them act.
 
-Those of friction, which need the levels of mimic joints, are refused in ``model.friction_source``.
+Those of friction, which need the levels of mimic joints, are refused in ``model.friction.source``.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from arm_dynamics.scene.schema import Scene, Stop
 from arm_dynamics.scene.types import Part
 from arm_dynamics.scene.urdf.description import Urdf
 
+# Keys that change nothing, their parts separated by dots, each with the reason
 Idle = dict[str, str]
-"""Keys that change nothing, their parts separated by dots, each with the reason."""
 
 _MORE = "more than 0 is expected"
+# Keys of a joint that matter only if another one, beside them, is not zero
 _OF_ZERO = {
     "actuator.cogging.amplitude": ("order", "phase"),
     "transmission.kinematic_error.amplitude": ("order", "phase"),
     "transmission.hysteresis.torque": ("deflection", "sharpness"),
     "spring.stiffness": ("rest",),
 }
-"""Keys of a joint that matter only if another one, beside them, is not zero."""
 _RANDOM = ("position.noise", "velocity.noise", "effort.noise", "jitter", "loss")
 
 

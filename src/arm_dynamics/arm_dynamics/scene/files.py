@@ -18,8 +18,8 @@ from pathlib import Path
 
 from arm_dynamics.exceptions import SceneError, did_you_mean, known_names, plain
 
+# Environment variable with the user's folders of bundled scenes, separated by colons
 VARIABLE = "ARM_SCENES"
-"""Environment variable with the user's folders of bundled scenes, separated by colons."""
 _SUFFIX = ".yaml"
 _PACKAGE = "arm_sim"
 _SHIPPED = "scenes", "scenes/lectures"  # folders with bundled scenes in that package

@@ -2,7 +2,7 @@
 """Keys of a joint's friction in a scene.
 
 Combinations of keys are checked after the joint's own entry has been merged with that of ``"*"``
-and with the URDF's: see ``model.friction_source``.
+and with the URDF's: see ``model.friction.source``.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ class Sides(Part):
     negative: NonNegative
 
 
+# One number for both directions, or one for each
 Sided = Annotated[
     Annotated[NonNegative, Tag("number")] | Annotated[Sides, Tag("sides")],
     Discriminator(lambda value: "sides" if isinstance(value, dict | Sides) else "number"),
 ]
-"""One number for both directions, or one for each."""
 
+# Items that pydantic adds to the location of an error in a ``Sided`` or a ``SpeedTable``
 KINDS = ("number", "sides", "row", "rows")
-"""Items that pydantic adds to the location of an error in a ``Sided`` or a ``SpeedTable``."""
 
 
 class Table(Part):
@@ -194,11 +194,11 @@ class Friction(Part):
         return next((key for key in STATEFUL if getattr(self, key) is not None), None)
 
 
+# Keys of a joint's friction that select a model with internal states
 STATEFUL = ("lugre",)
-"""Keys of a joint's friction that select a model with internal states."""
 
+# Keys of a joint's friction that a table replaces
 IN_TABLE = ("coulomb", "static", "stribeck_velocity", "position", "load", *STATEFUL)
-"""Keys of a joint's friction that a table replaces."""
 
 
 def refusal(joint: str, text: str) -> SceneError:

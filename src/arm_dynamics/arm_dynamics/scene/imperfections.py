@@ -28,8 +28,8 @@ def _by_joint(value: object) -> object:
     raise ValueError("a number, or numbers by joint name, is expected")
 
 
+# Numbers of at least zero by joint name; ``"*"`` applies to joints that are not named
 ByJoint = Annotated[dict[str, NonNegative], BeforeValidator(_by_joint)]
-"""Numbers of at least zero by joint name; ``"*"`` applies to joints that are not named."""
 AnyByJoint = Annotated[dict[str, Finite], BeforeValidator(_by_joint)]
 PositiveByJoint = Annotated[dict[str, Positive], BeforeValidator(_by_joint)]
 Delay = Annotated[NonNegative, Field(le=10.0)]

@@ -17,16 +17,15 @@ from pydantic import ValidationInfo, field_validator
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.types import Inertia6, NonNegative, Part, Positive, Vector3
 
+# Moments below this fraction of the largest one are treated as zero: published values are often
+# the result of computations with rounding errors.
 ROUNDING = 1e-10
-"""Moments below this fraction of the largest one are treated as zero: published values are often
-the result of computations with rounding errors."""
+# Radius of gyration in [m] and moment in [kg m²] below which moments are rounding errors. A body
+# of 1e-9 kg and 1 mm has 1e-15 kg m².
 POINT, NOTHING = 1e-8, 1e-25
-"""Radius of gyration in [m] and moment in [kg m²] below which moments are rounding errors.
-
-A body of 1e-9 kg and 1 mm has 1e-15 kg m²."""
+# Allowed relative excess of the largest moment over the sum of the others: published values have
+# two or three digits, and for a thin plate both are equal.
 DIGITS = 1e-2
-"""Allowed relative excess of the largest moment over the sum of the others: published values have
-two or three digits, and for a thin plate both are equal."""
 
 
 def inertia_matrix(six: Inertia6 | ArrayLike) -> Array:

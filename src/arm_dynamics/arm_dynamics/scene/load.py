@@ -23,8 +23,8 @@ from arm_dynamics.scene.urdf.description import Urdf, read_urdf
 from arm_dynamics.scene.urdf.inertial import with_bodies
 from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
 
+# Sources of a scene; see ``load_scene``
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
-"""Sources of a scene; see ``load_scene``."""
 
 _log = logging.getLogger(__name__)
 

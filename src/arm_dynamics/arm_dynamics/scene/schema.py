@@ -197,8 +197,8 @@ class Sim(Part):
     accuracy: Positive = 1.0e-6
 
 
+# What a scene may declare tunable, in the order in which its numbers are stored
 Tunable = Literal["gravity", "payload", "friction", "coulomb", "external"]
-"""What a scene may declare tunable, in the order in which its numbers are stored."""
 
 
 class Scene(Part):
@@ -285,10 +285,10 @@ class Scene(Part):
             raise _refused(error, ("joints", name)) from None
 
 
+# Keys of a joint's friction and spring that are tables, whose points belong together
 _TABLES = ("table", "position", "load")
-"""Keys of a joint's friction and spring that are tables, whose points belong together."""
+# Keys beside a table of friction or of a spring in place of which it is
 _IN_TABLES = {*IN_TABLE, "stiffness"}
-"""Keys beside a table of friction or of a spring in place of which it is."""
 
 
 def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

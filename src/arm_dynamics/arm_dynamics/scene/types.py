@@ -27,11 +27,11 @@ def _number(value: object) -> object:
     return value
 
 
+# Slopes of curves are below it, so that products of them can be computed
 STEEPEST = 1e100
-"""Slopes of curves are below it, so that products of them can be computed."""
 _COPY = "build another one: load_scene takes a file, or a dict of the same shape"
+# Context of a validation of content that was checked before and must not change
 AS_CHECKED = {"as checked": True}
-"""Context of a validation of content that was checked before and must not change."""
 
 
 def _unit(value: tuple[float, float, float], info: ValidationInfo) -> tuple[float, float, float]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 
+# Axes of a frame: along x, y, z and about them
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-"""Axes of a frame: along x, y, z and about them."""
 _GROUPS = {"pose": AXES, "position": AXES[:3], "orientation": AXES[3:]}
 
 

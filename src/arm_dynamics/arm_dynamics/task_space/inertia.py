@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.elementary import Quantity, diagonal, larger
 
+# Scaled mobility in the least mobile direction below which a task is treated as singular
 THRESHOLD = 1e-4
-"""Scaled mobility in the least mobile direction below which a task is treated as singular."""
 
 
 class Inertia(NamedTuple):

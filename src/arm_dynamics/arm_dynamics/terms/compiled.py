@@ -30,8 +30,8 @@ from arm_dynamics.terms.verify import verify
 
 _log = logging.getLogger(__name__)
 
+# An entry, and its arguments that are not numbers
 type Request = tuple[Entry, tuple[Any, ...]]
-"""An entry, and its arguments that are not numbers."""
 
 
 def function(

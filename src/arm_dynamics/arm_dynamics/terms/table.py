@@ -19,16 +19,14 @@ import numpy as np
 from arm_dynamics.terms import comparison
 from arm_dynamics.terms.formulas import forward, inverse
 
+# Arguments of formulas, in order, and the size of each, 0 for n. Positions in [rad] or [m],
+# velocities and accelerations of the joints, and torques in [N m] or [N]; ``chosen`` has a factor,
+# 0 or 1, for each ``Term``, and ``external`` torques that act on the links.
 SIZES = {"q": 0, "v": 0, "a": 0, "tau": 0, "chosen": 5, "external": 0}
-"""Arguments of formulas, in order, and the size of each, 0 for n.
-
-Positions in [rad] or [m], velocities and accelerations of the joints, and torques in [N m] or [N];
-``chosen`` has a factor, 0 or 1, for each ``Term``, and ``external`` torques that act on the links.
-"""
+# Defaults of arguments: all terms, and no torques
 FIXED = {"chosen": 1.0, "external": 0.0}
-"""Defaults of arguments: all terms, and no torques."""
+# ``chosen`` of everything else
 WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
-"""``chosen`` of everything else."""
 
 
 class Term(IntFlag):
@@ -173,19 +171,19 @@ TERMS = [
     JACOBIAN, JACOBIAN_DERIVATIVE,
 ]  # fmt: skip
 """All entries."""
+# Those of the service ``dynamics_terms``, in the order of its response
 OF_SERVICE = MASS_MATRIX, CORIOLIS_MATRIX, GRAVITY, FRICTION, SPRING, ENERGY
-"""Those of the service ``dynamics_terms``, in the order of its response."""
+# Terms of the task space by the names of the service, with shapes in joints n and axes m
 TASK_SPACE: dict[str, tuple[str | int, ...]] = {
     "pose": (7,), "jacobian": ("m", "n"), "twist": ("m",), "bias": ("m",), "inertia": ("m", "m"),
     "coriolis": ("m",), "gravity": ("m",), "spring": ("m",), "inverse": ("n", "m"),
     "null_space": ("n", "n"), "manipulability": (), "condition": (), "damped": (),
 }  # fmt: skip
-"""Terms of the task space by the names of the service, with shapes in joints n and axes m."""
 
+# Of the constraints with these names; no method of ``Dynamics``
 CONSTRAINT_ROWS = Entry(
     "constraint_rows", ("q", "v"), ("m", "n + 1"), "A", "",
     "Rows A of bilateral constraints, with γ = Ȧ v beside them.",
     lambda arm, q, v, names: arm.rigid.constraint_rows(q, v, names), ("constraints",),
     compared=comparison.of_constraint_rows,
 )  # fmt: skip
-"""Of the constraints with these names; no method of ``Dynamics``."""

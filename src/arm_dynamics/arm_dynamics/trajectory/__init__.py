@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from arm_dynamics.trajectory.reference import Motion, Reference, TaskReference, Waypoint
     from arm_dynamics.trajectory.splines import spline, stretched_spline
     from arm_dynamics.trajectory.time_optimal import retimed
-    from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+    from arm_dynamics.trajectory.timing.laws import Quintic, Timing, Trapezoid
     from arm_dynamics.trajectory.trajectory import Trajectory, hold
     from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 

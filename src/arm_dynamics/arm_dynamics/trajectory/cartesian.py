@@ -20,7 +20,7 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import TaskReference
-from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+from arm_dynamics.trajectory.timing.laws import Quintic, Timing, Trapezoid
 
 
 @frozen

@@ -3,7 +3,7 @@
 
 Positions, velocities and accelerations are polynomials, so their extremes are exact. Torques and
 motors' voltages are computed at points of every segment, and at more of them where they might
-exceed a limit in between by more than ``time_scaling.BETWEEN`` of it.
+exceed a limit in between by more than ``timing.scaling.BETWEEN`` of it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.quintics import extremes
-from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
+from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, closely
 from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import segment_excess
 

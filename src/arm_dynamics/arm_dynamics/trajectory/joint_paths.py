@@ -26,8 +26,8 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Reference
-from arm_dynamics.trajectory.time_scaling import Capacity, slowdown
-from arm_dynamics.trajectory.timing import Timing
+from arm_dynamics.trajectory.timing.laws import Timing
+from arm_dynamics.trajectory.timing.scaling import Capacity, slowdown
 from arm_dynamics.trajectory.trajectory import Trajectory
 
 _LAST = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
@@ -124,7 +124,7 @@ def paced(
     """Slow a joint path down until it is within all limits of the arm, at every instant.
 
     All times are stretched by one factor. Velocities, accelerations, torques and the voltages of
-    motors are kept between points, too: see ``time_scaling.slowdown``.
+    motors are kept between points, too: see ``timing.scaling.slowdown``.
 
     Args:
         motion: The motion.

@@ -9,11 +9,11 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.model.arm import ArmModel
 
+# Units of joints that turn and that slide
 _UNITS = {
     "position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s²", "m/s²"),
     "effort": ("N m", "N"), "voltage": ("V", "V"),
 }  # fmt: skip
-"""Units of joints that turn and that slide."""
 
 
 @frozen

@@ -29,12 +29,12 @@ from arm_dynamics.trajectory.joint_paths import (
 )
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Motion, Reference
-from arm_dynamics.trajectory.timing import Quintic
+from arm_dynamics.trajectory.timing.laws import Quintic
 from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import stop
 
+# Distance in [m] that is equivalent to a rotation by 1 rad
 LEVER = 0.25
-"""Distance in [m] that is equivalent to a rotation by 1 rad."""
 MAX_KNOTS = 10_000
 _SPACING = 0.02  # [m] between knots
 _NEAR = 1e-7  # [m], [rad] at a knot

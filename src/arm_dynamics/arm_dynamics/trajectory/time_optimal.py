@@ -18,7 +18,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.trajectory.joint_paths import JointPath
-from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, moving, slowdown
+from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, moving, slowdown
 from arm_dynamics.trajectory.trajectory import Trajectory
 
 _WITHIN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of an interval: where limits are imposed

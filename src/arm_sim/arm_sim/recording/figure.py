@@ -123,7 +123,7 @@ def _coincident(rows: Array, apart: float) -> list[list[int]]:
 
 
 def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """Curves with fewer points, which keep their extrema.
+    """Curves with fewer points, which keep their extrema and their end.
 
     Of every interval of time each curve keeps its minimum and its maximum, in order.
 
@@ -137,7 +137,7 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
     """
     if len(time) <= points:
         return time, values
-    edges = np.linspace(0, len(time), points // 2 + 1).astype(int)
+    edges = np.linspace(0, len(time), (points + 1) // 2).astype(int)
     columns, times, rows = np.arange(values.shape[1]), [], []
     for a, b in pairwise(edges):
         part, unknown = values[a:b], np.isnan(values[a:b])
@@ -145,7 +145,7 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
         ends = np.sort([least, np.where(unknown, -np.inf, part).argmax(axis=0)], axis=0)
         times += [time[a], time[(a + b) // 2]]
         rows += list(part[ends, columns])
-    return np.array(times), np.array(rows)
+    return np.array([*times, time[-1]]), np.array([*rows, values[-1]])
 
 
 def _energies(recordings: Sequence[RecordedMotion]) -> list[_Curve]:

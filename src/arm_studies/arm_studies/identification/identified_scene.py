@@ -15,8 +15,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.exceptions import InvalidInput, SceneError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.friction import STEEPEST
-from arm_dynamics.model.friction_table import steepest
+from arm_dynamics.model.friction.joint_friction import STEEPEST
+from arm_dynamics.model.friction.table import steepest
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf.inertial import set_inertial

@@ -15,8 +15,8 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.addresses import pointer
 from arm_studies.optimization.cost import Expansion
 
+# Flags for compilers, see ``compiler.build``
 OWN = (f"-I{Path(__file__).parent / 'native'}",)
-"""Flags for compilers, see ``compiler.build``."""
 # Unlike the straight-line code of the equations, loops over small matrices benefit from SIMD.
 _FLAGS = tuple("-O3" if flag == "-O1" else flag for flag in compiler.FLAGS)
 

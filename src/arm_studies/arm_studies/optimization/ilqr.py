@@ -28,11 +28,10 @@ from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost
 from arm_studies.optimization.forward import Course, Forward
 
+# Step sizes that are tried
 SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
-"""Step sizes that are tried."""
+# Regularization: initial value, factor, value below which it is zero, value above which to stop
 FIRST, FACTOR, LEAST, MOST = 1e-2, 5.0, 1e-8, 1e8
-"""Regularization: initial value, factor, value below which it is zero, value above which to
-stop."""
 # Margin to limits beyond rounding: at a limit itself a command has no derivative.
 _INSIDE = 1.0 - 1e-9
 

@@ -20,9 +20,9 @@ from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Scene
 
 FROM_SCENE, FROM_PARAMETER, FROM_TOPIC = "scene", "parameter", "topic"
+# Largest limit of ``max_joints``: Pinocchio's memory grows with the cube of the joints, and it
+# needs 0.1 s and 0.1 GB for 128, 0.2 s and 0.3 GB for 200.
 MOST_JOINTS = 200
-"""Largest limit of ``max_joints``: Pinocchio's memory grows with the cube of the joints, and it
-needs 0.1 s and 0.1 GB for 128, 0.2 s and 0.3 GB for 200."""
 _POLL = 0.02  # [s] between polls for a description
 
 

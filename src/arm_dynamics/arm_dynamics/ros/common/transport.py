@@ -22,16 +22,16 @@ from collections.abc import MutableMapping
 from pathlib import Path
 
 DISCOVERY, _LOCAL_ONLY = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"
+# Variables with the path of a profile: of version 2 (Jazzy); of 3 (Kilted), which warns of the
+# first.
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Variables with the path of a profile: of version 2 (Jazzy); of 3 (Kilted), which warns of the
-first."""
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 LARGE_BATCHES = Path(__file__).with_name("large_batches.xml")
 """A profile of Fast DDS with 64 MB of shared memory, for service calls of many points."""
 FOLDER = Path("/dev/shm")
+# How the names of segments in shared memory begin: of version 2, and of 3
 SEGMENTS = ("fastrtps_", "fastdds_")
-"""How the names of segments in shared memory begin: of version 2, and of 3."""
 _LOCKS = ("_el", "_sl")
 
 

@@ -47,8 +47,8 @@ _NEVER = 2**63 - 1
 # Fast DDS's listeners may take and write; others hold locks meanwhile that taking needs.
 _TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
+# ``answers_t`` of answers.h, where the fields are explained
 Answers = HEADER.structure("answers_t")
-"""``answers_t`` of answers.h, where the fields are explained."""
 
 
 @dataclass(frozen=True)

@@ -50,12 +50,12 @@ class Compiled(NamedTuple):
     most: int
 
 
+# In the order of services.c
 COMPILED = (
     Compiled(INVERSE_DYNAMICS, (INVERSE,), MAX_POINTS),
     Compiled(FORWARD_DYNAMICS, (FORWARD,), MAX_POINTS),
     Compiled(DYNAMICS_TERMS, OF_SERVICE, MAX_TERMS_POINTS),
 )
-"""In the order of services.c."""
 WORTH = 20  # number of requests after which compiling a service is worth the time
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))

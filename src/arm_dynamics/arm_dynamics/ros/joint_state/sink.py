@@ -21,8 +21,8 @@ from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, library
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
+# ``sink_t`` of joint_state.h
 Sink = HEADER.structure("sink_t")
-"""``sink_t`` of joint_state.h."""
 
 
 class JointStateSink:

@@ -30,23 +30,22 @@ from arm_dynamics.scene.urdf.plain import (
 from arm_dynamics.scene.urdf.units import note_units, size_of
 from arm_dynamics.scene.urdf.xml import xml_root
 
+# In front of the name of a frame, they say which is meant
 LINK, JOINT = "link:", "joint:"
-"""In front of the name of a frame, they say which is meant."""
 _VERSIONS = (None, "1", "1.0", "1.1")
 _FORMATS = {"mujoco": "MJCF, MuJoCo's format", "sdf": "SDF, Gazebo's format"}
 _EXPAND = (
     "expand it with 'xacro arm.urdf.xacro > arm.urdf', or give the file itself, ending in .xacro, "
     "where xacro is installed"
 )
+# Largest number of joints from a root to a link: Pinocchio's parser recurses from link to link,
+# and from 2000 to 4000 the stack of a process overflows, which ends it.
 DEEPEST = 1000
-"""Largest number of joints from a root to a link: Pinocchio's parser recurses from link to link,
-and from 2000 to 4000 the stack of a process overflows, which ends it."""
+# Largest negative principal moment of a link relative to its largest one. Published robots have
+# physically inconsistent tensors: 16 of the 69 descriptions in example-robot-data, down to -0.39
+# (Tiago's antennas). The mass matrix may still be regular (if it is not, forward dynamics refuses
+# the arm), so they cause a warning; larger ones are errors.
 NEGATIVE_PART = 0.5
-"""Largest negative principal moment of a link relative to its largest one.
-
-Published robots have physically inconsistent tensors: 16 of the 69 descriptions in
-example-robot-data, down to -0.39 (Tiago's antennas). The mass matrix may still be regular (if it
-is not, forward dynamics refuses the arm), so they cause a warning; larger ones are errors."""
 
 
 @frozen

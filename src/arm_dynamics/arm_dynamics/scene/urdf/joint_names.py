@@ -14,8 +14,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.scene.urdf.description import Mimic
 
+# Deviation, relative to the larger of it and 1, up to which the value of a mimic joint agrees
 AGREES = 1e-3
-"""Deviation, relative to the larger of it and 1, up to which the value of a mimic joint agrees."""
 FIELDS = ("position", "velocity", "acceleration")
 
 

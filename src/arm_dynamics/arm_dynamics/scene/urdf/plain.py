@@ -19,8 +19,8 @@ from arm_dynamics.exceptions import ModelError, degrees_meant
 
 MOVING = ("revolute", "continuous", "prismatic")
 SUPPORTED = (*MOVING, "fixed")
+# Types of joints that are supported only if the scene locks them: then they are fixed
 HELD = ("floating", "planar")
-"""Types of joints that are supported only if the scene locks them: then they are fixed."""
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOMENTS = ("ixx", "iyy", "izz")
 PRODUCTS = ("ixy", "ixz", "iyz")
@@ -41,11 +41,11 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 _LARGEST = sys.float_info.max
 _ROUNDED = 0.01  # error of the length of an axis of two decimals
+# A position limit beyond this, in [rad] or [m], means no limit
 NO_LIMIT = 1e15
-"""A position limit beyond this, in [rad] or [m], means no limit."""
 
+# Remarks on what is unusual, each with the places where it is
 type Notes = dict[str, list[str]]
-"""Remarks on what is unusual, each with the places where it is."""
 
 
 def floats(text: str) -> list[float]:

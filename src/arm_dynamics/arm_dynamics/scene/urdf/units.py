@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 from arm_dynamics.scene.inertia import gyration
 from arm_dynamics.scene.urdf.plain import MOVING, TENSOR, Notes, distance, link_at
 
+# Lengths in [m] beyond which a unit is doubtful, unless the arm is as long
 FAR = 10.0
-"""Lengths in [m] beyond which a unit is doubtful, unless the arm is as long."""
 _LIGHT, _CRANE = 10.0, 1000.0  # [kg/m] that arms with links of 10 m, and of 100 m, exceed
 _LEAST = 0.5  # [m] radius of gyration of bodies whose size joints do not tell, such as turntables
 _MATTERS = 1e-3  # fraction of the arm's mass times the square of its length

@@ -22,9 +22,9 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.limits import Limits
 
+# Fraction of a limit by which a quantity may exceed its largest value at the points found by
+# ``closely``; scaled motions keep away from their limits by twice as much.
 BETWEEN = 1e-5
-"""Fraction of a limit by which a quantity may exceed its largest value at the points found by
-``closely``; scaled motions keep away from their limits by twice as much."""
 _NODES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # inside: values may jump at the ends
 _HALVINGS = 14
 _MOST = 100_000  # intervals at a time

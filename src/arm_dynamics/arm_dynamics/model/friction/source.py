@@ -11,8 +11,8 @@ import numpy as np
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import frozen
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.model.friction import STEEPEST, DryFriction, JointFriction, Sided
-from arm_dynamics.model.friction_table import FrictionTable, steepest
+from arm_dynamics.model.friction.joint_friction import STEEPEST, DryFriction, JointFriction, Sided
+from arm_dynamics.model.friction.table import FrictionTable, steepest
 from arm_dynamics.scene.effect import refuse_of_joints, value_at
 from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, Table, refusal
 from arm_dynamics.scene.schema import Scene
