@@ -158,12 +158,9 @@ def tolerances(
 
 
 def _joint_tolerances(
-    field: str,
-    messages: Sequence[Any],
-    names: JointNames,
-    position: Sequence[float],
+    field: str, messages: Sequence[Any], names: JointNames, position: Sequence[float],
     velocity: Sequence[float],
-) -> StateTolerance:
+) -> StateTolerance:  # fmt: skip
     position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
         names.refuse([message.name], f"{field} names joint")
