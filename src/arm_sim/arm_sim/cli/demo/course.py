@@ -149,11 +149,7 @@ def _report(
 ) -> None:  # fmt: skip
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
-    title = (
-        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
-        f"{1e6 * n['error_rms']:,.1f} µ{n['unit']} RMS"
-    )
-    report.draw(figure, observations, model.joint_names, model.joint_types, n["duration"], title)
+    report.draw(figure, observations, model.joint_names, model.joint_types, n)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, report.result_table(n))
