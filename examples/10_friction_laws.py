@@ -29,13 +29,15 @@ with figure("friction", columns=2, size=(7.2, 2.6)) as (curve, pulled):
         "coulomb": {"positive": 1.2, "negative": 0.8},
     }
     for name, law in (("Stribeck", DRY), ("by direction", SIDES)):
-        curve.plot(speeds, wheel(1.0, law).dynamics.friction(speeds[:, None]), label=name)
+        torques = wheel(1.0, law).dynamics.friction(speeds[:, None])
+        torques[600] = np.nan  # at rest, friction is a reaction
+        curve.plot(speeds, torques, label=name)
     curve.set(xlabel="speed [rad/s]", ylabel="friction [N m]", title="Steady motion")
     curve.legend()
 
     # --- a load pulled by a spring at constant speed: stick-slip ---
     STIFFNESS, SPEED, DT = 20.0, 0.1, 1e-3
-    slip = {name: wheel(1.0, law) for name, law in (("stick and slip", DRY), ("LuGre", LUGRE))}
+    slip = {name: wheel(1.0, law) for name, law in (("dry", DRY), ("LuGre", LUGRE))}
     motions = {}
     for name, sim in slip.items():
         # The spring force in the middle of the tick.
@@ -47,7 +49,7 @@ with figure("friction", columns=2, size=(7.2, 2.6)) as (curve, pulled):
     pulled.plot([0, 8], [0, 8 * SPEED], ":", color="0.5", label="end of the spring")
     pulled.set(xlabel="time [s]", ylabel="angle [rad]", title="Pulled by a slow spring")
     pulled.legend()
-still = float(np.mean(motions["stick and slip"].v == 0.0))
+still = float(np.mean(motions["dry"].v == 0.0))
 print(f"stick-slip: exactly at rest {100 * still:.0f} % of the time")
 
 # --- bristles: pre-sliding displacement -------------------------------------------------------

@@ -20,12 +20,13 @@ ORANGE, ARROW = (213, 94, 0), {"shaft_radius": 0.008, "head_radius": 0.022, "hea
 drag = lambda t, q: sim.dynamics.jacobian(q, "panda_hand")[:3].T @ FORCES[np.digitize(t, UNTIL)]  # noqa: E731
 run = sim.run(END, lambda now: sim.dynamics.gravity(now.q) + drag(now.time, now.q))
 use_style()
+plt.rcParams |= {"xtick.labelsize": 9.0, "ytick.labelsize": 9.0, "legend.fontsize": 9.0}
 figure, axes = plt.subplots(3, 1, sharex=True, figsize=(4.0, 4.0), dpi=100)
 axes[0].plot(run.time, [drag(t, q) for t, q in zip(run.time, run.q, strict=True)])
-axes[1].plot(run.time, np.linalg.norm(contact_history(sim, run).force[:, 0], axis=1))
+axes[1].plot(run.time, np.linalg.norm(contact_history(sim, run).force[:, 0], axis=1), "0.5")
 axes[2].plot(run.time, run.v, label=joint_words(sim.joint_names))
 legend_outside(figure, below=True)
-axes[0].set_title("Torque of the drag on the joints [N m]")
+axes[0].set_title("Torque of the drag (arrow) on the joints [N m]")
 axes[1].set_title("Force of the table [N]")
 lines = [axis.axvline(0.0, color="0.4", lw=1.0, zorder=9) for axis in axes]
 axes[2].set(title="Velocity of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))

@@ -39,8 +39,7 @@ def draw(page: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    matplotlib.use("agg")
+    matplotlib.rcParams |= {"backend": "agg", "savefig.dpi": 160.0}  # as arm_sim.figures.STYLE
     for page in FIGURES:
-        print(f"== {page}")
         with tempfile.TemporaryDirectory() as folder:
             draw(page, Path(folder))

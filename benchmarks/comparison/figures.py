@@ -68,8 +68,8 @@ def _work_precision(results: Record, out: Path) -> Iterator[str]:
                             if t["family"] == family and t["cpu_s"]]  # fmt: skip
                     if best:
                         _curve(axis, best, family)
-                axis.set(
-                    xscale="log", yscale="log", title=f"{robot}: {scenario}",
+                axis.set(xscale="log", yscale="log",
+                    title=f"{robot}: {scenario}".replace("Chain", "chain of"),
                     xlabel=f"processor time for {lasts[robot, scenario]:g} s of motion [ms]",
                 )  # fmt: skip
             axes[0, 0].set_ylabel("error of joint positions [rad]")

@@ -26,10 +26,10 @@ from arm_dynamics.trajectory import (
 
 SCENES = Path(__file__).parents[2] / "src/arm_sim/arm_sim/scenes"
 PLANTS = {
-    "exact": "as the controller's model",
-    "payload": "20 % more payload than in the model",
-    "friction": "dry friction missing from the model",
-    "limits": "torque limits that the fast motions exceed",
+    "exact": "exact model",
+    "payload": "20 % more payload",
+    "friction": "unmodelled dry friction",
+    "limits": "limited torque",
 }
 TASKS = ("regulation", "line")
 PACES = ("slow", "fast")

@@ -44,11 +44,11 @@ def _errors(results: Sequence[Result], path: Path) -> None:
         for column, pace in enumerate(PACES):
             line = [r for r in results if r.pace == pace and r.task == "line"]
             _dots(axes[0, column], line, [r.error for r in line])
-            axes[0, column].set(title=f"{pace} line", xlabel="largest error [mm]")
+            axes[0, column].set(title=f"{line[0].title}, {pace} line", xlabel="largest error [mm]")
             point = [r for r in results if r.pace == pace and r.task == "regulation"]
             _dots(axes[1, column], point, [r.final for r in point])
-            how = "moved in 1.5 s" if pace == "slow" else "stepped"
-            axes[1, column].set(title=f"set-point {how}", xlabel="error at the end [mm]")
+            how = "set-point moved in 1.5 s" if pace == "slow" else "set-point stepped"
+            axes[1, column].set(title=f"{line[0].title}, {how}", xlabel="error at the end [mm]")
 
 
 def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> None:
@@ -81,7 +81,7 @@ def _courses(results: Sequence[Result], path: Path) -> None:
                 width = max(1, round(_WINDOW / np.diff(mine.time[:2])[0]))
                 distance = maximum_filter1d(mine.course, width)
                 axis.plot(mine.time, distance, ls=dashes, label=controller)
-            axis.set(yscale="log", ylim=(_LEAST, 2e2), title=PLANTS[plant])
+            axis.set(yscale="log", ylim=(_LEAST, 2e2), title=f"{mine.title}: {PLANTS[plant]}")
         for axis in axes[1]:
             axis.set_xlabel("time [s]")
         for axis in axes[:, 0]:

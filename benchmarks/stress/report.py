@@ -174,7 +174,7 @@ def draw(results: Sequence[Result], path: Path) -> None:
         for mark, (key, name) in zip(MARKS, names.items(), strict=False):
             errors.plot(*_errors(groups[key]), marker=mark, label=name)
         errors.set(xscale="log", yscale="log", ylim=(ROUNDING / 2, 10), xlabel=STEP,
-                   ylabel="median error of q / (1 + |q|)")  # fmt: skip
+                   title="median error", ylabel="position error / (1 + |position|)")  # fmt: skip
 
 
 def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:

@@ -37,7 +37,12 @@ error = np.abs(np.angle(np.exp(1j * (rocker - psi)))).max()
 print(f"the rocker is off by {error:.1e} rad, the energy by {np.ptp(run.energy):.1e} J")
 assert error <= 1e-8 and np.ptp(run.energy) <= 1e-8
 
-figure = run.plot()
+figure, plane = plt.subplots(figsize=(4.6, 3.2))
+turn = crank < crank[0] + 2 * np.pi
+plane.plot(crank[turn], rocker[turn], label="simulated")
+plane.plot(crank[turn], psi[turn], "--", label="Freudenstein")
+plane.set(xlabel="angle of the crank [rad]", ylabel="angle of the rocker [rad]")
+plane.legend(loc="lower center")
 
 # %%
 # In motion

@@ -35,7 +35,11 @@ first = int(np.argmax(run.v[:, elbow] != 0.0))
 print(f"it breaks away at {run.time[first]:.3f} s, by the formula at {leaves:.4f} s")
 assert not run.v[:first].any() and abs(run.time[first] - leaves) <= 2 * sim.dt
 
-figure = run.plot()
+moving = ["shoulder_lift_joint", "elbow_joint", "wrist_1_joint"]
+figure = run.part(run.time >= 1.0).plot(joints=moving)
+for axis in figure.axes:
+    axis.axvline(leaves, color="0.4", linestyle="--")
+figure.axes[1].text(leaves + 0.01, -15.0, "breaks away,\nby the formula")
 
 # %%
 # In motion

@@ -32,7 +32,7 @@ STYLE = {
     "axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.4,
     "lines.markersize": 4.0, "legend.frameon": False, "legend.handlelength": 1.6,
     "axes.prop_cycle": f"cycler('color', {list(COLORS)})",
-    "figure.dpi": 110.0, "savefig.dpi": 160.0,
+    "figure.dpi": 110.0, "savefig.dpi": 160.0, "pdf.fonttype": 42,
 }  # fmt: skip
 RATE = 30.0  # frames of an animation per second
 FILM_DPI = 96.0  # at which its text has the points of the style on a page

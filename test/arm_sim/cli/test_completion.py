@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from arm_sim.cli.completion import SHELLS, VARIABLE
+from arm_sim.cli.completion import OF_CLONE, SHELLS, VARIABLE
 from arm_studies.cli.main import main
 
 ROOT = Path(__file__).parents[3]
@@ -35,6 +35,12 @@ def test_commands_and_those_of_the_script() -> None:
     assert offered("arm des") == ["describe"]
     assert offered("./arm te", ARM_COMMANDS="test lint") == ["test"]
     assert offered("arm call inv") == ["inverse-dynamics", "inverse-kinematics"]
+
+
+def test_commands_of_the_script_are_named_where_there_is_none() -> None:
+    (own,) = re.findall(r'ARM_COMMANDS="(.+)"', SCRIPT)
+    assert {*own.split()} - {"help"} == {*OF_CLONE.split()}
+    assert "needs a clone of the repository: ./arm docs" in CliRunner().invoke(main, "docs").output
 
 
 def test_options() -> None:

@@ -17,6 +17,7 @@ from arm_sim.cli.output import as_called
 
 VARIABLE = "_ARM_COMPLETE"
 OF_SCRIPT = "ARM_COMMANDS"  # set by the script ./arm to its own commands
+OF_CLONE = "bench compare-controllers docs lint python setup stress test"
 
 
 class Commands(click.Group):
@@ -44,6 +45,8 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find a command, or fail with a list of the commands."""
         if args and args[0][:1].isalpha() and args[0] not in self.commands:
+            if args[0] in OF_CLONE.split():
+                ctx.fail(f"'{args[0]}' needs a clone of the repository: ./arm {args[0]}")
             names = [*self.list_commands(ctx), *self._of_script(ctx)]
             ctx.fail(f"unknown command '{args[0]}'; allowed: {choices(args[0], names, 60)}")
         return super().resolve_command(ctx, args)

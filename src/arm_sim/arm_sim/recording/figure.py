@@ -25,11 +25,12 @@ _MARKS = 40  # largest number of events drawn
 _APART = 5e-3  # of the range of a panel: curves that are closer to each other coincide
 _ENERGY = "energy [J]"
 _ACCOUNT = ("T, kinetic", "V, potential", "T + V", "work", "heat", "residual")
-_ENERGY_COLORS = (*figures.COLORS[:2], "#000000", *figures.COLORS[2:])
+# Olive, wine, black, grey, indigo and sand (Tol, Colour Schemes): no joint but the seventh has one
+_ENERGY_COLORS = "#999933", "#882255", "#000000", "0.6", "#332288", "#DDCC77"
 NO_WINDOW = "no window: Matplotlib has no display"
 LONG = 60_001  # rows up to which the energy account repeats ticks for curves
 
-type _Curve = tuple[str, Array, str]  # label, values, colour
+type _Curve = tuple[str, Array, str]  # label, values of all recordings, colour
 
 _log = logging.getLogger(__name__)
 
@@ -40,36 +41,34 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     from matplotlib import pyplot
 
     names, first = _joints(recordings, joints), recordings[0]
-    words, panels = figures.joint_words(names), dict[str, list[list[_Curve]]]()
-    drawn = [*zip(names, words, cycle(figures.COLORS), strict=False)]
+    words, panels = figures.joint_words(names), dict[str, list[_Curve]]()
     types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
-    for part, (attribute, *unit) in QUANTITIES.items():
-        arrays: list[Array] = [getattr(one, attribute) for one in recordings]
-        shown = {
-            name for one, array in zip(recordings, arrays, strict=True) for name in names
-            if part == "position" or np.nan_to_num(array[:, one.joint_names.index(name)]).any()
-        }  # fmt: skip
-        if shown:
-            panels[f"{part} [{figures.units(types, *unit)}]"] = [
-                [
-                    (word, array[:, one.joint_names.index(name)], color)
-                    for name, word, color in drawn
-                    if name in shown
-                ]
-                for one, array in zip(recordings, arrays, strict=True)
-            ]
-    if any(energies := _energies(recordings)):
-        panels[_ENERGY] = energies
+    stacked = {
+        part: np.hstack([getattr(one, attribute)[:, _columns(one, names)].T for one in recordings])
+        for part, (attribute, *_) in QUANTITIES.items()
+    }
+    known = [np.nan_to_num(rows) for rows in stacked.values()]
+    groups = _coincident(np.hstack([rows / (np.ptp(rows) or 1.0) for rows in known]), _APART)
+    for (part, rows), numbers in zip(stacked.items(), known, strict=True):
+        panels[f"{part} [{figures.units(types, *QUANTITIES[part][1:])}]"] = [
+            (" = ".join(words[j] for j in group), rows[group[0]], color)
+            for group, color in zip(groups, cycle(figures.COLORS), strict=False)
+            if part == "position" or numbers[group].any()
+        ]
+    panels[_ENERGY] = _energies(recordings)
+    panels = {title: curves for title, curves in panels.items() if curves}
     pyplot.draw_if_interactive()  # loads the backend, which may set rcParams to stay
     with mpl.rc_context(figures.STYLE | {"axes.xmargin": 0.0}):
         figure, axes = pyplot.subplots(
             len(panels), 1, sharex=True, squeeze=False, layout="constrained",
             figsize=(figures.WIDTH, 1.7 * len(panels) + 0.5),
         )  # fmt: skip
-        for axis, (title, of_each) in zip(axes[:, 0], panels.items(), strict=True):
-            for recording, curves, line in zip(recordings, of_each, cycle(_LINES), strict=False):
-                for label, values, color in curves:
-                    curve = thinned(recording.time, values[:, None], _POINTS)
+        ends = np.cumsum([len(one) for one in recordings])[:-1]
+        for axis, (title, curves) in zip(axes[:, 0], panels.items(), strict=True):
+            for label, values, color in curves:
+                own = np.split(values[:, None], ends)
+                for recording, y, line in zip(recordings, own, cycle(_LINES), strict=False):
+                    curve = thinned(recording.time, y, _POINTS)
                     axis.plot(*curve, line, color=color, label=label if line == "-" else None)
             axis.set_ylabel(title)
             _marks(axis, first)
@@ -96,20 +95,31 @@ def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> l
             raise InvalidInput("plot: a recording without states has nothing to draw")
     if isinstance(requested, str):
         raise InvalidInput(f"joints = '{requested}'; a list of names is expected, ['{requested}']")
-    shared = [
-        name for name in recordings[0].joint_names
-        if all(name in recording.joint_names for recording in recordings)
-    ]  # fmt: skip
+    names = [one.joint_names for one in recordings]
+    shared = [name for name in names[0] if all(name in each for each in names)]
     if not shared:
-        joints = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
+        joints = "; ".join(known_names(each, 8) for each in names)
         raise InvalidInput(f"the recordings share no joint: {joints}")
     if unknown := [name for name in requested if name not in shared]:
         allowed = choices(unknown[0], shared)
         raise InvalidInput(f"unknown joint {known_names(unknown)}; allowed: {allowed}")
     if requested:
         return list(requested)
-    columns = [recordings[0].joint_names.index(name) for name in shared]
-    return [shared[i] for i in figures.most_moved(recordings[0].q[:, columns])]
+    moved = figures.most_moved(recordings[0].q[:, _columns(recordings[0], shared)])
+    return [shared[i] for i in moved]
+
+
+def _columns(recording: RecordedMotion, names: Sequence[str]) -> list[int]:
+    return [recording.joint_names.index(name) for name in names]
+
+
+def _coincident(rows: Array, apart: float) -> list[list[int]]:
+    """Rows in groups of those that differ by no more from the first of the group."""
+    rest, groups = [*range(len(rows))], list[list[int]]()
+    while rest:
+        groups.append([i for i in rest if abs(rows[i] - rows[rest[0]]).max() <= apart])
+        rest = [i for i in rest if i not in groups[-1]]
+    return groups
 
 
 def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -138,25 +148,20 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
     return np.array([*times, time[-1]]), np.array([*rows, values[-1]])
 
 
-def _energies(recordings: Sequence[RecordedMotion]) -> list[list[_Curve]]:
-    """Energies of each: none that is zero in all, and one for those that coincide in all.
+def _energies(recordings: Sequence[RecordedMotion]) -> list[_Curve]:
+    """Energies: none that is zero in all recordings, and one for those that coincide in all.
 
     Potential energies are counted from the least of all recordings; NaN where unknown.
     """
-    rows = np.hstack([_account(one) for one in recordings])
+    rows = np.hstack([*map(_account, recordings)])
     rows[1:3] -= np.min(rows[1], where=~np.isnan(rows[1]), initial=np.inf)
-    numbers, curves = np.nan_to_num(rows), list[_Curve]()
+    numbers = np.nan_to_num(rows)
     apart = _APART * np.ptp(numbers, axis=1).max()
-    rest = [i for i in range(len(rows)) if abs(numbers[i]).max() > apart]
-    while rest:
-        alike = [i for i in rest if abs(numbers[i] - numbers[rest[0]]).max() <= apart]
-        label = " = ".join(_ACCOUNT[i] for i in alike)
-        curves.append((label, rows[rest[0]], _ENERGY_COLORS[rest[0]]))
-        rest = [i for i in rest if i not in alike]
-    ends = np.cumsum([len(one) for one in recordings]).tolist()
+    kept = np.flatnonzero(abs(numbers).max(axis=1) > apart)
+    groups = [kept[group] for group in _coincident(numbers[kept], apart)]
     return [
-        [(label, values[end - len(one) : end], color) for label, values, color in curves]
-        for one, end in zip(recordings, ends, strict=True)
+        (" = ".join(_ACCOUNT[i] for i in group), rows[group[0]], _ENERGY_COLORS[group[0]])
+        for group in groups
     ]
 
 

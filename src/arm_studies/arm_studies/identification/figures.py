@@ -52,7 +52,7 @@ def torque_panels(
             left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
             span = 1.05 * np.nanmax(abs(measured[:, j]))
             right.set_ylim(-span, span)
-        titles = f"torque [{unit}]", f"residual [{unit}], RMS / torque"
+        titles = f"torque [{unit}]", f"residual [{unit}], relative RMS"
         for axis, title in zip(axes[0], titles, strict=True):
             axis.annotate(title, (0, 1.34), xycoords="axes fraction", weight="bold")
         for axis in axes[-1]:
@@ -65,18 +65,18 @@ def draw_torques(identification: Identification, path: Path) -> None:
     shown = identification.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
-    torques = {"nominal": shown.nominal[rows], "identified": shown.predicted[rows]}
+    torques = {"URDF": shown.nominal[rows], "identified": shown.predicted[rows]}
     drawn = identification.scene, order[rows], shown.measured[rows], torques
     with torque_panels(path, *drawn) as panels:
         for joint, (left, right) in zip(identification.joints, panels, strict=True):
             error = joint.errors.identified
             percent = "unknown" if np.isnan(error) else f"{100 * error:.1f} %"
-            right.set_title(f"{percent} on held-out data (shaded)", **_NOTE)
+            right.set_title(f"held out: {percent}", **_NOTE)
             for axis in (left, right):
-                for first, end in runs(shown.held_out):
-                    axis.axvspan(order[first], order[end - 1], color="0.93", zorder=0)
+                for a, b in runs(shown.held_out):
+                    axis.axvspan(order[a], order[b - 1], color="0.93", zorder=0, label="held out")
         for axis in panels[-1]:
-            axis.set_xlabel("time without gaps [s]")
+            axis.set_xlabel("time, gaps left out [s]")
 
 
 def draw_comparison(comparisons: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
