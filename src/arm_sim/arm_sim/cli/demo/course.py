@@ -29,7 +29,7 @@ from arm_sim.view.server import library
 
 _SETTLED = 0.3  # [s] of observation after the motion
 _OPENING = 3.0  # [s] for a browser to open
-_PAUSE = 1.7  # [s] between lines of progress
+_PAUSE = 10.0  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
 RECORDING = "run.mcap"
 
@@ -61,7 +61,7 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
 
 
 class _PrintedProgress:
-    """Prints, without a terminal, each step and, every two seconds, how long it has taken."""
+    """Prints, without a terminal, each step and, every ten seconds, how long it has taken."""
 
     def __init__(self, out: Console) -> None:
         self._out, self._began, self._printed = out, 0.0, 0.0
