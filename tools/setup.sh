@@ -3,8 +3,8 @@
 # shellcheck shell=bash disable=SC2154
 
 setup_log=$root/log/arm-setup${env#"$root/.venv"}.log # of .venv-pypi-kilted: arm-setup-pypi-kilted.log
-on_terminal=
-if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then on_terminal=yes; fi
+on_terminal= pause=10 # s between signs of life, of which a file keeps every one
+if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then on_terminal=yes pause=1.5; fi
 
 # --- telling what goes on ----------------------------------------------------------------------
 
@@ -12,7 +12,7 @@ if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then on_terminal=yes; fi
 tick() { # TITLE
     local line start=$SECONDS
     [[ -z ${lock_fd:-} ]] || exec {lock_fd}>&- # or a nap that is left over would hold the lock
-    while sleep 1.5; do
+    while sleep "$pause"; do
         line=$(tail -n 1 "$setup_log" 2>/dev/null | tr -cd '[:print:]') || true
         if [[ $on_terminal ]]; then
             printf '\r\033[K  %s ... %d s  \033[2m%.60s\033[0m' "$1" $((SECONDS - start)) "$line" >&2

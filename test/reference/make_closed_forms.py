@@ -78,10 +78,7 @@ def coulomb() -> dict[str, object]:
         "about": "wheel: 0.1 kg m^2, 0.5 N m, 0.2 N m s/rad, from 5 rad/s; "
         "mass: 1 kg, 100 N/m, 1.5 N, let go at 0.1 m; SI units",
         "coast_down": {"time": nstr(t, 20), "angle": nstr(q, 20)},
-        "oscillator": {
-            "half_period": nstr(pi * sqrt(m / k), 20),
-            "turning_points": digits(turns),
-        },
+        "oscillator": {"half_period": nstr(pi * sqrt(m / k), 20), "turning_points": digits(turns)},
     }
 
 

@@ -77,10 +77,11 @@ class Throttled:
         if due := self._due(text, reason):
             self._log.warning(due)
 
-    def error(self, text: str, reason: str | None = None) -> None:
-        """The same as an error."""
+    def error(self, text: str, reason: str | None = None) -> bool:
+        """The same as an error; returns whether it was logged."""
         if due := self._due(text, reason):
             self._log.error(due)
+        return bool(due)
 
     def _due(self, text: str, reason: str | None) -> str:
         """What is to be logged now, empty if nothing."""

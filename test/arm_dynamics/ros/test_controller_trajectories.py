@@ -139,6 +139,15 @@ def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
             assert capfd.readouterr().err.count("refused, the previous one continues") == 1
 
 
+def test_goals_that_the_log_withholds_are_counted(
+    ros: Ros, node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    effort(node, 0, (0.0, 0.0))
+    for k in range(15):  # ten of them are logged
+        node.on_joint_trajectory(trajectory(point(1.0, 1.0), names=[f"nobody{k}"]))
+    ros.spin_until(lambda: "5 more goals refused since" in capfd.readouterr().err)
+
+
 def test_efforts_of_points_are_added_to_the_controllers(node: ControllerNode) -> None:
     """Linear between the points and kept after the last, in the order of the message."""
     effort(node, 0, (0.0, 0.0))

@@ -81,7 +81,7 @@ def test_without_answers_there_are_no_numbers_of_the_service() -> None:
 def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> None:
     observed, file = seen(), tmp_path / "demo.png"
     with written() as figures:
-        draw(file, observed, NAMES, ("revolute", "revolute"), 3.0, "Two links")
+        draw(file, observed, NAMES, ("revolute", "revolute"), told(observed) | {"duration": 3.0})
     (figure,) = figures
     assert file.stat().st_size > 10_000
     position, error, torque = figure.axes
@@ -96,6 +96,7 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
         colors = {line.get_color() for line in (position.lines[k], error.lines[k], curve)}
         assert colors == {circles.get_markeredgecolor()}  # of one joint
     assert position.get_ylabel() == "position [rad]"
+    assert position.get_title(loc="left").endswith("at 1000 Hz, tracking error 2 mrad RMS")
     assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
     assert position.lines[2].get_zorder() < position.lines[0].get_zorder()
     assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"

@@ -8,15 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported import (
-    BITS,
-    CPP17,
-    Library,
-    Ticks,
-    assert_portable,
-    compilers,
-    pointer,
-)
+from exported import BITS, CPP17, Library, Ticks, assert_portable, compilers, pointer
 from samples import always
 
 from arm_dynamics import Dynamics, load_scene

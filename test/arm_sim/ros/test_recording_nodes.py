@@ -176,13 +176,14 @@ def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: P
     ros.spin_until(lambda: publisher.get_subscription_count() > 0)
     for k in range(20):
         message = JointState(name=["a", "b"], position=[float(k), 0.5])
-        message.header.stamp.nanosec = 1_000_000 * (k + 1 + 3 * (k > 9))
+        message.header.stamp.nanosec = 1_000_000 * (k + 1 + 4 * (k > 9))
         publisher.publish(message)
     ros.spin_until(lambda: recorder.count["/states"] == 20)
-    assert recorder.missing == ("/nobody",) and recorder.gaps == {"/states": 3}
+    assert recorder.missing == ("/nobody",) and recorder.gaps == {"/states": 4}
     recorder.thread.close()
     loaded = Recording.load(tmp_path / "run.mcap")
     np.testing.assert_array_equal(loaded.q[:, 0], np.arange(20.0))
+    assert loaded.gaps == (10,) and "4 joint states are missing" in loaded.events[0].text
     ros.peer.destroy_publisher(publisher)
 
     heard: list[float] = []

@@ -37,10 +37,7 @@ def assert_drawn(page: Page, simulator: Simulator) -> None:
 def test_a_scene_runs_pauses_steps_and_resets() -> None:
     """In a page that is wide enough for its charts; the arm is one that is quick to draw."""
     arm = Simulator("two_link")
-    with (
-        show(arm, port=0) as view,
-        opened(view.url, "/two_link/elbow", size=(1200, 320)) as page,
-    ):
+    with show(arm, port=0) as view, opened(view.url, "/two_link/elbow", size=(1200, 320)) as page:
         assert_drawn(page, arm)
         page.click("Step")
         page.until(lambda: arm.state.step == 1, "a tick")

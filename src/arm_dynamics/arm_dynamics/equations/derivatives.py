@@ -163,8 +163,11 @@ def inverse_derivatives(
     E, links = spread_map(tree), tree.links
     frames, joints, bodies = _outward(tree, q, E @ v, E @ a, gravity)
     in_links = len(links) <= IN_LINKS_AT_MOST
-    worlds = list[_Frame]() if in_links else _in_world(tree, frames)
-    changes = joints if in_links else [j.placed_in(w) for j, w in zip(joints, worlds, strict=True)]
+    worlds, changes = list[_Frame](), joints
+    if not in_links:
+        for link, frame in zip(links, frames, strict=True):
+            worlds.append(worlds[link.parent].of(frame) if link.parent >= 0 else frame)
+        changes = [joint.placed_in(world) for joint, world in zip(joints, worlds, strict=True)]
     by_q, by_v, M = (ca.SX(len(links), len(links)) for _ in range(3))
     for i in reversed(range(len(links))):
         row, place, speed = _of_joint(bodies[i], joints[i], links[i])
@@ -222,13 +225,6 @@ def _body(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Composite:
     n = link.I @ alpha + cross(omega, link.I @ omega) + cross(link.h, c)
     P, Q = cross(omega, 2 * link.h), ca.sparsify(W @ second)
     return _Composite(link.m, link.h, link.I, P, Q, _Wrench(ca.sparsify(f), ca.sparsify(n)))
-
-
-def _in_world(tree: Tree, frames: list[_Frame]) -> list[_Frame]:
-    worlds = list[_Frame]()
-    for link, frame in zip(tree.links, frames, strict=True):
-        worlds.append(worlds[link.parent].of(frame) if link.parent >= 0 else frame)
-    return worlds
 
 
 def _of_joint(body: _Composite, joint: _Joint, link: Link) -> tuple[_Change, _Wrench, _Wrench]:

@@ -14,12 +14,7 @@ from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.derivatives.gradient import (
-    Gradients,
-    RolloutGradient,
-    gradient_of,
-    initial_slope,
-)
+from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of, initial_slope
 from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.tangents import Arms
 from arm_sim.inputs import one_side, row, rows, torque, whole

@@ -71,7 +71,7 @@ class Contents:
         hold: What held the arm in the tick that begins at each time, shape (k+1,): ``FREE``,
             ``BRAKES`` or ``SERVOS``; None if nothing ever did.
         gaps: Rows before which ticks are missing, because the recorder was too slow or the file
-            is damaged.
+            is damaged; of a robot, more than three joint states.
         substep: Initial sub-step of the error control, in [s]; see ``SimulatedArm.substep``.
         measured: Sensor measurements at each time, NaN where its file has none; None if the scene
             has no sensors.

@@ -184,4 +184,4 @@ def _marks(axis: Any, recording: RecordedMotion) -> None:
     for time in sorted(set(times))[:_MARKS]:
         axis.axvline(time, color="0.4", lw=0.7, ls=":")
     for row in recording.gaps:
-        axis.axvspan(recording.time[row - 1], recording.time[row], color="0.85", lw=0)
+        axis.axvspan(recording.time[row - 1], recording.time[row], color="0.85", lw=0.7)

@@ -126,10 +126,9 @@ class NodeHandler(logging.Handler):
 
 
 def run(
-    make_node: Callable[..., Node],
-    args: list[str] | None = None,
+    make_node: Callable[..., Node], args: list[str] | None = None,
     done: Callable[[], bool] = lambda: False,
-) -> int:
+) -> int:  # fmt: skip
     """Run one node in this process: start, spin until SIGINT, SIGTERM or ``done``, clean up.
 
     The signals interrupt what builds the node, compilers included. Later they only request the

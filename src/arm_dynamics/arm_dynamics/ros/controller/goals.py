@@ -78,7 +78,7 @@ class Goals:
         self.follower: Follower | None = None
         self.stamp = -1
         self.outcome = ""
-        self.refused = 0
+        self.refused = self._unlogged = 0
         self._model, self._limits, self._log = model, limits, log
         self._on_motion = on_motion
         self.planner = Background("planner", on_planned)
@@ -165,8 +165,7 @@ class Goals:
 
         ``tries`` is the number of previous plans that were ready too late.
         """
-        follower = self.follower
-        if follower is None:
+        if (follower := self.follower) is None:
             self.refuse(goal.kind, ": no joint state has been seen yet")
             goal.then(None)
             return
@@ -225,4 +224,10 @@ class Goals:
         outcome = plain(f"{kind} refused{why}")
         self.outcome = f"{outcome} (again)" if outcome == self.outcome else outcome
         self.refused += 1
-        self._log.error(outcome, outcome)  # its numbers are part of the reason
+        self._unlogged += not self._log.error(outcome, outcome)  # its numbers are a reason, too
+
+    def log_unlogged(self) -> None:
+        """Log how many goals were refused without a log message, once they are few again."""
+        text = f"{counted(self._unlogged, 'more goal')} refused since, too many to log each"
+        if self._unlogged and self._log.error(text):
+            self._unlogged = 0

@@ -313,7 +313,6 @@ def _zero_duration_motion(here: Reference, to: Waypoint) -> Motion:
 
 def _point(positions: Any, velocities: Any, accelerations: Any = ()) -> JointTrajectoryPoint:
     return JointTrajectoryPoint(
-        positions=to_array(positions),
-        velocities=to_array(velocities),
+        positions=to_array(positions), velocities=to_array(velocities),
         accelerations=to_array(accelerations),
-    )
+    )  # fmt: skip

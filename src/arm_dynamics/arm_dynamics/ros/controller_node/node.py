@@ -19,10 +19,11 @@ from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, InvalidInput, plain
-from arm_dynamics.logs import Throttled
+from arm_dynamics.logs import PERIOD, Throttled
 from arm_dynamics.ros.common.convert import as_bytes
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
 from arm_dynamics.ros.common.endpoints import subscribe
+from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.common.params import declare
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller.answer_log import AnswerLog
@@ -119,6 +120,7 @@ class ControllerNode(Node):
         subscribe(self, CARTESIAN_PATH, self.on_cartesian_path, raw=True)
         self._selection.watch()
         self._diagnosis = Diagnosis(self, self.diagnostics)
+        steady_timer(self, PERIOD, self.goals.log_unlogged)
         self._complete = True
         states = self.resolve_topic_name(JOINT_STATES.name)
         self.get_logger().info(f"answers {states}; to move the arm: ./arm go {names[-1]}+=0.1")

@@ -29,7 +29,7 @@ from arm_sim.view.server import library
 
 _SETTLED = 0.3  # [s] of observation after the motion
 _OPENING = 3.0  # [s] for a browser to open
-_PAUSE = 1.7  # [s] between lines of progress
+_PAUSE = 10.0  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
 RECORDING = "run.mcap"
 
@@ -61,7 +61,7 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
 
 
 class _PrintedProgress:
-    """Prints, without a terminal, each step and, every two seconds, how long it has taken."""
+    """Prints, without a terminal, each step and, every ten seconds, how long it has taken."""
 
     def __init__(self, out: Console) -> None:
         self._out, self._began, self._printed = out, 0.0, 0.0
@@ -149,11 +149,7 @@ def _report(
 ) -> None:  # fmt: skip
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
-    title = (
-        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
-        f"{1e6 * n['error_rms']:,.1f} µ{n['unit']} RMS"
-    )
-    report.draw(figure, observations, model.joint_names, model.joint_types, n["duration"], title)
+    report.draw(figure, observations, model.joint_names, model.joint_types, n)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, report.result_table(n))

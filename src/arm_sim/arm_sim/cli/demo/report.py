@@ -152,10 +152,15 @@ def result_table(n: Numbers) -> Table:
 
 
 def draw(
-    file: Path, run: Observations, names: Sequence[str], types: Sequence[str], duration: float,
-    title: str,
+    file: Path, run: Observations, names: Sequence[str], types: Sequence[str], n: Numbers
 ) -> None:  # fmt: skip
-    """Draw a PNG; ``types`` are the joint types, ``duration`` is that of the motion in [s]."""
+    """Draw a PNG; ``types`` are the joint types, ``n`` the results by name."""
+    prefix, scale = ("m", 1e3) if abs(run.error).max() > 1e-4 else ("µ", 1e6)
+    unit = units(types, f"{prefix}rad", f"{prefix}m")
+    title = (
+        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
+        f"{scale * n['error_rms']:.3g} {unit} RMS"
+    )
     joints = most_moved(run.position)
     short = [joint_words(names)[i] for i in joints]
     effort, answers = run.effort[:, joints], run.query_effort[:, joints]
@@ -168,9 +173,8 @@ def draw(
             wide = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
             position.plot(run.time, run.reference[:, joints], label="reference", **wide)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")
-        prefix, scale = ("m", 1e3) if abs(run.error).max() > 1e-4 else ("µ", 1e6)
         error.plot(run.time, scale * run.error[:, joints], lw=1.0)
-        error.set_ylabel(f"error [{units(types, f'{prefix}rad', f'{prefix}m')}]")
+        error.set_ylabel(f"error [{unit}]")
         for torque, drawn in zip(torques, (~weak, weak), strict=False):
             for i in np.flatnonzero(drawn):
                 torque.plot(run.time, effort[:, i], color=COLORS[i])
@@ -178,4 +182,4 @@ def draw(
                 torque.plot(*dots, color=COLORS[i], **CIRCLES)
             torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")
         torques[0].plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
-        torques[-1].set(xlabel="time [s]", xlim=(0.0, max(duration, float(run.time[-1]))))
+        torques[-1].set(xlabel="time [s]", xlim=(0.0, max(n["duration"], float(run.time[-1]))))

@@ -16,7 +16,7 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.files.headers import Column, read_header
-from arm_sim.recording.files.merging import merged
+from arm_sim.recording.files.merging import HOLE, merged
 from arm_sim.recording.files.messages import JOINT_STATE, PARTS, JointState, read_joint_state
 from arm_sim.recording.files.reader import BagContents, BagMessage
 from arm_sim.recording.files.table import Table, value
@@ -144,10 +144,15 @@ def _recorded(
 ) -> Contents:
     """A measured recording of positions, velocities and efforts."""
     rows, (q, v, effort) = len(time), parts
+    steps = np.diff(time, prepend=time[0])  # in median steps
+    steps /= np.median(steps[1:]) if rows > 1 else 1.0
+    gaps = np.flatnonzero(steps > HOLE)
+    if missing := round(sum(steps[gaps] - 1.0)):
+        notes = [*notes, f"{missing} joint states are missing by their times, in {len(gaps)} gaps"]
     return Contents(
         time=read_only(time), q=read_only(q), v=read_only(v), z=read_only(np.zeros((rows, 0))),
         command=read_only(effort), local_error=read_only(np.zeros(rows)),
         time_stepped=read_only(np.zeros(rows)), joint_names=names,
-        p=read_only(np.zeros((rows, 0))),
+        p=read_only(np.zeros((rows, 0))), gaps=tuple(gaps.tolist()),
         events=tuple(Event(float(time[-1]), f"file: {note}") for note in notes), of_robot=True,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from arm_sim.recording.files.messages import PARTS, JointState
 Indices = NDArray[np.int_]
 Stamps = NDArray[np.int64]
 _APART = 5e7  # [ns] between clocks that are not the same one
-_HOLE = 4.0  # median steps between two messages across which values are not interpolated
+HOLE = 4.0  # median steps between two messages across which values are not interpolated
 
 
 class Series(NamedTuple):
@@ -121,7 +121,7 @@ def _interpolated(times: Stamps, own: Stamps, values: Array) -> Array:
         after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
         steps = np.diff(own)
         share = (times - own[after - 1]) / steps[after - 1]
-        near = (share >= 0.0) & (share <= 1.0) & (steps[after - 1] <= _HOLE * np.median(steps))
+        near = (share >= 0.0) & (share <= 1.0) & (steps[after - 1] <= HOLE * np.median(steps))
         last, share = after[near], share[near, None]
         interpolated[near] = (1.0 - share) * values[last - 1] + share * values[last]
     return interpolated
