@@ -217,6 +217,11 @@ def test_a_controller_that_cannot_be_prepared_is_not_taken_for_the_one_that_acts
     assert change(node, controller="pd_gravity").successful and node.busy  # not taken for done
 
 
+def test_a_scene_without_friction_is_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    assert change(ros.add(ControllerNode, "ur5e"), friction=True).successful
+    assert "friction = true: the controller's scene has none" in capfd.readouterr().err
+
+
 def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     node = controller_node(ros, controller="pd_gravity", switch_time=0.0)
     see(node, 0)

@@ -52,16 +52,9 @@ def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
 
 
 BAD_AT_START = [
-    ({"number": 3.0}, "'number' is 3.0; allowed: 0 to 2"),
-    ({"number": -0.1}, "'number' is -0.1; allowed: 0 to 2"),
-    ({"number": "much"}, "'number' is 'much'; allowed: a number"),
     ({"number": True}, "'number' is True; allowed: a number"),
     ({"number": 3}, "'number' is 3.0; allowed: 0 to 2"),
-    ({"fixed": 1}, "'fixed' is 1; allowed: true or false"),
     ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
-    ({"color": 3}, "'color' is 3; allowed: text"),
-    ({"count": 0}, "'count' is 0; allowed: 1 to 9"),
-    ({"color": "blue"}, "'color' is 'blue'; allowed: one of red, green"),
 ]
 
 
@@ -98,12 +91,12 @@ BAD_CHANGES = [
     ({"number": 1.5}, "1.5 will not do"),
     ({"number": 3.0}, "number"),
     ({"gains": [True]}, "parameter 'gains' is [True]; numbers are expected"),
+    ({"gains": "abc", "number": 1.5}, "1.5 will not do"),
     ({"gains": None}, "parameter 'gains' has no value; a parameter cannot be removed"),
     ({"number": None}, "parameter cannot be undeclared"),  # rclpy's own words, too
     ({"color": "blue"}, "allowed: one of red, green"),
-    ({"count": 0}, "count"),
     ({"fixed": False}, "read-only"),
-    ({"number": "much"}, "Wrong parameter type"),  # rclpy's own words
+    ({"gains": "abc", "number": "much"}, "Wrong parameter type"),  # rclpy's own words
 ]
 
 
@@ -114,7 +107,8 @@ def test_bad_changes_are_refused_as_a_whole(ros: Ros) -> None:
         assert not result.successful
         assert complaint in result.reason
         assert holder.params == Some()
-        assert list(holder.get_parameter("gains").value) == [1.0]
+        gains, described = holder.get_parameter("gains"), holder.describe_parameter("gains")
+        assert list(gains.value) == [1.0] and described.type == gains.type_.value
 
 
 def wrong(default: Any, about: Mapping[str, Any]) -> Iterator[tuple[Any, str]]:

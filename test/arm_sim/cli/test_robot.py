@@ -169,6 +169,7 @@ REFUSED = {
     ("set", "controller", "bandwidth", "-1", "observer", "3"): "refused: .*bandwidth",
     ("set", "controller", "controller", "os:system"): "refused: .*when the node is started",
     ("set", "controller", "switch_time", "1"): "restart controller with --ros-args -p switch_ti",
+    ("set", "controller", "switch_time", "-1"): r"switch_time is -1\S*; allowed: 0 to 60",
     ("set", "controller", "bandwidth", "{a: 1}"): "not a parameter value",
     ("get", "controller", "q"): "has no parameter 'q'",
     ("get", "controller", "kp"): "'kp'; did you mean 'bandwidth'[?] allowed: ",

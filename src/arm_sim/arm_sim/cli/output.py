@@ -44,8 +44,7 @@ def console() -> Console:
     """A console as wide as the terminal; without a terminal, as wide as the text."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else _WIDE
-    return Console(width=width, highlight=False, emoji=False)
+    return Console(width=None if sys.stdout.isatty() else _WIDE, highlight=False, emoji=False)
 
 
 def print_anything() -> None:

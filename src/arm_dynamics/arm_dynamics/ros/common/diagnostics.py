@@ -34,10 +34,9 @@ class Finding:
 
     def add(self, level: bytes, message: str) -> None:
         """Add a warning or an error, if there is one; the worst level counts."""
-        if not message:
-            return
-        self._level = max(self._level, level)
-        self._messages.append(message)
+        if message:
+            self._level = max(self._level, level)
+            self._messages.append(message)
 
     def message(self, node: Node) -> DiagnosticStatus:
         """The finding as a DiagnosticStatus."""

@@ -76,17 +76,20 @@ def declare[P](node: Node, kind: type[P]) -> P:
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
         except InvalidParameterTypeException:
             allowed = _WRITTEN.get(type(default), "a list")
-        value = overrides[name].value
-        raise InvalidInput(f"parameter '{name}' is {value!r}; allowed: {allowed}")
+        raise InvalidInput(f"parameter '{name}' is {overrides[name].value!r}; allowed: {allowed}")
 
     return _replaced(kind(), value_of)
 
 
 def _with_floats(node: Node, parameters: list[Parameter]) -> list[Parameter]:
-    """The parameters to set, with whole numbers as floats where those are expected."""
+    """The parameters to set, whole numbers as floats where those are expected, lists last."""
+
+    def is_dynamic(p: Parameter) -> bool:
+        return node.has_parameter(p.name) and node.describe_parameter(p.name).dynamic_typing
+
     return [
         _as_float(p) if node.get_parameter_or(p.name).type_ == Parameter.Type.DOUBLE else p
-        for p in parameters
+        for p in sorted(parameters, key=is_dynamic)  # as rclpy notes their new types at once
     ]
 
 
@@ -134,6 +137,8 @@ def watch[P](
                 apply(after)
         except ArmError as error:
             present = before
+            for p in parameters:  # rclpy has noted the types of what is refused
+                node._descriptors[p.name].type = node.get_parameter(p.name).type_.value
             return SetParametersResult(reason=plain(error))  # not successful
         return SetParametersResult(successful=True)
 

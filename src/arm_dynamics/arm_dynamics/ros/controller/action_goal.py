@@ -158,10 +158,9 @@ def tolerances(
 
 
 def _joint_tolerances(
-    field: str, messages: Sequence[Any], names: JointNames, position: Sequence[float],
-    velocity: Sequence[float],
+    field: str, messages: Sequence[Any], names: JointNames, position: list[float],
+    velocity: list[float],
 ) -> StateTolerance:  # fmt: skip
-    position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
         names.refuse([message.name], f"{field} names joint")
         if any(message.name == other.name for other in messages[:k]):

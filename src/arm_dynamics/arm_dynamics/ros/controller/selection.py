@@ -133,8 +133,7 @@ class ControllerSelection:
             job()
         if not self.params.settings.frame:
             return
-        settings = self._settings(self.params)
-        another = make_controller(IN_TASK_SPACE[0], self._dynamics, settings)
+        another = make_controller(IN_TASK_SPACE[0], self._dynamics, self._settings(self.params))
         if job := _preparation(another):
             self.builder.start(job, lambda result: None)  # errors matter when it is selected
 
@@ -179,8 +178,10 @@ class ControllerSelection:
             switch()
 
     def _check_overreach(self) -> None:
-        """Warn of gains that the loop, as late as it is now, does not carry."""
+        """Warn of gains that the loop, as late as it is now, does not carry; of no friction."""
         settings = self._settings(self.params)
+        if settings.friction and not self._dynamics.steady_friction.present:
+            self._node.get_logger().warning("friction = true: the controller's scene has none")
         maker = self._controllers.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay

@@ -24,7 +24,6 @@ from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.trajectory.reference import Reference
 
 NONE = math.inf  # tolerance that is never exceeded
-_ERASED = -1.0
 
 
 def resolved(name: str, requested: float, default: float) -> float:
@@ -37,7 +36,7 @@ def resolved(name: str, requested: float, default: float) -> float:
         return requested
     if requested == 0.0:
         return default
-    if abs(requested - _ERASED) < np.finfo(np.float32).eps:
+    if abs(requested + 1.0) < np.finfo(np.float32).eps:
         return NONE
     raise InvalidInput(f"{name} is {requested}; allowed: 0 (default), -1 (none) and positive ones")
 
@@ -109,8 +108,7 @@ class Tolerances:
         """Errors of positions and velocities, reference less measured, each of shape (n,)."""
         motion, n = joined(state, reference), len(state.q)
         errors = np.zeros(2 * n)
-        places = self.turns.ctypes.data, errors.ctypes.data
-        library().find_errors(motion.ctypes.data, n, *places)
+        library().find_errors(motion.ctypes.data, n, self.turns.ctypes.data, errors.ctypes.data)
         return errors[:n].tolist(), errors[n:].tolist()
 
     def verdict(self, left: float, reference: Reference, state: Moving) -> Verdict | None:

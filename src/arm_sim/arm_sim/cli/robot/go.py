@@ -98,9 +98,8 @@ def go(
             target = targets(joint_goals, reference)
             description, send = _joint_motion(controller, target, duration)
         else:
-            start = points.start
-            if any(abs(x - reference.get(name, x)) > _SAME for name, x in start.items()):
-                _follow(controller, *_joint_motion(controller, start, duration), tolerance)
+            if any(abs(x - reference.get(name, x)) > _SAME for name, x in points.start.items()):
+                _follow(controller, *_joint_motion(controller, points.start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
             description = f"{len(points.points)} points in {seconds} s"
             send = partial(controller.send_trajectory, points.joint_names, points.points[1:])

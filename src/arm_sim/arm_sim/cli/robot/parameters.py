@@ -101,11 +101,15 @@ def set_(
     with Parameters(node, timeout) as parameters:
         parameters.require(names)
         about, before = parameters.describe(names), parameters.get(names)
-        for name in names:
-            if about[name].read_only:
-                restart = f"--ros-args -p {name}:={texts[name]}"
-                raise click.ClickException(f"{name} is fixed; restart {node} with {restart}")
-        parameters.set({n: _read(n, text, about[n], before[n]) for n, text in texts.items()})
+        values = {n: _read(n, text, about[n], before[n]) for n, text in texts.items()}
+        for name in [name for name in names if about[name].read_only]:
+            for allowed in (*about[name].floating_point_range, *about[name].integer_range):
+                value, low, high = values[name], allowed.from_value, allowed.to_value
+                if not (isinstance(value, int | float) and low <= value <= high):
+                    raise click.ClickException(f"{name} is {value}; allowed: {low:g} to {high:g}")
+            restart = f"--ros-args -p {name}:={texts[name]}"
+            raise click.ClickException(f"{name} is fixed; restart {node} with {restart}")
+        parameters.set(values)
         after = parameters.get(names)
     for name in names:
         click.echo(f"{name}: {shortened(before[name])} → {shortened(after[name])}")

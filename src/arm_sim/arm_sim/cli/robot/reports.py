@@ -37,5 +37,4 @@ class Reports:
 
     def values(self, key: str) -> dict[str, str]:
         """The value of this name by part of a node, where there is one."""
-        parts = sorted(self._values.items())
-        return {name: values[key] for name, values in parts if key in values}
+        return {name: x[key] for name, x in sorted(self._values.items()) if key in x}

@@ -125,9 +125,8 @@ class WatchedArm:
     @property
     def rate(self) -> float:
         """Joint states per second, as far as this process keeps up."""
-        times = self._times
-        passed = times[-1] - times[0]
-        return 0.0 if self.age > _OLD or passed <= 0.0 else (len(times) - 1) / passed
+        passed = self._times[-1] - self._times[0]
+        return 0.0 if self.age > _OLD or passed <= 0.0 else (len(self._times) - 1) / passed
 
     def rows(self) -> list[tuple[str, float, float, float]]:
         """Name, position, velocity and effort of each joint; NaN for what the message lacks."""
