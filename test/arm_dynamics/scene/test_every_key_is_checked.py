@@ -39,10 +39,8 @@ def said_of(name: str, place: Place, value: Any, key: str = "") -> str:
 
 
 def shown(name: str, place: Place) -> str:
-    """A key as messages write it: with the type of a constraint behind its number."""
+    """A key as messages write it."""
     words = [str(word) for word in place]
-    if len(words) > 2 and words[0] == "constraints":
-        words.insert(2, SCENES[name]["constraints"][place[1]]["type"])
     return ".".join(words)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple, get_args
 
 from pydantic_core import ErrorDetails
@@ -74,13 +73,9 @@ def complaints(errors: Sequence[ErrorDetails], schema: Schema) -> list[str]:
 
 def complaint(error: ErrorDetails, schema: Schema) -> str:
     """One line for an error of pydantic: the key, its value and what is allowed."""
-    place = [
-        key
-        for parent, key in pairwise(("", *error["loc"]))
-        if key not in schema.hidden
-        and not _internal(key)
-        and not (isinstance(parent, int) and key in schema.tagged)
-    ]
+    place = [key for key in error["loc"] if key not in schema.hidden and not _internal(key)]
+    if place[:1] == ["constraints"] and place[2:3] and place[2] in schema.tagged:
+        del place[2]  # the type, by which pydantic has found the part
     if place[:1] == ["sensors"] and place[-1] == ALL:
         place.pop()  # one number for all joints is written without it
     where = ".".join(map(str, place)) or schema.file
