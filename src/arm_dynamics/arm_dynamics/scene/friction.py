@@ -19,9 +19,9 @@ class Sides(Part):
     """A coefficient for each direction of motion.
 
     Attributes:
-        positive: Coefficient, in the unit of that for both directions, while the joint moves, or
-            is about to move, in its positive direction.
-        negative: Likewise in the negative direction, in the unit of that for both directions.
+        positive: Coefficient while the joint moves, or is about to move, in its positive
+            direction.
+        negative: Coefficient in the negative direction.
     """
 
     positive: NonNegative
@@ -45,7 +45,8 @@ class Table(Part):
     5(2), 1984), with zero slope at the first and last point and constant beyond them.
 
     Attributes:
-        at: Abscissas, increasing, in the unit of the position or the load.
+        at: Abscissas, increasing: the joint's position in [rad] or [m], or the load in [N m] or
+            [N].
         factor: The factor at each of these points.
         period: Length after which the table repeats, in the unit of ``at``; if absent it does not.
     """
@@ -170,9 +171,8 @@ class Friction(Part):
             ``coulomb`` only with ``stribeck_velocity``: friction then rises with speed.
         stribeck_velocity: Speed in [rad/s] or [m/s] at which friction has gone 63 % of the way
             from ``static`` to ``coulomb``; without it, friction falls at once.
-        position: Factor of the dry friction over the position of the joint in [rad] or [m].
-        load: Factor of the dry friction over the size of the drive's torque at the joint in [N m]
-            or [N].
+        position: Factor of the dry friction over the position of the joint.
+        load: Factor of the dry friction over the size of the drive's torque at the joint.
         lugre: LuGre model in place of stick-slip events; requires ``coulomb``, and
             ``stribeck_velocity`` where ``static`` is larger.
         table: Friction by speed, and by position, in place of the coefficients above but

@@ -1,47 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Varied quantities in words, with the units that the scene's descriptions state, for headings."""
+"""Varied quantities in words, with their units, for headings."""
 
 from __future__ import annotations
 
-import inspect
 import re
-from collections.abc import Iterator
-from typing import Any, get_args
 
 from arm_dynamics.scene import Scene
-from arm_dynamics.scene.types import Part
+
+# Names of quantities by their unit, of revolute joints; with the part before where it matters.
+_NAMES = {
+    "": "counts damping_ratio direction efficiency factor load loss normal order period ratio "
+        "restitution sharpness static_friction tolerance accuracy",
+    "kg": "mass", "kg m²": "armature inertia rotor_inertia",
+    "m": "com distance height point points radius rest_length",
+    "m/s²": "gravity",
+    "N": "force", "N/m": "springs.stiffness", "N s/m": "springs.damping",
+    "N m": "coulomb effort static torque cogging.amplitude load.at effort.noise effort.offset",
+    "N m/rad": "sigma0 stiffness", "N m/rad³": "stiffening",
+    "N m s/rad": "damping rotor_damping sigma1 viscous",
+    "rad": "amplitude at backlash deflection lower offset phase position rest rpy upper "
+           "position.noise position.offset resolution",
+    "rad/rad": "gear_ratio",
+    "rad/s": "bandwidth sigma1_velocity speed stribeck_velocity velocity "
+             "velocity.noise velocity.offset",
+    "N m/A": "torque_constant", "V s/rad": "back_emf_constant", "Ω": "resistance",
+    "A": "current_limit", "V": "voltage_limit", "H": "inductance",
+    "s": "delay dt jitter", "Hz": "cutoff",
+}  # fmt: skip
+_UNITS = {name: unit for unit, names in _NAMES.items() for name in names.split()}
 
 
 def unit(key: str) -> str:
-    """The unit of a key of a scene, of revolute joints; empty if it has none."""
-    unit, parts = "", list[type[Part]]([Scene])
-    for name in key.split("."):
-        part = next((part for part in parts if name in part.model_fields), None)
-        if part is None:  # an index, or the name of a joint
-            continue
-        about = _description(part, name)
-        if "in the unit of" not in about:
-            stated = re.search(r"\[(.+?)\]", about)
-            unit = stated[1] if stated else ""
-        parts = list(_parts(part.model_fields[name].annotation))
-    return unit
-
-
-def _description(part: type[Part], name: str) -> str:
-    """What a part, or one that it extends, says of a key among its attributes."""
-    for base in part.__mro__:
-        text = inspect.cleandoc(base.__doc__ or "")
-        if entry := re.search(rf"^ {{4}}{name}: (.*(?:\n {{5,}}.*)*)", text, re.MULTILINE):
-            return " ".join(entry[1].split())
+    """The unit of a key of a scene; empty if it has none."""
+    parts = re.sub(r"\.\d+(?=\.|$)", "", key).split(".")
+    ends = range(len(parts), 0, -1) if parts[0] in Scene.model_fields else ()
+    for end in ends:  # the last part may be a joint, or a side
+        for name in (".".join(parts[end - 2 : end]), parts[end - 1]):
+            if name in _UNITS:
+                return _UNITS[name]
     return ""
-
-
-def _parts(annotation: Any) -> Iterator[type[Part]]:
-    """The parts of a scene that a value of this type may contain."""
-    if isinstance(annotation, type) and issubclass(annotation, Part):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _parts(argument)
 
 
 def heading(key: str) -> str:
