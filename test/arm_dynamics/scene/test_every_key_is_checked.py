@@ -38,10 +38,9 @@ def said_of(name: str, place: Place, value: Any, key: str = "") -> str:
     return ""
 
 
-def shown(name: str, place: Place) -> str:
+def shown(place: Place) -> str:
     """A key as messages write it."""
-    words = [str(word) for word in place]
-    return ".".join(words)
+    return ".".join(map(str, place))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -51,7 +50,7 @@ def test_misspelt(name: str) -> None:
         key, value = place[-1], at(SCENES[name], place)
         wrong = f"{key[:-1]}q{key[-1]}"
         said = said_of(name, place, value, wrong)
-        where = re.escape(shown(name, (*place[:-1], wrong)))
+        where = re.escape(shown((*place[:-1], wrong)))
         unknown = rf"unknown key '{where}' = .*; allowed here: "
         no_name = rf"names (joint )?'{wrong}', which does not exist; allowed: "
         assert re.search(rf"({unknown}|{no_name}).*\b{re.escape(key)}\b", said), said
@@ -62,7 +61,7 @@ def test_misspelt(name: str) -> None:
 def test_of_another_type(name: str) -> None:
     for place in of(name):
         for wrong in others(at(SCENES[name], place)):
-            said, where = said_of(name, place, wrong), re.escape(shown(name, place))
+            said, where = said_of(name, place, wrong), re.escape(shown(place))
             assert re.search(rf"'{where}[^']*' = .*: .*(expected|allowed: )", said), said
 
 
@@ -72,7 +71,7 @@ def test_out_of_range(name: str) -> None:
         value = at(SCENES[name], place)
         for wrong, allowed in beyond(place, name):
             given = [wrong, *value[1:]] if isinstance(value, list) else wrong
-            said, where = said_of(name, place, given), re.escape(shown(name, place))
+            said, where = said_of(name, place, given), re.escape(shown(place))
             wanted = rf"'{where}(\.0)*' = {wrong}(\.0)?: {allowed} is expected"
             assert re.search(wanted, said), said
 

@@ -415,7 +415,7 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
     assert [line.get_label() for line in one if line.get_marker() == "None"] == ["elbow"]
     curves = (x for x in both if x.get_marker() == "None" and len(x.get_xdata()))
     drawn = [line.get_linestyle() for line in curves]
-    assert sorted(drawn) == ["-", "-", "--", "--"]
+    assert drawn == ["-", "--", "-", "--"]
     assert wrong.exit_code == 2 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
     assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
     assert (
