@@ -105,7 +105,7 @@ def test_a_recording_ends_with_the_dynamics_of_its_end() -> None:
     assert (own != Dynamics(sim.model).inverse(q, v, v)).any()
 
 
-def test_dynamics_of_as_many_numbers_are_kept_as_is_said() -> None:
+def test_at_most_kept_dynamics_stay_in_memory() -> None:
     sim = Simulator(scene())
     present, place = sim.arm.compiled.present, sim.arm.plant.parameters.place("gravity")
     rows = np.tile(sim.arm.parameters, (KEPT + 1, 1))

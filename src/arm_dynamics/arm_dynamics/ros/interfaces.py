@@ -55,8 +55,11 @@ class Service(NamedTuple):
     type: Any
 
 
-class Action(Service):
-    """An action; its type is None where no package that defines it is installed."""
+class Action(NamedTuple):
+    """An action: its name and its type, None where no package that defines it is installed."""
+
+    name: str
+    type: Any
 
 
 JOINT_STATES = Topic("joint_states", JointState, subscribe=NEWEST)

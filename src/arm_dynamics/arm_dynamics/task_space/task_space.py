@@ -66,7 +66,7 @@ class TaskTerms:
             accelerate it, shape (n, n).
         manipulability: √det(J Jᵀ), zero at a singularity.
         condition: Ratio of the singular values of J, inf at a singularity.
-        damped: Whether the state is so near a singularity that Λ, µ, p, s, J̄ and N were
+        damped: Whether the state is so near a singularity that Λ, µ, p, s, J̄ and P were
             damped.
     """
 

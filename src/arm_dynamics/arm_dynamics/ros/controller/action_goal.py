@@ -161,9 +161,10 @@ def _joint_tolerances(
     field: str,
     messages: Sequence[Any],
     names: JointNames,
-    position: list[float],
-    velocity: list[float],
+    position: Sequence[float],
+    velocity: Sequence[float],
 ) -> StateTolerance:
+    position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
         names.refuse([message.name], f"{field} names joint")
         if any(message.name == other.name for other in messages[:k]):

@@ -107,7 +107,7 @@ class ControllerSelection:
 
     def watch(self) -> None:
         """Follow the parameters from now on."""
-        self._check_overreach()
+        self._warn_of_settings()
         self._go_back = watch(self._node, self.params, self._apply)
 
     def obstacle(self) -> str:
@@ -163,7 +163,7 @@ class ControllerSelection:
                 switch()
             else:
                 self.builder.start(job, lambda result: self._finish_switch(result, switch))
-            self._check_overreach()
+            self._warn_of_settings()
 
     def _finish_switch(self, result: Callable[[], object], switch: Callable[[], None]) -> None:
         try:
@@ -173,12 +173,12 @@ class ControllerSelection:
             self._node.get_logger().error(f"{kept}: {plain(error)}")
             self.params = self.active_params
             self._go_back(self.active_params)
-            self._check_overreach()
+            self._warn_of_settings()
         else:
             switch()
 
-    def _check_overreach(self) -> None:
-        """Warn of gains that the loop, as late as it is now, does not carry; of no friction."""
+    def _warn_of_settings(self) -> None:
+        """Warn of gains that so late a loop does not carry, and of friction the scene lacks."""
         settings = self._settings(self.params)
         if settings.friction and not self._dynamics.steady_friction.present:
             self._node.get_logger().warning("friction = true: the controller's scene has none")
