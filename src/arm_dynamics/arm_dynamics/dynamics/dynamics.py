@@ -35,8 +35,8 @@ from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, 
 _log = logging.getLogger(__name__)
 _FLOAT, _ALL = np.dtype(float), Term.ALL
 LARGE = 1e50  # vectors up to which no term overflows
-# Calls whose angles are checked: a person makes few, a loop many
-CHECKED_CALLS = 100
+# Positions whose angles are checked: a person gives few, a loop many
+CHECKED_POSITIONS = 100
 
 
 def unanswered(*_: object) -> None:
@@ -127,7 +127,7 @@ class Dynamics:
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # warns when torques are first requested
         self._turning = self.model.turning
-        self._checks_left = CHECKED_CALLS
+        self._checks_left = CHECKED_POSITIONS
         self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
         self._calls: dict[Entry, Any] = {x: {} if x.selectors else unanswered for x in TERMS}
 
@@ -275,9 +275,10 @@ class Dynamics:
             _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
         checked = vectors(self.joint_names, **dict(zip(entry.arguments, arguments, strict=False)))
         if self._checks_left:
-            self._checks_left -= 1
-            degrees = self._turning * (2.0 * checked[0] % 1.0 == 0.0)  # as people write them
-            turned = float(np.max(abs(checked[0]) * degrees, initial=0.0))
+            first = np.atleast_2d(checked[0])[: self._checks_left]
+            self._checks_left -= len(first)
+            degrees = self._turning * (2.0 * first % 1.0 == 0.0)  # as people write them
+            turned = float(np.max(abs(first) * degrees, initial=0.0))
             if remark := degrees_meant(turned):
                 self._checks_left = 0
                 _log.warning("position %s", remark)

@@ -202,5 +202,7 @@ class _Changes:
 
     def _merged(self, tuned: dict[str, bytes]) -> Array:
         parameters = self._arm.plant.parameters
-        values = {name: np.frombuffer(value) for name, value in tuned.items()}
-        return parameters.merged(values, parameters.nominal)
+        p = parameters.nominal
+        for name, values in tuned.items():
+            p[parameters.place(name)] = np.frombuffer(values)
+        return p
