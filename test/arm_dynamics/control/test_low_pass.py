@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy
 
-from arm_dynamics.control.low_pass import LowPass, coefficients
+from arm_dynamics.control.low_pass import LowPass
 
 DT, CUTOFF = 1e-3, 50.0
 
@@ -20,13 +20,6 @@ def test_it_is_the_butterworth_filter(order: int, rng: np.random.Generator) -> N
             *scipy.signal.butter(order, cutoff, fs=1.0 / DT), x[:, joint]
         )
         np.testing.assert_allclose(y[:, joint], expected, atol=1e-12)
-
-
-@pytest.mark.parametrize(("order", "decade"), [(1, 0.1), (2, 0.01)])
-def test_gain_is_that_of_the_continuous_filter(order: int, decade: float) -> None:
-    b, a = coefficients(order, CUTOFF, 1e-5)  # fast enough for frequencies not to be warped
-    _, gain = scipy.signal.freqz(b, a, worN=[0.0, CUTOFF, 10.0 * CUTOFF], fs=1e5)
-    np.testing.assert_allclose(abs(gain), [1.0, np.sqrt(0.5), decade], rtol=6e-3)
 
 
 @pytest.mark.parametrize("order", [1, 2])
