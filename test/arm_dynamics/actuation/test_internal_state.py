@@ -19,7 +19,7 @@ from arm_dynamics.actuation import StateKind
 from arm_dynamics.actuation.drives import states_of
 from arm_sim import Simulator
 from models.toy_law import Motor
-from tolerances import BACKENDS, assert_close
+from tolerances import assert_close
 
 Build = Callable[..., Simulator]
 FRICTION = {"viscous": 0.1, "coulomb": 0.0}
@@ -84,22 +84,13 @@ def test_agrees_with_scipy(build: Build, options: dict[str, Any], L: float) -> N
 
 def test_orders_hold_with_states(build: Build) -> None:
     law = Motor((True, False), L=0.05)
-    for name, order in (
-        ("euler", 1), ("semi_implicit_euler", 1), ("midpoint", 2), ("rk4", 4), ("nystrom4", 4),
-    ):  # fmt: skip
+    for name, order in (("semi_implicit_euler", 1), ("rk4", 4), ("nystrom4", 4)):
         errors = []
         for dt in (0.004, 0.002):
             sim = build(law, integrator=name, dt=dt)
             wanted = truth(law.L, 0.2)[: sim.n]
             errors.append(np.abs(sim.run(0.2, U).q[-1] - wanted).max())
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.3, name
-
-
-def test_stiff_coil_needs_and_gets_the_implicit_method(build: Build) -> None:
-    law = Motor((True, True), L=1e-7)
-    sim = build(law, integrator="implicit")
-    algebraic = build(Motor((True, True), L=0.0), integrator="rk4").run(0.3, U)
-    assert_close(sim.run(0.3, U).q[-1], algebraic.q[-1], 1e-5)
 
 
 def test_torque_at_the_joint_is_the_motors(build: Build) -> None:
@@ -109,17 +100,6 @@ def test_torque_at_the_joint_is_the_motors(build: Build) -> None:
     assert_close(run.tau[:-1, 0], law.K * run.z[1:, 0], 1e-15)
     assert_close(run.tau[:, 1], np.full(51, U[1]), 0.0)
     assert_close(sim.effort, run.tau[-1], 1e-15)
-
-
-def test_backends_agree(build: Build) -> None:
-    law = Motor((True, False))
-    for options in CASES:
-        runs = [
-            build(law, FRICTION, backend=backend, **options).run(0.02, U)
-            for backend in ("native", "vm")
-        ]
-        assert_close(runs[0].q, runs[1].q, BACKENDS)
-        assert_close(runs[0].z, runs[1].z, 1e-9)
 
 
 def test_dry_friction_holds_until_the_current_has_grown(build: Build) -> None:
@@ -149,13 +129,6 @@ def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
     assert quick.plan.integrator == "dop853" and quick.choice.tolerance
     plan = build(Motor((True, False), L=1e-6)).plan
     assert plan.integrator == "implicit" and "its drive" in plan.reason
-
-
-def test_plan_reports_the_cost_of_a_law(build: Build) -> None:
-    plan = build(Motor((True, False))).plan
-    (law,) = plan.laws
-    assert law.states == ("joint0 current [A]",) and law.operations > 0 and law.nanoseconds > 0.0
-    assert "toy motor: 1 state, 6 operations" in str(plan)
 
 
 @pytest.mark.parametrize(("ratio", "scale"), [(0.5, 1.0), (4.0, 0.25), (-4.0, 0.25)])
