@@ -7,7 +7,6 @@ import models
 from arm_dynamics import Dynamics
 from tolerances import CLOSED_FORM, assert_close
 
-GRIPPER = models.FOLDER / "gripper.urdf"
 RACK = """<robot name="rack">
   <link name="base"/>
   <joint name="lead" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
@@ -39,15 +38,6 @@ def test_potential_energy_holds_the_offset() -> None:
     dyn = Dynamics(RACK)
     potential = [dyn.energy([q], [0.0])[1] for q in (0.0, 0.2)]
     assert_close(potential[1] - potential[0], 9.81 * 0.2 * (1.5 - 4 * 0.6), CLOSED_FORM)
-
-
-def test_offset_turns_the_followers_weight() -> None:
-    """With the offset left out the hinged cover hangs elsewhere."""
-    text = GRIPPER.read_text()
-    assert 'offset="0.4"' in text
-    plain = Dynamics(text.replace('offset="0.4"', 'offset="0"'))
-    q = np.array([0.5, 0.0])
-    assert np.abs(plain.gravity(q) - models.dynamics("gripper").gravity(q)).max() > 1e-3
 
 
 def test_armature_of_a_follower_acts_through_the_leader() -> None:

@@ -41,11 +41,6 @@ def assert_torques(text: str, dynamics: Dynamics, rng: np.random.Generator) -> N
     np.testing.assert_allclose(own, expected, rtol=0.0, atol=NEAR * max(size, 1e-9))
 
 
-def test_there_are_sixty_shapes_and_more() -> None:
-    assert len(SHAPES) >= 60
-    assert REFUSED.keys() < SHAPES.keys()
-
-
 @pytest.mark.parametrize("name", SHAPES)
 def test_shapes(name: str, rng: np.random.Generator) -> None:
     text = SHAPES[name]
