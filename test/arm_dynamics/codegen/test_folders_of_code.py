@@ -21,47 +21,29 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def found(monkeypatch: pytest.MonkeyPatch, mode: int, owner: int) -> None:
-    """Let the system report this for every file."""
-    said = SimpleNamespace(st_mode=mode, st_uid=owner)
-    monkeypatch.setattr(Path, "lstat", lambda _: said)
-
-
-@pytest.mark.parametrize("owner", [0, US])
-@pytest.mark.parametrize("mode", [0o755, 0o700, 0o555])
-def test_what_is_roots_or_ones_own_is_taken(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, owner: int, mode: int
+@pytest.mark.parametrize(
+    ("kind", "mode", "owner", "said"),
+    [
+        (stat.S_IFDIR, 0o755, 0, ""),
+        (stat.S_IFDIR, 0o700, US, ""),
+        (stat.S_IFDIR, 0o755, 1, "belongs to user 1, neither to root nor to this one"),
+        (stat.S_IFDIR, 0o755, US + 1, f"belongs to user {US + 1}"),
+        (stat.S_IFDIR, 0o720, 0, r"can be written by others \(mode 720\)"),
+        (stat.S_IFDIR, 0o702, US, r"can be written by others \(mode 702\)"),
+        (stat.S_IFLNK, 0o755, US, "is not a plain file$"),
+        (stat.S_IFIFO, 0o755, US, "is not a plain file$"),
+    ],
+)
+def test_only_what_is_roots_or_ones_own_is_taken(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: int, mode: int, owner: int, said: str
 ) -> None:
-    found(monkeypatch, stat.S_IFDIR | mode, owner)
-    make_folder(folder)
-
-
-@pytest.mark.parametrize("owner", [1, US - 1, US + 1])
-def test_what_is_another_users_is_refused(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, owner: int
-) -> None:
-    found(monkeypatch, stat.S_IFDIR | 0o755, owner)
-    said = rf"belongs to user {owner}, neither to root nor to this one \({US}\)$"
-    with pytest.raises(KernelError, match=said):
-        make_folder(folder)
-
-
-@pytest.mark.parametrize("mode", [0o775, 0o757, 0o777, 0o720, 0o702])
-@pytest.mark.parametrize("owner", [0, US])
-def test_what_others_may_write_is_refused(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, owner: int, mode: int
-) -> None:
-    found(monkeypatch, stat.S_IFDIR | mode, owner)
-    with pytest.raises(KernelError, match=rf"can be written by others \(mode {mode:o}\)"):
-        make_folder(folder)
-
-
-@pytest.mark.parametrize("kind", [stat.S_IFLNK, stat.S_IFIFO, stat.S_IFSOCK, stat.S_IFCHR])
-def test_what_is_neither_file_nor_folder_is_refused(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: int
-) -> None:
-    found(monkeypatch, kind | 0o755, US)
-    with pytest.raises(KernelError, match="is not a plain file$"):
+    """Whatever the system reports of every file."""
+    reported = SimpleNamespace(st_mode=kind | mode, st_uid=owner)
+    monkeypatch.setattr(Path, "lstat", lambda _: reported)
+    if said:
+        with pytest.raises(KernelError, match=said):
+            make_folder(folder)
+    else:
         make_folder(folder)
 
 

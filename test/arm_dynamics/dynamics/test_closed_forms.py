@@ -45,12 +45,3 @@ def test_a_turn_more_changes_nothing(rng: np.random.Generator) -> None:
         q, v, a = models.random_state(rng, dyn.n)
         turned = q + 2 * np.pi * continuous
         assert_close(dyn.inverse(turned, v, a), dyn.inverse(q, v, a), CLOSED_FORM)
-
-
-def test_order_of_branches_does_not_couple(rng: np.random.Generator) -> None:
-    """With the torso held, the arms of a tree know nothing of each other: M has blocks."""
-    dyn = models.dynamics("two_arms")
-    left = [i for i, name in enumerate(dyn.joint_names) if name.startswith("left")]
-    right = [i for i, name in enumerate(dyn.joint_names) if name.startswith("right")]
-    M = dyn.mass_matrix(rng.uniform(-1, 1, dyn.n))
-    np.testing.assert_array_equal(M[np.ix_(left, right)], np.zeros((len(left), len(right))))

@@ -96,13 +96,10 @@ def test_a_frame_that_does_not_move(frame: str, rng: np.random.Generator) -> Non
 def test_an_unknown_frame_is_refused_by_the_names(rows: tuple[int, ...]) -> None:
     dyn, q = models.dynamics("panda"), np.zeros((*rows, 7))
     for call in CALLS.values():
-        for frame, meant in (
-            ("panda_hnd", r".*panda_link3, .*; did you mean 'panda_hand'\?$"),
-            ("paw", " world, panda_link0, "),
-            (7, " world, panda_link0, "),
-        ):
-            complaint = f"^frame '{frame}' does not exist; allowed:{meant}"
-            with pytest.raises(InvalidInput, match=complaint):
+        for frame in ("panda_hnd", 7):
+            with pytest.raises(
+                InvalidInput, match=f"^frame '{frame}' does not exist; allowed: world"
+            ):
                 call(dyn, q, q, frame)  # type: ignore[arg-type]
 
 
