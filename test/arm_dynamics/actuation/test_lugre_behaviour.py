@@ -72,30 +72,6 @@ def test_breaks_away_at_a_lower_force_the_faster_it_grows() -> None:
     assert 1.4 < forces[0] < 1.5 and 1.0 < forces[-1] < 1.3
 
 
-def test_joints_that_move_one_another_against_radau() -> None:
-    """Two links with bristles in both joints, let go, against SciPy on Pinocchio's dynamics."""
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    law = {"sigma0": 1e5, "sigma1": 300.0, "sigma1_velocity": 0.02}
-    levels = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01, "viscous": 0.5}
-    scene["joints"] = {"*": {"friction": levels | {"lugre": law}}}
-    sim = Simulator(scene)
-    still = {"*": {"friction": {"viscous": 0.5, "coulomb": 0.0}}}
-    rigid = Simulator(scene | {"joints": still}, backend="vm").dynamics
-    n, x0 = sim.n, np.concatenate([sim.state.q, sim.state.v, sim.state.z])
-
-    def slope(_: float, x: np.ndarray) -> np.ndarray:
-        q, v, z = np.split(x, 3)
-        bend = v - 1e5 * np.abs(v) * z / (1.0 + 0.5 * np.exp(-((v / 0.01) ** 2)))
-        tau = -(1e5 * z + 300.0 * np.exp(-((v / 0.02) ** 2)) * bend)
-        return np.concatenate([v, rigid.forward(q, v, tau), bend])
-
-    run = sim.run(0.2)
-    small = np.concatenate([np.full(2 * n, 1e-9), np.full(n, 1e-14)])
-    truth = solve_ivp(slope, (0.0, 0.2), x0, "Radau", rtol=1e-7, atol=small).y[:n, -1]
-    assert np.abs(truth - x0[:n]).max() > 0.05
-    assert np.abs(run.q[-1] - truth).max() < LUGRE
-
-
 def test_bristles_carry_what_a_table_does_not() -> None:
     """Landed and at rest, τ = G + σ₀ z + Jᵀ f, f the force upon the table."""
     law = {"coulomb": 0.4, "viscous": 0.2, "lugre": {"sigma0": 3e3, "sigma1": 5.0}}

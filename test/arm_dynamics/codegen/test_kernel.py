@@ -19,7 +19,6 @@ from models.random_tree import random_tree
 from tolerances import ALGEBRA, BACKENDS, assert_close
 
 STATES = 10
-EACH = sampled(models.ROBOTS, 4)
 Array = np.ndarray
 
 
@@ -58,7 +57,7 @@ def agrees(scene: object, oracle: Oracle, rng: np.random.Generator, regroup: boo
         assert_close(weight.ravel(), oracle.gravity(q), ALGEBRA)
 
 
-@pytest.mark.parametrize("robot", EACH)
+@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 4))
 def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None:
     """Rigid body with friction, by the algorithm that was chosen for the robot."""
     plant, oracle = Plant(models.dynamics(robot).model), models.oracle(robot)
@@ -71,11 +70,6 @@ def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None
         (a,), (same,) = (call(q, v, tau, parameters(plant, v)) for call in (native, virtual))
         assert forward_error(oracle, q, v, tau, a, oracle.inverse(q, v, 0 * v)) < ALGEBRA
         assert_close(same, a, BACKENDS)
-
-
-@pytest.mark.parametrize("robot", EACH)
-def test_inverse_dynamics_M_and_gravity(robot: str, rng: np.random.Generator) -> None:
-    agrees(models.scene(robot), models.oracle(robot), rng)
 
 
 @pytest.mark.parametrize("regroup", [True, False], ids=["regrouped", "as built"])
