@@ -8,9 +8,10 @@ import pytest
 from samples import sampled
 
 import models
-from arm_dynamics import InvalidInput, Term
+from arm_dynamics import Dynamics, InvalidInput, Term
 from arm_dynamics.control import ComputedTorque, Measured, held_gains
 from arm_dynamics.trajectory import Reference, hold
+from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, LINEAR_ERROR, PINOCCHIO, assert_close
 
 
@@ -66,6 +67,14 @@ def test_error_falls_as_the_linear_equation_says(
     shape = ((slow * rise[1] - fast * rise[0]) / (slow - fast)).real
     np.testing.assert_allclose(error / error[0], np.outer(shape, np.ones(sim.dynamics.n)),
                                rtol=0.0, atol=LINEAR_ERROR)  # fmt: skip
+
+
+@pytest.mark.parametrize("way", [1.0, 0.0, -1.0])
+def test_a_joint_at_rest_is_helped_the_way_it_is_to_go(way: float) -> None:
+    dyn, still = Dynamics(rotor(0.1, coulomb=0.5)), np.zeros(1)
+    goal = Reference(still, np.array([way]), still)
+    tau = ComputedTorque(dyn, 0.0, dt=0.0).torque(Measured(still, still), goal)
+    assert_close(tau, [0.5 * way], PINOCCHIO)
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.4, 1.0, 3.0])

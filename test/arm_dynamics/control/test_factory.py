@@ -190,13 +190,6 @@ def test_settings_are_checked_whatever_controller_reads_them(
         Settings(**given)
 
 
-def test_gains_of_each_joint_must_be_as_many_whatever_controller_reads_them() -> None:
-    for name in ("float", "pd", "computed_torque"):
-        for gain in ("bandwidth", "damping_ratio"):
-            with pytest.raises(InvalidInput, match=rf"{gain} has shape \(3,\); allowed: a number"):
-                make_controller(name, models.dynamics("two_link"), Settings(**{gain: [1, 2, 3]}))
-
-
 def test_a_joint_without_stiffness_is_soft_where_another_has_one() -> None:
     """Only where all are zero do they follow from the bandwidth."""
     dyn = models.dynamics("two_link")

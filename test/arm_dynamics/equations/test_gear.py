@@ -97,18 +97,6 @@ def test_going_down_the_friction_of_that_direction_holds_too(share: float, way: 
     assert up.state.v[0] > 0.5
 
 
-def test_inverse_dynamics_overcomes_the_gear(rng: np.random.Generator) -> None:
-    """Forward dynamics of it gives the acceleration back, driving and braking."""
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    scene["joints"] = {"*": {"actuator": GEAR, "friction": {"viscous": 0.2, "coulomb": 0.5}}}
-    dyn = Dynamics(scene)
-    for _ in range(20):
-        q, v, a = models.random_state(rng, 2)
-        tau = dyn.inverse(q, v, a)
-        assert_close(dyn.forward(q, v, tau), a, 1e-9)
-        assert_close(dyn.command(q, v, a), tau, PINOCCHIO)
-
-
 def test_feed_forward_of_friction_overcomes_the_gear(rng: np.random.Generator) -> None:
     """At a brisk speed the reference's friction, the gear's included, is what is added."""
     scene = models.scene("two_link").model_dump(exclude_unset=True)

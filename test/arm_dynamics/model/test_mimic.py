@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Followers add their inertia, weight and friction to their leader."""
 
-import numpy as np
-
-import models
 from arm_dynamics import Dynamics
 from tolerances import CLOSED_FORM, assert_close
 
@@ -47,12 +44,3 @@ def test_armature_of_a_follower_acts_through_the_leader() -> None:
     }
     gain = Dynamics(scene).mass_matrix([0.0]) - Dynamics(RACK).mass_matrix([0.0])
     assert_close(gain, [[0.2 + 16 * 0.1]], CLOSED_FORM)
-
-
-def test_panda_with_its_fingers_free() -> None:
-    """One finger follows the other, so seven joints and one finger, with the damping of both."""
-    urdf = models.scene("panda").robot.urdf
-    dyn = Dynamics(urdf)
-    assert dyn.n == 8
-    assert dyn.joint_names[-1] == "panda_finger_joint1"
-    assert_close(dyn.friction(np.ones(8))[-1], 0.3 + 0.3, CLOSED_FORM)

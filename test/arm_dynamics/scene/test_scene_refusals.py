@@ -20,80 +20,40 @@ def payload(**changes: Any) -> dict[str, Any]:
     return {"payloads": [{"frame": "link3", "mass": 1.0, **changes}]}
 
 
-def tied(**constraint: Any) -> dict[str, Any]:
-    return {"constraints": [{"frames": ["link3", "world"], **constraint}]}
+def sprung(*springs: dict[str, Any]) -> dict[str, Any]:
+    return {"springs": [{"frames": ["link3", "world"], **spring} for spring in springs]}
 
 
-def sprung(**spring: Any) -> dict[str, Any]:
-    return {"springs": [{"frames": ["link3", "world"], **spring}]}
+def limited(**limits: Any) -> dict[str, Any]:
+    return {"joints": {"*": {"limits": limits}}}
 
 
-# What stands beside `robot` in the scene, and words that the error must contain.
-BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "spring that does nothing": (sprung(rest_length=1), ("springs.0", "stiffness", "force")),
-    "cord that is never taut": (
-        sprung(damping=1, tension_only=True),
-        ("springs.0", "tension_only", "taut"),
-    ),
-    "spring to nowhere": (
-        sprung(stiffness=1, frames=["link3", "hand"]),
-        ("springs.0.frames", "hand", "world"),
-    ),
-    "two springs of one name": (
-        {
-            "springs": [
-                *sprung(stiffness=1)["springs"],
-                *sprung(force=1, name="spring_0")["springs"],
-            ]
-        },
-        ("two springs", "spring_0"),
-    ),
-    "limits the wrong way round": (
-        {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.25}}}},
-        ("joints.*.limits", "lower = 0.5 is not below upper = 0.25"),
-    ),
-    "limits that coincide": (
-        {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.5}}}},
-        ("joints.*.limits", "robot.lock holds a joint where it is"),
-    ),
-    "inertia a little negative": (
-        payload(inertia=[-1.01e-10, 0, 0, 1, 0, 1]),
-        ("inertia", "must not be negative in any direction", "-1.01"),
-    ),
-    "an inertia that is great in one direction and a little negative in another": (
-        payload(inertia=[-1.01e-8, 0, 0, 1, 0, 100]),
-        ("inertia", "negative"),
-    ),
-    "plane without normal": (tied(type="plane", normal=[0, 0, 1e-10]), ("normal", "not be zero")),
-    "inertia of no body": (
-        payload(inertia=[1, 0, 0, 1, 0, 2.1]),
-        ("payloads.0.inertia", "principal moments 1, 1, 2.1", "sum of the other two"),
-    ),
-    "inertia without mass": (
-        payload(mass=0, inertia=[1, 0, 0, 1, 0, 1]),
-        ("payloads.0.inertia", "mass = 0", "more than zero"),
-    ),
-    "no payload to tune": ({"tunable": ["payload"]}, ("tunable", "there are no 'payloads'")),
-    "two kinds of stops, one of them for all joints": (
-        {
-            "joints": {
-                "*": {"limits": {"stop": {"restitution": 0.5}}},
-                "joint1": {"limits": {"lower": -1, "upper": 1, "stop": {"stiffness": 1e4}}},
-            }
-        },
-        ("joints.joint1.limits.stop", "0.5", "10000"),
-    ),
+PLANE = {"type": "plane", "frames": ["link3", "world"], "normal": [0, 0, 1e-10]}
+STOPS = {
+    "*": {"limits": {"stop": {"restitution": 0.5}}},
+    "joint1": {"limits": {"lower": -1, "upper": 1, "stop": {"stiffness": 1e4}}},
 }
-
-# The whole scene, where it is the robot or the form that is wrong.
-BAD_SCENES: dict[str, tuple[Any, tuple[str, ...]]] = {
-    "no robot": ({"gravity": [0, 0, 0]}, ("robot",)),
-    "robot a path": ({"robot": URDF}, ("robot",)),
-    "urdf empty": ({"robot": {"urdf": ""}}, ("urdf",)),
-    "missing urdf": ({"robot": {"urdf": "no/such/arm.urdf"}}, ("no/such/arm.urdf",)),
-    "missing package": ({"robot": {"urdf": "package://nobody/a.urdf"}}, ("package://nobody/a.urdf",)),
-    "empty name": ("", ()),
-}  # fmt: skip
+# What stands beside `robot` in the scene, and what the error says.
+BAD_KEYS: list[tuple[dict[str, Any], str]] = [
+    (sprung({"rest_length": 1}), "springs.0.*stiffness"),
+    (sprung({"damping": 1, "tension_only": True}), "springs.0.*tension_only.*taut"),
+    (sprung({"stiffness": 1, "frames": ["link3", "hand"]}), "springs.0.frames.*hand.*world"),
+    (sprung({"stiffness": 1}, {"force": 1, "name": "spring_0"}), "two springs.*spring_0"),
+    (limited(lower=0.5, upper=0.25), "joints.*limits.*lower = 0.5 is not below upper = 0.25"),
+    (limited(lower=0.5, upper=0.5), "joints.*limits.*robot.lock holds a joint where it is"),
+    (payload(inertia=[-1.01e-10, 0, 0, 1, 0, 1]), "inertia.*negative in any direction.*-1.01"),
+    (payload(inertia=[-1.01e-8, 0, 0, 1, 0, 100]), "inertia.*negative"),
+    (payload(inertia=[1, 0, 0, 1, 0, 2.1]), "payloads.0.inertia.*principal moments 1, 1, 2.1"),
+    (payload(mass=0, inertia=[1, 0, 0, 1, 0, 1]), "payloads.0.inertia.*mass = 0"),
+    ({"constraints": [PLANE]}, "normal.*not be zero"),
+    ({"tunable": ["payload"]}, "tunable.*there are no 'payloads'"),
+    ({"joints": STOPS}, "joints.joint1.limits.stop.*0.5.*10000"),
+    ({"robot": URDF}, "robot"),
+    ({"robot": None}, "robot"),
+    ({"robot": {"urdf": ""}}, "urdf"),
+    ({"robot": {"urdf": "no/such/arm.urdf"}}, "no/such/arm.urdf"),
+    ({"robot": {"urdf": "package://nobody/a.urdf"}}, "package://nobody/a.urdf"),
+]
 
 NO_YAML = "this is not well-formed YAML"
 ENDLESS = "this YAML cannot be used: nested too deeply, or an alias within its own anchor"
@@ -104,7 +64,7 @@ BAD_YAML = {
     "nothing": ("", "the file is empty; a mapping with 'robot' is expected"),
     "an object": ("robot: !!python/object/apply:os.getcwd []", f"{NO_YAML} in line 1: could not"),
     "an alias within its anchor": ("robot: &all [*all]", ENDLESS),
-    "brackets without end": ("[" * 5000, ENDLESS),
+    "brackets without end": ("[" * 1500, ENDLESS),
     "a list for a key": (
         "robot: {urdf: x}\njoints: {[joint1, joint2]: {armature: 1}}",
         "a key in line 2 is a list or a mapping; a name is expected",
@@ -119,14 +79,10 @@ BAD_YAML = {
 OTHER_NUMBERS = ("010", "-0_10", "1:30")
 
 
-@pytest.mark.parametrize(("part", "words"), BAD_KEYS.values(), ids=BAD_KEYS)
-def test_bad_key(part: dict[str, Any], words: tuple[str, ...]) -> None:
-    refuses({"robot": {"urdf": URDF}, **part}, words)
-
-
-@pytest.mark.parametrize(("scene", "words"), BAD_SCENES.values(), ids=BAD_SCENES)
-def test_bad_scene(scene: Any, words: tuple[str, ...]) -> None:
-    refuses(scene, words)
+@pytest.mark.parametrize(("part", "words"), BAD_KEYS)
+def test_bad_key(part: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        load_scene({"robot": {"urdf": URDF}, **part})
 
 
 FINE_KEYS: dict[str, dict[str, Any]] = {
@@ -170,7 +126,7 @@ def test_a_long_value_is_cut(tmp_path: Path) -> None:
     assert len(str(caught.value)) < 2000
 
 
-@pytest.mark.parametrize("source", [None, 3, ["panda.yaml"]], ids=str)
+@pytest.mark.parametrize("source", [None, 3, "", ["panda.yaml"]], ids=str)
 def test_not_a_source(source: Any) -> None:
     with pytest.raises(ArmError):
         load_scene(source)

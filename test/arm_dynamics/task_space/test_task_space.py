@@ -72,18 +72,6 @@ def test_equation_of_motion_of_the_hand(rng: np.random.Generator) -> None:
             np.testing.assert_allclose(got, f, rtol=0, atol=1e-11 * scale)
 
 
-def test_kinetic_energy_is_that_of_joint_space(rng: np.random.Generator) -> None:
-    """½ ẋᵀ Λ ẋ = ½ q̇ᵀ M q̇ for six joints; for seven where the motion is J̄ ẋ."""
-    for name in ("ur10", "panda"):
-        task, dyn = task_of(name), models.dynamics(name)
-        for q, v in regular_states(task, rng):
-            terms = task.terms(q)
-            v = terms.inverse @ (terms.jacobian @ v)
-            x_dot = terms.jacobian @ v
-            kinetic, _ = dyn.energy(q, v)
-            np.testing.assert_allclose(0.5 * x_dot @ terms.inertia @ x_dot, kinetic, rtol=1e-9)
-
-
 def test_null_space_neither_moves_nor_accelerates_the_hand(rng: np.random.Generator) -> None:
     task, dyn = task_of("panda"), models.dynamics("panda")
     for q, v in regular_states(task, rng):

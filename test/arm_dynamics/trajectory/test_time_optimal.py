@@ -205,10 +205,10 @@ def winding(rng: np.random.Generator) -> Trajectory:
 
 
 def largest_share(dyn: Dynamics, motion: JointPath, acceleration: float, marks: Array) -> float:
-    """Of all limits, by their definitions, at 50 points between marks in time."""
-    model, inside = dyn.model, np.linspace(1e-5, 1.0 - 1e-5, 50)
+    """Of all limits, by their definitions, at 20 points between marks in time."""
+    model, inside = dyn.model, np.linspace(1e-5, 1.0 - 1e-5, 20)
     q, v, a = motion.at((marks[:-1, None] + np.diff(marks)[:, None] * inside).ravel())
-    tau = np.concatenate([dyn.inverse(*x) for x in zip(*(x.reshape(-1, 250, 3) for x in (q, v, a)),
+    tau = np.concatenate([dyn.inverse(*x) for x in zip(*(x.reshape(-1, 100, 3) for x in (q, v, a)),
                                                       strict=True)])  # fmt: skip
     used = [abs(v) / model.velocity_limit, abs(a) / acceleration]
     for i, drive in enumerate(model.drives):
@@ -228,7 +228,7 @@ FEATURES = ["none", "viscous", "dry", "load", "motors"]
 
 @pytest.mark.parametrize("feature", always(FEATURES, "dry", "motors"))
 def test_every_limit_holds_between_the_points_too(feature: str, rng: np.random.Generator) -> None:
-    """Of a random arm on a random path, at 50 points in every interval, and one is reached."""
+    """Of a random arm on a random path, at 20 points in every interval, and one is reached."""
     dyn, over = arm(rng, feature), winding(rng)
     quick = retimed(JointPath(over, Quintic(1.0)), dyn, None, 40.0, points=50)
     marks = quick.timing.times
