@@ -11,7 +11,7 @@ from arm_dynamics import Dynamics, Term
 from models.two_bodies import two_bodies
 from tolerances import CLOSED_FORM, assert_close
 
-G, M1, M2, L1, C1, C2, I1, I2 = 9.81, 1.3, 0.7, 0.6, 0.25, 0.15, 0.03, 0.011
+M1, M2, L1, C1, C2, I1, I2 = 1.3, 0.7, 0.6, 0.25, 0.15, 0.03, 0.011
 
 
 @pytest.fixture(scope="module")

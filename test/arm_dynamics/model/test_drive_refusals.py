@@ -52,29 +52,21 @@ def test_an_output_may_only_just_go_on() -> None:
     assert build(elastic(kinematic_error={"amplitude": 0.0499, "order": 2}))
 
 
-LIMITED: dict[str, tuple[dict[str, Any], float, float, str]] = {
-    "of the joint": ({}, 40.0, 40.0, "N m"),
-    "of the current": ({"current_limit": 3}, 7.5, 7.5, "N m"),
-    "of the voltage, only at rest": ({"voltage_limit": 24}, 30.0, 40.0, "N m"),
-    "of the voltage, at rest below that of the current": (
-        {"current_limit": 3, "voltage_limit": 4},
-        5.0,
-        7.5,
-        "N m",
-    ),
-    "of a current that the joint bears": ({"command": "current"}, 40.0, 16.0, "A"),
-    "of a current, at rest below that of the current": (
-        {"command": "current", "current_limit": 3, "voltage_limit": 4},
-        5.0,
-        3.0,
-        "A",
-    ),
-    "of a voltage": ({"command": "voltage", "voltage_limit": 24}, 30.0, 24.0, "V"),
-    "of no voltage": ({"command": "voltage"}, 40.0, INF, "V"),
-}
+BY_CURRENT, BY_VOLTAGE = {"command": "current"}, {"command": "voltage"}
+WEAK = {"current_limit": 3, "voltage_limit": 4}  # at rest the voltage counts
+LIMITED: list[tuple[dict[str, Any], float, float, str]] = [
+    ({}, 40.0, 40.0, "N m"),
+    ({"current_limit": 3}, 7.5, 7.5, "N m"),
+    ({"voltage_limit": 24}, 30.0, 40.0, "N m"),
+    (WEAK, 5.0, 7.5, "N m"),
+    (BY_CURRENT, 40.0, 16.0, "A"),
+    (BY_CURRENT | WEAK, 5.0, 3.0, "A"),
+    (BY_VOLTAGE | {"voltage_limit": 24}, 30.0, 24.0, "V"),
+    (BY_VOLTAGE, 40.0, INF, "V"),
+]
 
 
-@pytest.mark.parametrize(("motor", "effort", "command", "unit"), LIMITED.values(), ids=LIMITED)
+@pytest.mark.parametrize(("motor", "effort", "command", "unit"), LIMITED)
 def test_the_narrowest_limit_counts(
     motor: dict[str, Any], effort: float, command: float, unit: str
 ) -> None:
