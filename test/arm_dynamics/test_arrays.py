@@ -14,24 +14,12 @@ from arm_dynamics.arrays import (
     numbers,
     positive,
     positive_limits,
-    read_only,
     real_array,
     unit_vector,
     vector,
-    vectors,
 )
 
 NAN, INF = float("nan"), float("inf")
-
-
-def test_read_only_arrays_are_immutable_copies_of_float() -> None:
-    given = np.array([1, 2, 3])
-    kept = read_only(given)
-    given[0] = 7
-    assert kept.dtype == float
-    assert kept.tolist() == [1.0, 2.0, 3.0]
-    with pytest.raises(ValueError, match="read-only"):
-        kept[0] = 0.0
 
 
 @pytest.mark.parametrize("bad", [NAN, INF, -INF])
@@ -90,12 +78,3 @@ def test_limits_are_positive_and_one_for_each_joint(limit: object) -> None:
 def test_a_direction_of_any_length_but_zero_gets_length_one(length: float) -> None:
     found = unit_vector("direction", [0.6 * length, -0.8 * length], 2)
     np.testing.assert_allclose(found, [0.6, -0.8], rtol=1e-15)
-
-
-@pytest.mark.parametrize("k", [1, 3])
-def test_beside_a_batch_all_are_of_its_length(k: int) -> None:
-    batch = np.arange(2.0 * k).reshape(k, 2)
-    for names in (("q", "v", "a"), ("v", "q", "a")):
-        given = {name: batch if name == "q" else [8.0, 9.0] for name in names}
-        for name, found in zip(names, vectors(2, **given), strict=True):
-            assert found.tolist() == (batch.tolist() if name == "q" else [[8.0, 9.0]] * k)

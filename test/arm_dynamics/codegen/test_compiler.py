@@ -7,9 +7,11 @@ import logging
 import os
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -17,6 +19,7 @@ import pytest
 
 from arm_dynamics import KernelError
 from arm_dynamics.codegen import Kernel, compiler, user_cache
+from arm_dynamics.codegen.compiled_scenes import make_folder
 
 HERE = str(Path(__file__).parent)
 IMPORT = f"import sys; sys.path.insert(0, {HERE!r}); import test_compiler as t; "
@@ -193,3 +196,49 @@ def test_what_is_gone_or_damaged_is_built_again(cache: Path, suffix: str, damage
     assert Kernel.recalled("outer of two") is None
     outer().keep("outer of two")
     assert Kernel.recalled("outer of two") is not None
+
+
+US = 1000
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Of a user who is not root, whoever runs the tests."""
+    monkeypatch.setattr(os, "getuid", lambda: US)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode", "owner", "said"),
+    [
+        (stat.S_IFDIR, 0o755, 0, ""),
+        (stat.S_IFDIR, 0o700, US, ""),
+        (stat.S_IFDIR, 0o755, 1, "belongs to user 1, neither to root nor to this one"),
+        (stat.S_IFDIR, 0o755, US + 1, f"belongs to user {US + 1}"),
+        (stat.S_IFDIR, 0o720, 0, r"can be written by others \(mode 720\)"),
+        (stat.S_IFDIR, 0o702, US, r"can be written by others \(mode 702\)"),
+        (stat.S_IFLNK, 0o755, US, "is not a plain file$"),
+        (stat.S_IFIFO, 0o755, US, "is not a plain file$"),
+    ],
+)
+def test_only_what_is_roots_or_ones_own_is_taken(
+    home: Path, monkeypatch: pytest.MonkeyPatch, kind: int, mode: int, owner: int, said: str
+) -> None:
+    """Whatever the system reports of every file."""
+    reported = SimpleNamespace(st_mode=kind | mode, st_uid=owner)
+    monkeypatch.setattr(Path, "lstat", lambda _: reported)
+    if said:
+        with pytest.raises(KernelError, match=said):
+            make_folder(home)
+    else:
+        make_folder(home)
+
+
+def test_a_new_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        make_folder(tmp_path / "a/b")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a/b").stat().st_mode) == 0o755
+    make_folder(tmp_path / "a/b")

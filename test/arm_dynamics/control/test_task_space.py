@@ -147,14 +147,12 @@ def test_through_a_singularity_nothing_breaks(kind: str) -> None:
     """Asked to reach beyond the stretched arm and back, torques and speeds stay bounded."""
     sim, task = models.simulator("two_link", dt=1e-3), two_link()
     sim.reset([0.3, 0.4], [0.0, 0.0])
+    whole = TaskSpace(models.dynamics("two_link"), "tip", selection="position")
     control = {
         "operational": OperationalSpace(task, 10.0),
         "impedance": CartesianImpedance(task, 200.0, 1.0),
-        "force": None,
+        "force": MotionForce(whole, [0, 0, 1], 10.0),
     }[kind]
-    if control is None:
-        whole = TaskSpace(models.dynamics("two_link"), "tip", selection="position")
-        control = MotionForce(whole, [0, 0, 1], 10.0)
     near = at_rest(task, [0.3, 0.4], 2.0)
     direction = near.position / np.linalg.norm(near.position)
     largest, straightest = 0.0, 1.0
