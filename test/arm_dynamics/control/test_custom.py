@@ -306,25 +306,3 @@ def test_a_failure_in_a_posture_of_the_comparison_is_none_on_the_arm(dynamics: D
 
     expected = Careful(dynamics).torque(STATE, GOAL)
     np.testing.assert_array_equal(make_controller(Careful, dynamics).torque(STATE, GOAL), expected)
-
-
-@pytest.mark.parametrize(
-    ("what", "value", "said"),
-    [
-        ("tuning", (20.0,), r"tuning = \(20.0,\); a tuple of arrays is expected"),
-        ("memory", ([0.0, 0.0],), "memory = .*; a tuple of arrays is expected"),
-        ("key", ([1],), "key of controller Wrong raised TypeError: unhashable type: 'list'"),
-    ],
-)
-def test_numbers_and_keys_that_cannot_be_used_are_refused(
-    dynamics: Dynamics, what: str, value: Any, said: str
-) -> None:
-    class Wrong(own_controllers.Pull):
-        def __init__(self, dynamics: Dynamics):
-            super().__init__(dynamics)
-            vars(type(self)).get(what) or setattr(self, what, value)
-
-    if what == "key":
-        Wrong.key = value  # type: ignore[method-assign, assignment]
-    with pytest.raises(InvalidInput, match=said):
-        make_controller(Wrong, dynamics)

@@ -128,6 +128,24 @@ def test_batches_answer_as_single_points_do(friction: str, rng: np.random.Genera
         np.testing.assert_array_equal(a[k] == 0.0, alone == 0.0)
 
 
+@pytest.mark.parametrize("push", [0.0, 1.0, 12.0])
+def test_a_loop_at_rest_is_held_by_its_joints(push: float) -> None:
+    """Constrained forward dynamics against a tick; the loop holds in any case."""
+    given = models.scene("four_bar").model_dump(exclude_unset=True)
+    friction = {"friction": {"coulomb": 1.0, "static": 1.5}, "limits": {"stop": False}}
+    sim = Simulator(load_scene(given | {"joints": {"*": friction}, "gravity": [0, 0, 0]}),
+                    integrator="rk4", dt=1e-6)  # fmt: skip
+    q, tau = sim.state.q, push * np.eye(sim.n)[0]
+    a, _ = sim.dynamics.constrained_forward(q, np.zeros(sim.n), tau)
+    sim.reset(q, np.zeros(sim.n))
+    sim.step(tau)
+    assert_close(sim.state.v / 1e-6, a, 1e-4)
+    assert a.any() == (push > 10.0)
+    closure = sim.dynamics.constrained.closure
+    A = closure.rows.stacked(q, np.zeros(sim.n), closure.initially_active).jacobian
+    assert_close(A @ a, np.zeros(len(A)), 1e-8)
+
+
 def crank_rocker(speed: float) -> tuple[Simulator, np.ndarray, np.ndarray]:
     """A crank-rocker whose crank and coupler are in line: the rocker turns back."""
     given = models.scene("four_bar").model_dump(exclude_unset=True)
@@ -190,3 +208,12 @@ def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
                 assert holds or each.direction @ load > 0.0
                 seen += 1
     assert seen > 20
+
+
+def test_sets_that_do_not_share_anything_are_apart() -> None:
+    A = np.array([[1.0, -1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0]])
+    load, level = np.array([1.5, 0.0, 4.0, 0.0, 0.0]), np.ones((2, 5))
+    one, other = indeterminate_sets(A, np.ones(5, dtype=bool), load, level)
+    assert one.joints.tolist() == [0, 1] and one.holds
+    assert other.joints.tolist() == [2, 3] and not other.holds
+    np.testing.assert_array_equal(other.direction, [1.0, -1.0])

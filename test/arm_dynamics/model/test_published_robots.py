@@ -61,13 +61,6 @@ def test_shapes(name: str, rng: np.random.Generator) -> None:
         np.testing.assert_array_less(abs(dynamics.inverse(q, v, a) - tau), INVERSE_PAIR * size)
 
 
-@pytest.mark.parametrize("kind", ["a floating base", "a planar base"])
-def test_a_base_that_moves_can_be_locked(kind: str, rng: np.random.Generator) -> None:
-    base = {"a floating base": "to_world", "a planar base": "base"}[kind]
-    dynamics = Dynamics({"robot": {"urdf": SHAPES[kind], "lock": [base]}})
-    assert_torques(SHAPES[kind], dynamics, rng)
-
-
 NOT_READ = {"ur3", "alex_psyonic_hands", "iris_simple", "quadrotor_base"}
 """Two that are no robots, without links, one with a joint that follows a fixed one; and two have
 no joint."""

@@ -64,10 +64,6 @@ def test_units_and_margin_are_named() -> None:
     assert complaint(Bounds(typed, margin=0.02), rest_to_rest(0, 1)).endswith(
         "and reach 0.9375 m/s; allowed: 0.4 m/s and 2 % more (limit_margin)"
     )
-    typed = replace(limits(upper=[0.5, 9]), joint_types=("revolute", "prismatic"))
-    assert complaint(Bounds(typed, margin=0.02), rest_to_rest(1, 0)).endswith(
-        "and reach 1 rad; allowed: 0.5 rad"
-    )
 
 
 def test_an_overshoot_between_two_allowed_points_is_seen() -> None:

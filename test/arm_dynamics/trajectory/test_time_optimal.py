@@ -97,15 +97,6 @@ def test_it_goes_from_end_to_end_wherever_the_path_has_a_knot(knot: float) -> No
     assert quick.duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-4)
 
 
-def test_dry_friction_helps_to_brake() -> None:
-    """Up with (T - F)/J and down with (T + F)/J, over 1 rad."""
-    inertia, dry, most = 0.1, 1.0, 2.0
-    dyn = Dynamics(rotor(inertia, coulomb=dry))
-    quick = retimed(JointPath(TURN, Quintic(9.0)), dyn, most)
-    wanted = np.sqrt(2.0 * inertia * (1.0 / (most - dry) + 1.0 / (most + dry)))
-    assert quick.duration == pytest.approx(wanted, rel=1e-3)
-
-
 def test_a_motor_follows_its_torque_speed_curve() -> None:
     """Under its voltage V it approaches the speed V/K as 1 - exp(-t/T); it brakes on stall torque.
 
