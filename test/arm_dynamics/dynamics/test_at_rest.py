@@ -128,24 +128,6 @@ def test_batches_answer_as_single_points_do(friction: str, rng: np.random.Genera
         np.testing.assert_array_equal(a[k] == 0.0, alone == 0.0)
 
 
-@pytest.mark.parametrize("push", [0.0, 1.0, 12.0])
-def test_a_loop_at_rest_is_held_by_its_joints(push: float) -> None:
-    """Constrained forward dynamics against a tick; the loop holds in any case."""
-    given = models.scene("four_bar").model_dump(exclude_unset=True)
-    friction = {"friction": {"coulomb": 1.0, "static": 1.5}, "limits": {"stop": False}}
-    sim = Simulator(load_scene(given | {"joints": {"*": friction}, "gravity": [0, 0, 0]}),
-                    integrator="rk4", dt=1e-6)  # fmt: skip
-    q, tau = sim.state.q, push * np.eye(sim.n)[0]
-    a, _ = sim.dynamics.constrained_forward(q, np.zeros(sim.n), tau)
-    sim.reset(q, np.zeros(sim.n))
-    sim.step(tau)
-    assert_close(sim.state.v / 1e-6, a, 1e-4)
-    assert a.any() == (push > 10.0)
-    closure = sim.dynamics.constrained.closure
-    A = closure.rows.stacked(q, np.zeros(sim.n), closure.initially_active).jacobian
-    assert_close(A @ a, np.zeros(len(A)), 1e-8)
-
-
 def crank_rocker(speed: float) -> tuple[Simulator, np.ndarray, np.ndarray]:
     """A crank-rocker whose crank and coupler are in line: the rocker turns back."""
     given = models.scene("four_bar").model_dump(exclude_unset=True)
@@ -188,6 +170,16 @@ def test_batches_of_loops_answer_as_single_points_do() -> None:
         assert_close(multipliers[k], forces, ALGEBRA)
     moves = [bool(row.any()) for row in a]
     assert moves == [False, True, True, True, True, False]
+
+
+@pytest.mark.parametrize(("push", "a"), [(3.999, 0.0), (-3.999, 0.0), (4.4, 0.6), (-4.4, -0.6)])
+def test_coupled_joints_hold_up_to_the_sum_of_their_static_levels(push: float, a: float) -> None:
+    """2 kg on two rails of equal ways, pushed along one; 2 N hold and 1 N slides on each."""
+    gear = {"type": "coupling", "joints": ["z", "x"], "ratio": 1.0}
+    rail = rails("xz", mass=2.0, friction={"coulomb": 1.0, "static": 2.0})
+    dyn = Dynamics(rail | {"constraints": [gear], "gravity": [0, 0, 0]})
+    found, _ = dyn.constrained_forward([0.0, 0.0], [0.0, 0.0], [push, 0.0])
+    assert_close(found, [a, a], ALGEBRA)
 
 
 def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
