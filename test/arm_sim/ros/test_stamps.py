@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from harness import Ros
 from polled import each
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from sim_by_hand import by_hand, ticks
@@ -164,21 +163,6 @@ def test_little_time_that_was_dropped_is_made_up_for_without_a_jump(machine: Mac
     np.testing.assert_array_equal(found[-50:], MS * np.arange(4051, 4101))
 
 
-def test_stamps_stay_with_simulated_time_and_catch_up_when_released(machine: Machine) -> None:
-    machine.ticks(np.zeros(10, int))
-    machine.now += 500 * MS
-    assert machine.stamps.at(10 * MS) == EPOCH + 10 * MS
-    machine.stamps.release()
-    assert machine.ticks(np.zeros(1, int))[0] == 511 * MS
-
-
-def test_stamps_go_on_when_simulated_time_starts_again(machine: Machine) -> None:
-    machine.ticks(np.zeros(10, int))
-    assert machine.stamps.at(0) == EPOCH + 10 * MS
-    machine.simulated = 0
-    np.testing.assert_array_equal(machine.ticks(np.zeros(3, int)), MS * np.arange(11, 14))
-
-
 def test_a_reset_in_a_late_tick_leaves_stamps_even(machine: Machine) -> None:
     machine.ticks(np.zeros(10, int))
     machine.due.value = machine.now + MS
@@ -309,9 +293,3 @@ def test_two_clocks_are_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) ->
     assert found.level == b"\x02"
     assert "2 publishers on /clock" in found.message
     assert capfd.readouterr().err.count("2 publishers on /clock") == 1
-
-
-@pytest.mark.ros
-def test_stamps_may_not_be_changed_while_it_runs(ros: Ros) -> None:
-    node = by_hand(ros)
-    assert not node.set_parameters([Parameter("time", value="ros")])[0].successful
