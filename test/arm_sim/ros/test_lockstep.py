@@ -141,6 +141,15 @@ def answer(sim: SimNode, stamp: int, tau: tuple[float, float] = (0.5, -0.5)) -> 
     sim.lockstep.on_command(serialize_message(message))
 
 
+def test_answers_are_to_states_that_are_published(ros: Ros) -> None:
+    sim = lockstep(ros, publish_every=5)
+    answer(sim, 0)
+    assert sim.simulator.arm.step_count == 5
+    answer(sim, 1_000_000)
+    answer(sim, 5_000_000)
+    assert sim.simulator.arm.step_count == 10
+
+
 def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
     ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from harness import Ros
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import by_hand, command, ticks
 from std_msgs.msg import String
@@ -109,17 +108,6 @@ def test_joint_states_may_be_of_all_joints(ros: Ros) -> None:
     assert told(states[-1]) == {**own, **GRIPPER}
     np.testing.assert_array_equal(states[-1].effort, [*node.simulator.effort, 0.0, 0.0])
     np.testing.assert_array_equal(states[-1].velocity[:7], node.simulator.state.v)
-
-
-def test_our_controller_answers_states_of_all_joints(ros: Ros) -> None:
-    """With the very bytes that it answers those of its own with."""
-    controller = ros.add(ControllerNode, models.scene("panda"))
-    names = list(controller.dynamics.joint_names)
-    few = JointState(name=names, position=[0.1] * 7, velocity=[0.2] * 7)
-    many = JointState(name=[*names, *GRIPPER], position=[0.1] * 7 + [0.0] * 2)
-    many.velocity = [0.2] * 7 + [0.0] * 2
-    answers = [controller.on_joint_states(serialize_message(state)) for state in (few, many)]
-    assert answers[0] == answers[1]
 
 
 def test_nothing_is_shown_at_rate_zero_or_without_tf_messages(

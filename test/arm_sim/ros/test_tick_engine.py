@@ -98,15 +98,6 @@ def test_commands_that_stop_are_stale_though_the_middleware_is_busy() -> None:
     assert acting(made) == [0.25, 0.5]
 
 
-def test_a_command_is_late_after_its_timeout_while_the_middleware_sleeps() -> None:
-    made, looks = engine(), list[int]()
-    made.configure(0.003, "zero")
-    made.arriving = lambda: bool(looks.append(made.simulator.arm.step_count))
-    made.commands.put(TAU)
-    assert [acting(made) == [*TAU] for _ in range(6)] == [k < 3 for k in range(6)]
-    assert looks == [3]  # it is asked once, when the command is about to be stale
-
-
 def test_what_arrives_while_the_middleware_is_looked_at_is_read() -> None:
     made, waiting = engine(), [TAU]
     made.configure(0.003, "zero")
@@ -268,25 +259,6 @@ def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
 
 
 # --- energy ------------------------------------------------------------------------------------
-
-
-def test_the_energy_account_knows_of_changes() -> None:
-    """Put elsewhere: what that takes to lift and to move is no energy from nowhere."""
-    made = engine(method="rk4")
-    made.energy.keep(True)
-    ticks(made, 50)
-    before = made.energy.read()
-    simulator = made.simulator
-    q, v = simulator.state.q + 0.3, simulator.state.v - 0.5
-    made.change(lambda: simulator.set_state(q, v))
-    account = made.energy.read()
-    assert account.changed == pytest.approx(sum(simulator.dynamics.energy(q, v)) - before.total)
-    assert abs(account.changed) > 0.1
-    assert (account.input, account.dissipated) == (before.input, before.dissipated)
-    ticks(made, 50)
-    assert made.energy.read().changed == account.changed
-    assert abs(made.energy.read().balance) < 1e-8
-    assert made.energy.error < 1e-7
 
 
 # --- the queue ---------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from recorded_engine import busy, contents, engine_of, run, scene
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
+from arm_sim.ros.record.chunk import PERIOD_NS, Chunk
 from arm_sim.ros.record.chunk_thread import COUNT, SIZE
 from arm_sim.ros.record.ticks import TickRecorder
 from arm_sim.servo import JointCommand
@@ -83,24 +84,6 @@ def test_an_event_after_a_reset_is_at_the_time_of_the_recording(tmp_path: Path) 
     assert told == [("after 30", 0.03), ("after 20", 0.05), ("after 10", 0.06)]
     again = Recording.load(loaded.save(tmp_path / "again.mcap"))
     assert [round(event.time, 9) for event in again.events] == [0.03, 0.05, 0.06]
-
-
-def test_a_note_waits_for_no_tick_in_progress_but_idle_time_does(tmp_path: Path) -> None:
-    engine, path = engine_of(scene()), tmp_path / "run.mcap"
-    recorder = TickRecorder(path, engine)
-    run(engine, 5)
-    note = Thread(target=recorder.note, args=("from elsewhere",))
-    idle = Thread(target=lambda: [called() for called in engine.on_idle])
-    with recorder.thread.lock:  # a tick is being written
-        note.start()
-        note.join(10.0)
-        idle.start()
-        idle.join(0.1)
-        assert not note.is_alive() and idle.is_alive()
-    idle.join(10.0)
-    assert not idle.is_alive() and not recorder._waiting
-    recorder.close()
-    assert [event.text for event in Recording.load(path).events] == ["from elsewhere"]
 
 
 def test_a_joint_state_between_ticks_is_recorded_as_it_was_published(tmp_path: Path) -> None:
@@ -275,6 +258,16 @@ def test_memory_of_the_recorder_is_bounded(tmp_path: Path) -> None:
     assert thread.lost == 1000 - taken + 3, "each of those that belong together"
     slow.go.set()
     thread.close()
+
+
+def test_a_chunk_takes_what_just_fits_until_it_is_too_old() -> None:
+    chunk, now = Chunk(SIZE), 1_700_000_000_000_000_001
+    assert chunk.fits(now, SIZE) and not chunk.fits(now, SIZE + 1)
+    chunk.put(7, now, 0, b"message")
+    assert chunk.fits(now, SIZE - chunk.at) and not chunk.fits(now, SIZE - chunk.at + 1)
+    assert chunk.fits(now + PERIOD_NS, 0) and not chunk.fits(now + PERIOD_NS + 1, 0)
+    chunk.clear()
+    assert chunk.fits(now + PERIOD_NS + 1, 0), "an empty one has no age"
 
 
 def test_messages_larger_than_a_chunk_are_recorded(tmp_path: Path) -> None:
