@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: tables, a figure, and all runs as JSON."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -47,12 +45,8 @@ def write(results: Sequence[Result], held: Sequence[Held], out: Path, docs: Path
 
 
 def page(results: Sequence[Result], held: Sequence[Held]) -> str:
-    """All tables, in Markdown."""
     parts = {
         "Outcomes": f"{outcomes(results)}\n\n{wrong(results)}",
-        "Survival by length of the tick": survival(results),
-        "Errors of the runs that survive, relative to 1 + |q|: median, worst":
-            errors(results),
         "Errors under error control: median, worst": delivered(results),
         "Sets that hold together": summary(held) if held else "Not run.",
     }  # fmt: skip
@@ -66,7 +60,6 @@ def runs(results: Sequence[Result]) -> list[Result]:
 
 
 def outcomes(results: Sequence[Result]) -> str:
-    """What became of the runs of each kind and method."""
     rows = []
     for kind in dict.fromkeys(r.kind for r in results):
         mine = [r for r in results if r.kind == kind]
@@ -79,17 +72,6 @@ def outcomes(results: Sequence[Result]) -> str:
 def _row(name: str, mine: Sequence[Result]) -> list[object]:
     number_of = [sum(r.outcome == outcome for r in mine) for outcome in OUTCOMES]
     return [name, len(mine), *number_of, sum(r.false_alarm for r in mine)]
-
-
-def survival(results: Sequence[Result]) -> str:
-    """How often each method survives at each step."""
-    return _by_step(runs(results), _percent)
-
-
-def errors(results: Sequence[Result]) -> str:
-    """How wrong each method is at each step where it survives: median and worst."""
-    survived = [r for r in runs(results) if r.outcome == SURVIVED]
-    return _by_step(survived, lambda some: _spread(r.error for r in some))
 
 
 def fixed(results: Sequence[Result]) -> list[Point]:
@@ -117,7 +99,6 @@ def wrong(results: Sequence[Result]) -> str:
 
 
 def line(r: Result) -> str:
-    """One run in words."""
     error = "" if r.error is None else f", off by {number(r.error, 2)}"
     within = "" if r.tolerance is None else f" to {r.tolerance:.1g}"
     return (
@@ -144,22 +125,7 @@ def names_of(results: Sequence[Result]) -> list[str]:
     return sorted({r.name for r in results}, key=lambda name: (" " in name, name))
 
 
-def _by_step(results: Sequence[Result], cell: Callable[[Sequence[Result]], str]) -> str:
-    steps = sorted({r.dt for r in results}, reverse=True)
-    rows = [
-        [name, *(cell([r for r in results if (r.name, r.dt) == (name, dt)]) for dt in steps)]
-        for name in names_of(results)
-    ]
-    return table(["method", *(f"{dt:g} s" for dt in steps)], rows)
-
-
-def _percent(some: Sequence[Result]) -> str:
-    good = sum(r.outcome == SURVIVED for r in some)
-    return f"{good / len(some):.0%}" if some else "—"
-
-
 def _spread(values: Iterable[float | None]) -> str:
-    """Median and worst."""
     known = [value for value in values if value is not None]
     return f"{number(float(np.median(known)), 2)}, {number(max(known), 2)}" if known else "—"
 
@@ -198,7 +164,6 @@ def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:
 
 
 def _errors(groups: Groups) -> tuple[list[float], list[float]]:
-    """Steps, and medians of the errors of stable runs."""
     errors = {step: [r.error for r in some if r.outcome == SURVIVED and r.error is not None]
               for step, some in groups.items()}  # fmt: skip
     errors = {step: some for step, some in errors.items() if len(some) >= FEWEST}

@@ -163,18 +163,17 @@ def test_a_figure_marks_changes_and_says_units() -> None:
     sim = Simulator("slider_crank_motor")
     units = [axis.get_ylabel() for axis in sim.run(0.01).plot().axes]
     assert units[:2] == ["position [rad, m]", "velocity [rad/s, m/s]"]
-    sim = Simulator("panda")
-    start, low = sim.model.q0.copy(), sim.model.position_lower
-    start[3] = low[3] + 0.01
+    sim = models.simulator("two_link")
+    start = sim.model.position_lower + [1.0, 0.01]
     sim.reset(start)
 
     def control(state: State) -> list[float]:
         if state.step == 60:
-            sim.set_state(start, np.zeros(7))
-        return (sim.dynamics.gravity(state.q) - [0, 0, 0, 20.0, 0, 0, 0]).tolist()
+            sim.set_state(start, np.zeros(2))
+        return (sim.dynamics.gravity(state.q) - [0.0, 20.0]).tolist()  # to the end stop
 
     run = sim.run(0.1, control)
-    axes = run.plot(joints=["panda_joint1", "panda_joint4"]).axes
+    axes = run.plot(joints=["elbow"]).axes
     for axis in axes:
         (mark,) = (line for line in axis.lines if line.get_linestyle() == ":")
         assert mark.get_xdata()[0] == pytest.approx(0.06)
