@@ -2,7 +2,7 @@
 """The report: tables, a figure, and all runs as JSON."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -47,6 +47,9 @@ def write(results: Sequence[Result], held: Sequence[Held], out: Path, docs: Path
 def page(results: Sequence[Result], held: Sequence[Held]) -> str:
     parts = {
         "Outcomes": f"{outcomes(results)}\n\n{wrong(results)}",
+        "Survival by length of the tick": survival(results),
+        "Errors of the runs that survive, relative to 1 + |q|: median, worst":
+            errors(results),
         "Errors under error control: median, worst": delivered(results),
         "Sets that hold together": summary(held) if held else "Not run.",
     }  # fmt: skip
@@ -72,6 +75,15 @@ def outcomes(results: Sequence[Result]) -> str:
 def _row(name: str, mine: Sequence[Result]) -> list[object]:
     number_of = [sum(r.outcome == outcome for r in mine) for outcome in OUTCOMES]
     return [name, len(mine), *number_of, sum(r.false_alarm for r in mine)]
+
+
+def survival(results: Sequence[Result]) -> str:
+    return _by_step(runs(results), _percent)
+
+
+def errors(results: Sequence[Result]) -> str:
+    survived = [r for r in runs(results) if r.outcome == SURVIVED]
+    return _by_step(survived, lambda some: _spread(r.error for r in some))
 
 
 def fixed(results: Sequence[Result]) -> list[Point]:
@@ -123,6 +135,20 @@ def counts(results: Sequence[Result]) -> str:
 def names_of(results: Sequence[Result]) -> list[str]:
     """Methods, those with error control last."""
     return sorted({r.name for r in results}, key=lambda name: (" " in name, name))
+
+
+def _by_step(results: Sequence[Result], cell: Callable[[Sequence[Result]], str]) -> str:
+    steps = sorted({r.dt for r in results}, reverse=True)
+    rows = [
+        [name, *(cell([r for r in results if (r.name, r.dt) == (name, dt)]) for dt in steps)]
+        for name in names_of(results)
+    ]
+    return table(["method", *(f"{dt:g} s" for dt in steps)], rows)
+
+
+def _percent(some: Sequence[Result]) -> str:
+    good = sum(r.outcome == SURVIVED for r in some)
+    return f"{good / len(some):.0%}" if some else "—"
 
 
 def _spread(values: Iterable[float | None]) -> str:

@@ -29,21 +29,6 @@ def measured(plants: dict[str, Simulator], plant: str, controller: str, *case: s
     return run(ARMS["two_link"], plants[plant], plant, *case, controller)
 
 
-def test_plants_differ_as_they_say() -> None:
-    arm = ARMS["two_link"]
-    exact, heavy = arm.plant("exact"), arm.plant("payload")
-    np.testing.assert_allclose(exact.total_mass, arm.nominal.model.total_mass)
-    np.testing.assert_allclose(heavy.total_mass - exact.total_mass, 0.2 * arm.payload)
-    assert arm.plant("friction").friction.coulomb.mean.tolist() == list(arm.coulomb)
-    q, v, a = arm.lines["fast"].at(np.linspace(0.0, arm.lines["fast"].duration, 200))
-    share = abs(arm.nominal.inverse(q, v, a)) / arm.plant("limits").effort_limit
-    assert share.max() > 1.0
-    q, v, a = arm.lines["slow"].at(np.linspace(0.0, arm.lines["slow"].duration, 401))
-    assert (abs(arm.nominal.inverse(q, v, a)) < arm.limits).all()
-    linear = np.linalg.norm((arm.task.jacobian(q) @ v[..., None])[:, : arm.task.linear, 0], axis=1)
-    np.testing.assert_allclose(linear.max(), arm.speeds[0], rtol=1e-3)
-
-
 def test_the_order_that_everybody_expects(plants: dict[str, Simulator]) -> None:
     """On an exact model knowing more is better; with a wrong payload only the observer is good."""
     line = ("line", "slow")

@@ -88,8 +88,6 @@ def test_an_interval_holds_the_median_with_its_confidence(count: int, rank: int)
         ([0.5, 0.6, 0.5, 0.7, 0.6, 0.6], MET),  # the limit is 0.75
         ([0.9, 0.95, 1.0, 0.8, 0.9, 0.9], MISSED),
         ([0.5, 0.6, 0.5, 0.9, 0.6, 0.6], OPEN),  # of six, all count
-        ([0.5, 0.6, 0.5, 0.9, 0.6, 0.6, 0.5, 0.6, 0.6], MET),  # of nine, all but two
-        ([0.5, 0.5, 0.5, 0.5, 0.5], OPEN),  # five rounds decide nothing
     ],
 )
 def test_a_verdict_on_a_time_does_not_turn_with_the_host(
@@ -136,14 +134,12 @@ def test_a_wrong_arm_is_noticed(bench: Bench) -> None:
 def test_report_has_figures_and_verdicts(bench: Bench) -> None:
     found = markdown(judged(full_results(bench)), {"cost:joints": "joints.png"})
     assert "![joints](joints.png)" in found
-    assert (
-        "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.50 to 0.50 | 0.75 | met |" in found
-    )
-    assert (
-        "| forward dynamics ÷ Pinocchio's ABA from C++ | 1/20 | 1/20 to 1/20 | 0.40 | met |"
-        in found
-    )
-    assert "| cold start of Panda | 6 s | too few rounds | 5 s | open |" in found
+    for row in (
+        "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.50 to 0.50 | 0.75 | met |",
+        "| forward dynamics ÷ Pinocchio's ABA from C++ | 1/20 | 1/20 to 1/20 | 0.40 | met |",
+        "| cold start of Panda | 6 s | too few rounds | 5 s | open |",
+    ):
+        assert row in found
 
 
 def full_results(bench: Bench) -> dict[str, Any]:
