@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of the report: the best of each simulator; tables have the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,12 +10,9 @@ from benchmarks.peers.base import OURS
 from benchmarks.reporting.style import MARKS, METHODS
 from benchmarks.studies.bench import Record
 
-FAMILIES = (
-    OURS, "MuJoCo", "Drake", "SciPy", "Exudyn", "Newton", "Pinocchio", "dynibo", "frax"
-)  # fmt: skip
-COLOURS = dict(zip(FAMILIES, (*COLORS, "0.4", "0.6"), strict=True))
+FAMILIES = OURS, "MuJoCo", "Drake", "SciPy", "Exudyn", "Pinocchio", "dynibo"
+COLOURS = dict(zip(FAMILIES, COLORS, strict=True))
 EVALUATIONS = {
-    "frax, many at once": "frax (JAX, batch)",
     "dynibo from Python": "dynibo (Rust, from Python)",
     "Pinocchio's ABA from C++ (abaInParallel, one thread)": "Pinocchio's ABA (C++)",
     f"{OURS} generated forward dynamics from C": f"{OURS} (generated C)",
@@ -37,7 +32,6 @@ def draw(results: Record, out: Path) -> dict[str, str]:
 
 
 def _curve(axis: Any, points: Iterable[tuple[float, float]], label: str) -> None:
-    """A line with marks; ours is thicker."""
     family = _family(label)
     for key, name in METHODS.items():
         label = label.replace(f" {key}", f" {name}")
