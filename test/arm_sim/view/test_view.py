@@ -91,8 +91,8 @@ def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
 
 
 def test_the_last_state_up_to_a_time_is_shown_with_its_forces() -> None:
-    sim = Simulator("panda_table")
-    run = sim.run(0.3, control=lambda state: sim.dynamics.gravity(state.q))
+    sim = Simulator("table_arm")
+    run = sim.run(0.3)
     for time, row in ((-1.0, 0), (0.0, 0), (0.1, 100), (0.1009, 100), (9.0, 300)):
         np.testing.assert_array_equal(instant(run, time).q, run.q[row])
     (point, force, _), contact = instant(run, 0.3).contacts[0], sim.contact_forces()[0]
@@ -111,18 +111,6 @@ def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
     np.testing.assert_allclose(energy["total"], energy["kinetic"] + energy["potential"])
     total, flows = energy["total"], energy["supplied"] - energy["lost"] + energy["balance"]
     np.testing.assert_allclose(total - flows, total[0], rtol=1e-12)
-
-
-def test_requests_are_served_in_turn_by_one_thread() -> None:
-    import threading
-
-    served, done = list[object](), threading.Event()
-    with show(models.simulator("two_link"), port=0) as view:
-        for _ in range(2):
-            view._order(lambda: served.append(threading.current_thread()))
-        view._order(done.set)
-        assert done.wait(10.0)
-    assert served == 2 * [view._thread] and not view._thread.is_alive()
 
 
 def test_a_simulation_has_no_film(tmp_path: Path) -> None:
