@@ -209,8 +209,6 @@ def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
     assert not made.failure
 
 
-# --- wrenches ----------------------------------------------------------------------------------
-
 UP, ALONG = np.array([0.0, 0.0, 5.0, 0.0, 1.0, 0.0]), np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.5])
 
 
@@ -256,12 +254,6 @@ def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
     fallen = before - task.pose(made.simulator.state.q).position[2]
     assert abs(fallen) > 1e-3
     assert made.energy.read().input - start.input == pytest.approx(4.0 * fallen, rel=1e-2)
-
-
-# --- energy ------------------------------------------------------------------------------------
-
-
-# --- the queue ---------------------------------------------------------------------------------
 
 
 def asked(queue: TickQueue, action: Callable[[], Any]) -> tuple[threading.Thread, list[Any]]:
