@@ -33,7 +33,7 @@ FLEETS = {
         ("euler", "", None),
         ("rk4", "", None),
         ("rk4", ", 256 bits", 4),
-        ("rk4", ", one by one", 1),
+        ("rk4", ", without SIMD", 1),
     )
 }
 RUNNERS: dict[str, Callable[[Bench], Record]] = {

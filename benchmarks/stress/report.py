@@ -166,11 +166,11 @@ def draw(results: Sequence[Result], path: Path) -> None:
         for mark, (key, name) in zip(MARKS, names.items(), strict=False):
             errors.plot(*_errors(groups[key]), marker=mark, label=name)
         errors.set(xscale="log", yscale="log", ylim=(ROUNDING / 2, 10), xlabel=STEP,
-                   title="median error", ylabel="position error / (1 + |position|)")  # fmt: skip
+                   title="median error of right runs", ylabel="position error / (1 + |position|)")  # fmt: skip
 
 
 def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:
-    """A table of the percentages of stable runs: methods as rows, steps as columns."""
+    """A table of the percentages of right runs: methods as rows, steps as columns."""
     steps = sorted({step for some in groups for step in some})
     if not steps:
         return
@@ -186,7 +186,7 @@ def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:
     axis.set_xticks(decades, [f"$10^{{{decade:.0f}}}$" for decade in decades])
     axis.set_yticks(rows, names)
     axis.grid(visible=False)
-    axis.set(xlabel=STEP, title="stable runs [%]")
+    axis.set(xlabel=STEP, title="right runs [%]")
 
 
 def _errors(groups: Groups) -> tuple[list[float], list[float]]:
