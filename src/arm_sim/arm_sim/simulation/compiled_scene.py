@@ -107,5 +107,4 @@ class CompiledScene(Physics):
         """Derivatives of ticks and rollouts."""
         from arm_sim.derivatives import Derivatives
 
-        rollouts = lambda: self.rollouts  # noqa: E731 - built when they are needed
-        return Derivatives(self.plant, self.choice, self.stepper, rollouts, self.backend)
+        return Derivatives(self.plant, self.choice, self.stepper, self.backend)

@@ -41,6 +41,7 @@ from arm_sim.simulation.run import driver_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
 from arm_sim.state import State
+from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
 
@@ -379,11 +380,11 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        p = self.arm.plant.parameters.merged(parameters or {}, self._stepper.p)
-        rollouts = self.arm.compiled.rollouts
-        batch = rollouts.batch(q0, v0, tau, steps, p, last_only)
+        plant = self.arm.plant
+        p = plant.parameters.merged(parameters or {}, self._stepper.p)
+        batch = Batch.of(plant, q0, v0, tau, steps, p, last_only)
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
-        return rollouts.run(batch, threads, lanes)
+        return self.arm.compiled.rollouts.run(batch, threads, lanes)
 
     linearize = DerivativeMethod(lambda: derivatives().linearize)
     linearize_many = DerivativeMethod(lambda: derivatives().linearize_many)
