@@ -39,8 +39,6 @@ class Derivatives:
         backend: As for ``Kernel``.
     """
 
-    _called = "Simulator"  # whose methods these are, too
-
     def __init__(self, plant: Plant, choice: Choice, stepper: Stepper, backend: str) -> None:
         self._plant, self._choice, self._stepper, self._backend = plant, choice, stepper, backend
         self._linearizers = dict[tuple[int, ...], Linearizer]()

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Concatenate, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ from arm_dynamics.exceptions import choices, not_copied
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
+from arm_sim.derivatives import Derivatives
 from arm_sim.imperfections import delivered
 from arm_sim.inputs import named, tick_count
 from arm_sim.integrators.selection import Choice, choose
@@ -34,7 +36,6 @@ from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.simulation.control import Control
-from arm_sim.simulation.derivative_method import DerivativeMethod, derivatives
 from arm_sim.simulation.plan import Plan
 from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.run import driver_of
@@ -51,6 +52,19 @@ if TYPE_CHECKING:
 TICKS_PER_PART = 2000  # of a run that is recorded in a file
 
 _log = logging.getLogger(__name__)
+
+
+def _of_derivatives[**P, R](
+    method: Callable[Concatenate[Derivatives, P], R],
+) -> Callable[Concatenate[Simulator, P], R]:
+    """A method of ``Derivatives`` as one of a simulator, whose present values it uses."""
+
+    @with_arguments
+    @wraps(method)
+    def call(simulator: Simulator, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        return method(simulator.arm.compiled.derivatives, *args, **kwargs)
+
+    return call
 
 
 @sealed
@@ -386,12 +400,12 @@ class Simulator:
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
         return self.arm.compiled.rollouts.run(batch, threads, lanes)
 
-    linearize = DerivativeMethod(lambda: derivatives().linearize)
-    linearize_many = DerivativeMethod(lambda: derivatives().linearize_many)
-    jvp = DerivativeMethod(lambda: derivatives().jvp)
-    vjp = DerivativeMethod(lambda: derivatives().vjp)
-    rollout_jvp = DerivativeMethod(lambda: derivatives().rollout_jvp)
-    rollout_gradient = DerivativeMethod(lambda: derivatives().rollout_gradient)
+    linearize = _of_derivatives(Derivatives.linearize)
+    linearize_many = _of_derivatives(Derivatives.linearize_many)
+    jvp = _of_derivatives(Derivatives.jvp)
+    vjp = _of_derivatives(Derivatives.vjp)
+    rollout_jvp = _of_derivatives(Derivatives.rollout_jvp)
+    rollout_gradient = _of_derivatives(Derivatives.rollout_gradient)
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
