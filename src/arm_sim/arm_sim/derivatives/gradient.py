@@ -216,7 +216,7 @@ class Gradients:
         arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, None)
 
         def work(first: int, last: int) -> None:
-            motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
+            motion = np.empty((batch.steps, batch.x0.shape[1], width))
             code.engine.rollout_gradient(
                 code.scene, ctypes.byref(arms), first, last, address(g), address(motion),
                 address(gradients.by_x), address(gradients.by_tau), address(gradients.by_p),

@@ -109,11 +109,6 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   }
 }
 
-/* Propagate tangents of the arms first … last-1 over their ticks.
- *
- * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so
- * close to one that it might: its state is then that before this tick, and of one lane also its columns.
- */
 EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
                               long long last, const columns_t* to) {
   for (long long arm = first; arm < last; arm += LANES) {
