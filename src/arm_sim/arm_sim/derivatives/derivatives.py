@@ -122,8 +122,7 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slope = linearizer(x, command, ticks, one_side(side))
-        A, B, *parts = self._split(slope, places)
-        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
+        return self._split(slope, by, places)
 
     def jvp(
         self,
@@ -260,8 +259,7 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
-        A, B, *parts = self._split(slopes, places)
-        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
+        return self._split(slopes, by, places)
 
     def rollout_jvp(
         self,
@@ -383,7 +381,10 @@ class Derivatives:
             return {}
         return self._plant.parameters.places((by,) if isinstance(by, str) else tuple(by))
 
-    def _split(self, slope: Array, places: dict[str, tuple[int, ...]]) -> list[Array]:
+    def _split(
+        self, slope: Array, by: Sequence[str] | None, places: dict[str, tuple[int, ...]]
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
         """Derivatives by state, torque and quantities, from all of them side by side."""
         sizes = self._plant.nx, self._plant.model.n, *map(len, places.values())
-        return np.split(slope, np.cumsum(sizes)[:-1], axis=-1)
+        A, B, *parts = np.split(slope, np.cumsum(sizes)[:-1], axis=-1)
+        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -10,22 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import torque, torque_table
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control as Again
 from arm_sim.servo import JointCommand
-from arm_sim.simulation.control import Control, check_function, commands_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
 from arm_sim.state import State
 
 FIRST_SLICE = 10  # ticks of a controller in Python
+
+# The command at a state
+Control = Callable[[State], Any]
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ def driver_of(arm: SimulatedArm, control: Any, reference: Motion | None, ticks: 
     """
     if hasattr(control, "torque"):
         dynamics = arm.compiled.present.tuned(arm.parameters)
-        control = commands_of(control, reference, dynamics, arm.measured)
+        control = _commands_of(control, reference, dynamics, arm.measured)
     elif reference is not None:
         raise InvalidInput("a reference is for a controller with torque(state, reference)")
     if isinstance(control, CompiledControl):
@@ -81,7 +85,7 @@ def driver_of(arm: SimulatedArm, control: Any, reference: Motion | None, ticks: 
         commands = control.rows(ticks, arm.n, arm.dt)
         return Driver(partial(_function, lambda _: next(commands)), open_loop=False)
     if callable(control):
-        check_function(control)
+        _check_function(control)
         return Driver(partial(_function, control), open_loop=False)
     table = torque_table(control, ticks, arm.joint_names, arm.dt)
     open_loop = not gravity_compensated(arm.plant.model.scene)
@@ -126,3 +130,46 @@ def _function(control: Control, trace: Trace) -> Again | None:
         return stepper.actuated(x, np.array(torque(command, arm.joint_names)))
 
     return again if torques else None
+
+
+def _commands_of(
+    controller: Any, reference: Motion | None, dynamics: Dynamics, begin: State
+) -> Control:
+    """Commands of a controller that follows a reference.
+
+    Args:
+        controller: An object with ``torque(state, reference)``.
+        reference: The reference from the state ``begin`` on; None: stay there.
+        dynamics: Dynamics of the arm, for drives with commands other than torques.
+        begin: The state at the start of the run.
+
+    Raises:
+        InvalidInput: If it is a class, or the reference cannot be sampled.
+    """
+    if inspect.isclass(controller):
+        raise InvalidInput(
+            f"control is class {controller.__name__}; an instance of it is expected"
+        )
+    motion: Motion = hold(begin.q) if reference is None else reference
+    if not hasattr(motion, "sample"):
+        raise InvalidInput(
+            f"reference is of type {type(motion).__name__}; an object with sample(t) is expected, "
+            "such as trajectory.quintic(…)"
+        )
+
+    def command(state: State) -> Any:
+        tau = controller.torque(state, motion.sample(state.time - begin.time))
+        return dynamics.command_map(state.q, state.v, tau)
+
+    return command
+
+
+def _check_function(control: Control) -> None:
+    """Refuse a function that does not take a state alone, unless it has no signature."""
+    try:
+        inspect.signature(control).bind(None)
+    except TypeError:
+        text = f"control = {control!r}: a function of one argument, the state, is expected"
+        raise InvalidInput(text) from None
+    except ValueError:
+        pass

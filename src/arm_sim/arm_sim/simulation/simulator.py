@@ -35,10 +35,9 @@ from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
-from arm_sim.simulation.control import Control
 from arm_sim.simulation.plan import Plan
 from arm_sim.simulation.progress import Progress
-from arm_sim.simulation.run import driver_of
+from arm_sim.simulation.run import Control, driver_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
 from arm_sim.state import State

@@ -18,25 +18,19 @@ def check_lanes(lanes: int | None) -> None:
         raise InvalidInput(f"lanes = {lanes!r}; allowed: {', '.join(map(str, WIDTHS))}")
 
 
-def widths(lanes: int | None) -> tuple[int, ...]:
-    """Numbers of lanes to try in turn: as requested, else the processor's and fewer; then one.
+def widest(
+    lanes: int | None, code_of: Callable[[int], Compiled | None]
+) -> tuple[Compiled | None, int]:
+    """Code for the first number of lanes of which there is any, and that number.
 
-    Code compiled elsewhere, for all processors of a level, may be of fewer lanes than fit here.
+    Tried are the requested one and then one, else the processor's and fewer: code compiled
+    elsewhere, for all processors of a level, may be of fewer lanes than fit here.
 
     Raises:
         InvalidInput: As of ``check_lanes``.
     """
     check_lanes(lanes)
-    if lanes is None:
-        return WIDTHS[WIDTHS.index(natural_width()) :]
-    return (lanes, 1) if lanes > 1 else (1,)
-
-
-def widest(
-    lanes: int | None, code_of: Callable[[int], Compiled | None]
-) -> tuple[Compiled | None, int]:
-    """Code for the first of the ``widths`` of which there is any, and that width."""
-    for width in widths(lanes):
+    for width in (lanes, 1) if lanes else WIDTHS[WIDTHS.index(natural_width()) :]:
         if (code := code_of(width)) is not None:
             return code, width
     return None, 1
