@@ -63,9 +63,8 @@ EXPORTED void event_free_gradient(const scene_t* scene, double* motion, const do
     CALL(scene->acting, (tick.x, tau + k * NU), (u));
     if (any_closed(scene, tick.p)) { /* which are closed at the end */
       CALL(scene->rest_end, (tick.begin, tick.end, tick.p), (coefficients));
-      CALL(scene->end_adjoint, (coefficients, weight), (by_begin, by_end, of_p));
+      CALL(scene->end_adjoint, (coefficients, weight), (by_begin, by_end));
       copy(weight, by_end, NX);
-      for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
     }
     CALL(scene->adjoint, (tick.begin, u, tick.p, &h, weight), (back, of_u, of_p));
     for (int i = 0; i < NX; ++i) back[i] += by_begin[i];
