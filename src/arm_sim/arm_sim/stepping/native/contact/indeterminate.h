@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What holds together: joints and contacts at rest whose reactions statics does not determine.
+ * Statically indeterminate sets: joints and contacts at rest whose reactions statics does not determine.
  *
  * Two rails that a rod connects, or a rail and a table, share their load in many ways: all that differ by a self-stress, a
  * combination of reactions that causes no motion. The parts hold while any of these distributions is within all static limits
