@@ -153,22 +153,9 @@ def test_points(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "",
-        " ",
-        "a",
-        "1 b",
-        "a=",
-        "=1",
-        "a=b",
-        "a=1 b=2 a=3",
-        "[1, [2]]",
-        "[[1], [2, 3]]",
-        "[true]",
-        "{a",
-        "1 2\n3",
-    ],
-)
+    ["", " ", "[]", "{}", "[[]]", "a", "1 b", "a=", "=1", "a=b", "a=1 b=2 a=3", "{a: 1, a: 2}",
+     "[1, [2]]", "[[1], [2, 3]]", "[true]", "{a", "1 2\n3"],
+)  # fmt: skip
 def test_what_is_no_vector_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"number|joint|JSON|list"):
         parse(text)

@@ -231,7 +231,7 @@ def test_what_nothing_uses_is_left_out() -> None:
 
 UNDECIDED = (
     "#if 1", "#if !X", "#if X > 0", "#if defined(X)", "#ifdef X\n#elif Y", "#ifdef X\n#undef X",
-    "#define Y (X)\n#if Y",
+    "#define Y (X)\n#if Y", "#define Y(x) x\n#if Y",
 )  # fmt: skip
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import models
+from arm_dynamics import load_scene
+from arm_sim.imperfections import command_line
 from arm_sim.ros.commands.latest import LatestCommand
 from arm_sim.ros.node_library import library
 
@@ -71,3 +73,15 @@ def test_policies(commands: LatestCommand, policy: str) -> None:
     commands.put(TAU)
     take(commands, Q)
     np.testing.assert_array_equal(take(commands, Q), after[policy])
+
+
+def test_a_delayed_command_that_is_sent_again_is_not_stale() -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    line = command_line(load_scene({**scene, "commands": {"delay": 0.002}}), 0.001)
+    slot = LatestCommand(models.dynamics("two_link"), line)
+    slot.configure(3, "zero")
+    for tick in range(9):
+        slot.put(TAU)
+        slot.arrive(tick)
+        acting = take(slot, Q)
+    np.testing.assert_array_equal(acting, TAU)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a page shows, without a browser."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,7 @@ def test_a_visitor_waits_until_a_film_is_written(
     def visited(*given: Any) -> Iterator[Any]:
         def shoot() -> Any:
             playing._order(lambda: playing.seek(0.25))
-            time.sleep(0.05)
+            sleep(0.05)
             return picture()
 
         with camera(*given) as picture:

@@ -90,7 +90,7 @@ class TickEngine:
         """
         self.simulator, self._arm = simulator, simulator.arm
         self._q = self._arm.x[: simulator.n]
-        line: Line[Command] | None = command_line(simulator.model.scene, simulator.dt)
+        line: Line[tuple[Command]] | None = command_line(simulator.model.scene, simulator.dt)
         self.commands = LatestCommand(simulator.dynamics, line)
         self.arbiter, self.queue = Arbiter(self.duration(_SILENCE)), TickQueue()
         self.failure = ""
