@@ -90,7 +90,7 @@ class Arbiter(Structure):
                     raise InvalidInput(f"{self.last_refusal}; {allowed}")
         stream = self._streams.setdefault(source, Source())
         stream.joints = joints
-        library().hear(byref(stream), self.now, self.patience)
+        library().count_command(byref(stream), self.now, self.patience)
         self._share_only()
 
     def _is_recent(self, stream: Source) -> bool:

@@ -54,7 +54,7 @@ typedef struct {
   int64_t simulated;   /* simulated time of the last stamp */
   int64_t last;        /* the last stamp */
   int64_t offset;      /* stamp of simulated time zero */
-  int64_t least, look; /* smallest lag since the last check, and time of the next one */
+  int64_t min_lag, next_check; /* lag since the last check, and time of the next one */
   int64_t owed;        /* lag that remains to be recovered */
   const int64_t* due;  /* time of the monotonic clock when the current tick was due; 0: unknown */
 } times_t;
@@ -116,11 +116,11 @@ typedef struct {
 QUICK int64_t is_remembered(const stream_t* s, double now, int64_t patience);
 
 /* Count a command of a source. */
-QUICK void hear(stream_t* s, double now, int64_t patience);
+QUICK void count_command(stream_t* s, double now, int64_t patience);
 
 /* --- for ticks.c -------------------------------------------------------------------------------------------------- */
 
 int64_t time_of(clockid_t clock);
 
 /* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
-void show(int64_t* number, int64_t value);
+void store(int64_t* number, int64_t value);

@@ -87,9 +87,9 @@ class NodeTime(Structure):
 
     def at(self, simulated: int) -> int:
         """The stamp of a state, in [ns], from its simulated time; time that stands still stays."""
-        look, now = self.look, self.now
+        next_check, now = self.next_check, self.now
         stamp = library().stamp_at(byref(self), simulated, now, self._steady())
-        if self.look != look:  # once a second
+        if self.next_check != next_check:  # once a second
             self.update_source()
         return int(stamp)
 
