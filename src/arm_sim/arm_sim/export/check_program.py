@@ -72,15 +72,10 @@ class _Checks:
         motion = test_motion(tick.simulator, tick.differentiable)
         name, n, tolerance = self._name, tick.simulator.n, _ROUNDING
         ticks = motion.held * len(motion.commands)
-        self.tables += [
-            _table("commands", motion.commands.ravel()),
-            _table("last_q", motion.q),
-            _table("last_v", motion.v),
-            *(
-                _table(f"expected_{matrix}", slope.ravel())
-                for matrix, slope in zip("AB", motion.slopes or (), strict=False)
-            ),
-        ]
+        tables = {"commands": motion.commands.ravel(), "last_q": motion.q, "last_v": motion.v}
+        for matrix, slope in zip("AB", motion.slopes or (), strict=False):
+            tables[f"expected_{matrix}"] = slope.ravel()
+        self.tables += [_table(table, values) for table, values in tables.items()]
         self.calls.append(
             "  {\n"
             f"    double q[{n}], v[{n}];\n"

@@ -108,7 +108,7 @@ class LatestCommand(Structure):
         return tuple(self._efforts.tolist())
 
     def command(self, acts: int, q: Array) -> str | Command:
-        """What acts, as a number of ticks.h, at q: a command, or the policy that stops the arm."""
+        """The command that acts at q, by a number of ticks.h, or the policy that stops the arm."""
         if acts == JOINTS:
             assert self.joints is not None
             return self.joints
