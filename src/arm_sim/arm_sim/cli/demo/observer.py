@@ -90,7 +90,7 @@ class Observer(Listener):
         self.subscribe(ENERGY, "sim/energy", self._energies.append)
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """As a listener's, with periodic checks."""
+        """Process messages, with periodic checks, until a condition holds; whether it does."""
 
         def checked_condition() -> bool:
             if (now := time.monotonic()) >= self._next_check:

@@ -215,7 +215,7 @@ def _summarized(file: BinaryIO) -> Iterator[records.McapRecord]:
     """Schemas and channels in the summary of a file, if it is intact."""
     summary = None
     file.seek(0)
-    with suppress(Exception):  # as above
+    with suppress(Exception):  # whatever damaged bytes make of what reads them
         summary = SeekingReader(file, validate_crcs=True).get_summary()
     if summary is not None:
         yield from summary.schemas.values()

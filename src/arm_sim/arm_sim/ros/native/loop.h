@@ -63,7 +63,7 @@ typedef struct {
  * order: if the thread is stopped between the two, no stamp is later than it should be. */
 QUICK int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
 
-/* The same, of a state that is published now. */
+/* The stamp of a state that is published now, from its simulated time. */
 int64_t stamp_now(times_t* t, int64_t simulated);
 
 /* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */

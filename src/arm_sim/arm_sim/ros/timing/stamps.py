@@ -94,7 +94,7 @@ class NodeTime(Structure):
         return int(stamp)
 
     def near(self, simulated: int) -> int:
-        """As ``at``, for a time close to that of the last stamp, in any thread."""
+        """The stamp of a simulated time close to that of the last stamp; for any thread."""
         return int(simulated + self.offset)
 
     @property
