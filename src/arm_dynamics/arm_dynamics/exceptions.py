@@ -55,6 +55,8 @@ ELSEWHERE = {
     "frame_names": "frames links bodies",
     "integrator": "method solver",
     "method": "integrator solver",
+    "dopri5": "RK45 ode45",
+    "implicit": "Radau BDF LSODA ode15s implicitfast",
     "scene": "urdf robot model xml path",
     "arm_sim.view.show": "show view render viewer",
     "to_dict": "df dataframe to_csv to_pandas",

@@ -13,7 +13,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.attributes import sealed
+from arm_dynamics.attributes import sealed, with_arguments
 from arm_dynamics.exceptions import ARM, SceneError, known_names, not_copied
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.motion import RecordedMotion
@@ -123,6 +123,7 @@ class Recording(RecordedMotion):
         laws = self.plant.laws.names if self.z.shape[1] else ()
         return columns | {f"state.{name}": self.z[:, i] for i, name in enumerate(laws)}
 
+    @with_arguments
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
         """Draw positions, velocities, torques and energies, unless they are zero all the time.
 
@@ -130,7 +131,7 @@ class Recording(RecordedMotion):
         the energy balance.
 
         Args:
-            *others: Recordings to draw over this one, dashed.
+            *others: Recordings to draw over this one, in other lines, without their events.
             joints: Joints to draw; if none is named all, or of many the seven that move most.
 
         Returns:
@@ -143,6 +144,7 @@ class Recording(RecordedMotion):
 
         return draw((self, *others), joints)
 
+    @with_arguments
     def animate(
         self, path: str | os.PathLike[str] | None = None, *, rate: float = 30.0, speed: float = 1.0
     ) -> Any:
