@@ -133,8 +133,8 @@ def test_points(tmp_path: Path) -> None:
 
 def test_what_is_no_vector_is_refused() -> None:
     for text in (
-        "", " ", "a", "1 b", "a=", "=1", "a=b", "a=1 b=2 a=3", "[1, [2]]", "[[1], [2, 3]]",
-        "[true]", "{a", "1 2\n3",
+        "", " ", "[]", "[[]]", "{}", "a", "1 b", "a=", "=1", "a=b", "a=1 b=2 a=3", "{a: 1, a: 2}",
+        "[1, [2]]", "[[1], [2, 3]]", "[true]", "{a", "1 2\n3",
     ):  # fmt: skip
         with pytest.raises(ValueError, match=r"number|joint|JSON|list"):
             parse(text)

@@ -297,6 +297,29 @@ def test_what_was_not_run_in_time_is_never_run() -> None:
     assert done == []
 
 
+def test_what_is_being_run_is_not_said_to_be_discarded() -> None:
+    queue, begun, end = TickQueue(timeout=0.2), threading.Event(), threading.Event()
+    queue.served = True
+    thread, got = asked(queue, lambda: begun.set() or end.wait())
+    while not begun.is_set():
+        serving = threading.Thread(target=queue.serve)
+        serving.start()
+        begun.wait(0.01) or serving.join()
+    thread.join()
+    end.set()
+    serving.join()
+    assert "after 0.2 s it is still being done" in str(got[0])
+
+
+def test_an_action_has_time_limits_of_its_own() -> None:
+    queue, error = TickQueue(), TimeoutError("no answer")
+    queue.served = True
+    thread, got = asked(queue, lambda: (_ for _ in ()).throw(error))
+    while thread.is_alive():
+        queue.serve()
+    assert got == [error]
+
+
 def test_a_refused_order_leaves_no_memory_to_the_garbage_collector() -> None:
     queue, held = TickQueue(), list[weakref.ref[Any]]()
     queue.served = True
