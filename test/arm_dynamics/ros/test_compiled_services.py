@@ -153,20 +153,6 @@ def test_friction_by_load_is_for_python(ros: Ros, ask: Ask) -> None:
     assert in_c(node) == 0
 
 
-def test_what_cannot_be_compiled_is_tried_once(
-    ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried: list[Any] = []
-    monkeypatch.setattr(compiled_services, "code_of", lambda what, _: tried.append(what))
-    node = ros.add(DynamicsNode, models.scene("two_link"))
-    assert node._compiled is not None
-    builder = node._compiled._builder
-    for _ in range(3):
-        assert ask(DYNAMICS_TERMS, position=[0.1, 0.2], velocity=[0.0, 0.0]).success
-        ros.spin_until(lambda: builder.ready or not builder.busy)
-    assert len(tried) == 1
-
-
 def test_another_arm_is_answered_for_at_once(ros: Ros, ask: Ask) -> None:
     node = ros.add(DynamicsNode, robot_description=TWO_LINK)
     warm(node, ask, INVERSE_DYNAMICS)
@@ -194,28 +180,6 @@ def test_without_headers_python_answers(
     assert ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).success
     (finding,) = node.diagnostics()
     assert finding.values["answered in C"] == "none, there is no compiled code"
-
-
-def test_diagnostics_count_both_ways(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    warm(node, ask, INVERSE_DYNAMICS)
-    ask(INVERSE_DYNAMICS)
-    (finding,) = node.diagnostics()
-    assert finding.values["answered in C"] == in_c(node)
-    assert finding.values["requests"] > in_c(node)
-    assert finding.values["refused"] == 1
-
-
-def test_a_giant_request_leaves_no_memory_behind(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    warm(node, ask, INVERSE_DYNAMICS)
-    before = in_c(node)
-    assert ask(INVERSE_DYNAMICS, position=[0.1] * 160_000).success
-    assert in_c(node) > before
-    assert node._compiled is not None
-    assert ask(INVERSE_DYNAMICS).success is False  # the giant is done with by then
-    answer = node._compiled._running[0]
-    assert len(answer._response.read().effort) == 0
 
 
 def test_who_shuts_down_ends_the_thread(ros: Ros, ask: Ask) -> None:
