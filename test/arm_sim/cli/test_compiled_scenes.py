@@ -196,7 +196,7 @@ def test_controllers_are_compiled_on_request(
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("name", always(["flexible_arm", "two_link"], "two_link"))
+@pytest.mark.parametrize("name", always(["flexible_arm", "pendulum"], "pendulum"))
 def test_loops_of_the_nodes_are_compiled_on_request(
     name: str, tmp_path: Path, hasty: dict[str, str]
 ) -> None:
