@@ -72,17 +72,15 @@ def test_operational_space_is_khatibs_formula(rng: np.random.Generator) -> None:
     assert_close(OperationalSpace(task, 20.0).torque(state, reference), tau, INVERSE_PAIR)
 
 
-def test_impedance_gives_way_by_force_over_stiffness() -> None:
-    """A constant force on the hand moves it by K⁻¹ f."""
-    sim, task = models.simulator("two_link", dt=1e-3), two_link()
-    reference, f = at_rest(task, sim.state.q), np.array([4.0, -6.0])
-    control = CartesianImpedance(task, [300.0, 500.0], 1.0)
-    start = task.pose(sim.state.q).position
-    for _ in range(2500):
-        push = task.jacobian(sim.state.q).T @ f
-        sim.step(control.torque(sim.state, reference) + push)
-    moved = task.pose(sim.state.q).position - start
-    np.testing.assert_allclose(moved[[0, 2]], f / [300.0, 500.0], rtol=1e-3)
+def test_an_impedance_is_damped_by_the_mass_that_each_axis_feels() -> None:
+    """D = 2 ζ √(K Λ_ii)."""
+    task, K, q, v = two_link(), [300.0, 500.0], np.array([0.3, 0.8]), np.array([0.5, -0.4])
+    J, D = task.jacobian(q), 2.0 * np.sqrt(K * task.terms(q).inertia.diagonal())
+    more, less = (
+        CartesianImpedance(task, K, zeta).torque(Measured(q, v), at_rest(task, q))
+        for zeta in (1.0, 0.0)
+    )
+    assert_close(more - less, -J.T @ (D * (J @ v)), INVERSE_PAIR)
 
 
 def test_force_on_a_table_is_the_one_asked_for() -> None:

@@ -188,6 +188,8 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
 
 
 def test_a_condition_that_is_not_understood_is_refused() -> None:
-    for lines in ("#if 1", "#if X > 0", "#ifdef X\n#elif Y", "#ifdef X\n#undef X"):
+    for lines in (
+        "#if 1", "#if X > 0", "#ifdef X\n#elif Y", "#ifdef X\n#undef X", "#define Y(x) x\n#if Y"
+    ):  # fmt: skip
         with pytest.raises(ValueError, match=re.escape(repr(lines.split("\n")[-1]))):
             without_decided_conditions(f"#define X 1\n{lines}\n#endif\n")

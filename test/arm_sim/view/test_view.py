@@ -4,6 +4,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from PIL import Image, ImageSequence
 import models
 from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
-from arm_sim.view import pictures, show
+from arm_sim.view import page, pictures, show
 from arm_sim.view.player import Player, instant
 
 pytestmark = pytest.mark.group("view")
@@ -69,10 +70,42 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(
     slow = look(playing.film(tmp_path / "b.gif", (60, 20), rate=2.0, speed=0.5))
     assert (len(slow[0]), slow[2]) == (9, 500)
     assert look(playing.film(tmp_path / "c.gif", (60, 20), rate=2.0, speed=50.0))[0] == [0.0, 2.0]
-    with pytest.raises(ViewError, match="0 pictures per second"):
-        playing.film(tmp_path / "d.gif", rate=0.0)
+    slow = look(playing.film(tmp_path / "d.gif", (60, 20), rate=100.0, speed=4.0))
+    assert (len(slow[0]), slow[2]) == (26, 20)  # half a second in what a GIF can show
+    for numbers in ({"rate": 0.0}, {"speed": 0.0}, {"rate": -25.0, "speed": -1.0}):
+        with pytest.raises(ViewError, match="more than 0 is expected"):
+            playing.film(tmp_path / "d.gif", **numbers)
     with pytest.raises(ViewError, match="unknown format"):
         playing.film(tmp_path / "d.avi")
+
+
+def test_a_long_film_has_fewer_pictures_at_the_same_speed(
+    playing: Player, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page, "MOST", 11)
+    film = look(playing.film(tmp_path / "a.gif", (60, 20)))
+    assert (len(film[0]), film[2]) == (11, 200)
+    assert playing._times(25.0, 1.0)[1] == 0.2  # of a page, too
+
+
+def test_a_visitor_waits_until_a_film_is_written(
+    playing: Player, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = pictures.camera
+
+    @contextmanager
+    def visited(*given: Any) -> Iterator[Any]:
+        def shoot() -> Any:
+            playing._order(lambda: playing.seek(0.25))
+            sleep(0.05)
+            return picture()
+
+        with camera(*given) as picture:
+            yield shoot
+
+    monkeypatch.setattr(pictures, "camera", visited)
+    film = look(playing.film(tmp_path / "a.gif", (60, 20), rate=2.0))
+    assert film[0] == [0.0, 0.5, 1.0, 1.5, 2.0]
 
 
 def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
