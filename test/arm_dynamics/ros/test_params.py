@@ -122,8 +122,13 @@ def test_each_parameter_of_the_nodes_is_described_and_refused_by_name(ros: Ros, 
     for name, default, about in listed(kind):
         default = [default] if about.get("each_joint") else default
         for value, allowed in wrong(default, about):
+            bounded = Node(
+                "bounded", context=ros.context, start_parameter_services=False,
+                parameter_overrides=[Parameter(name, value=value)],
+            )  # fmt: skip
             with pytest.raises(InvalidInput) as caught:
-                declare(ros.add(Node, f"bounded{tried}", **{name: value}), kind)
+                declare(bounded, kind)
+            bounded.destroy_node()
             said = f"'{name}' is {value!r}" in str(caught.value)
             assert said and allowed in str(caught.value), str(caught.value)
             tried += 1
