@@ -2,6 +2,8 @@
 """Joint controllers: behaviour at rest, in motion and at limits; refusals."""
 
 from itertools import product
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -26,6 +28,7 @@ from arm_dynamics.control import (
     Switch,
     tuned,
 )
+from arm_dynamics.control.compiled_law import CompiledLaw
 from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 from tolerances import ALGEBRA, assert_close
@@ -48,10 +51,10 @@ def test_without_error_model_based_laws_are_inverse_dynamics(robot: str, rng) ->
     q, v, a = models.random_state(rng, dyn.n)
     state, reference = Measured(q, v), Reference(q, v, a)
     rigid = dyn.inverse(q, v, a, terms=7) + dyn.model.viscous * v
-    for control in (FeedForwardPD(dyn, 50.0, 5.0), JointImpedance(dyn, 50.0)):
+    for control in (FeedForwardPD(dyn, 50.0, 5.0), JointImpedance(dyn.model, 50.0)):
         assert_close(control.torque(state, reference), rigid, ALGEBRA)
     weight = dyn.gravity(q)
-    assert_close(PDGravity(dyn, 50.0, 5.0).torque(state, reference), weight, ALGEBRA)
+    assert_close(PDGravity(dyn.model, 50.0, 5.0).torque(state, reference), weight, ALGEBRA)
     assert_close(GravityCompensation(dyn).torque(state), weight, ALGEBRA)
     assert_close(PD(dyn.n, 50.0, 5.0).torque(state, reference), np.zeros(dyn.n), ALGEBRA)
 
@@ -281,6 +284,13 @@ def test_torques_beyond_a_limit_are_cut_to_it_on_both_sides(asked: float, cut: b
     assert_close(control.asked, [asked, 0.0], ALGEBRA)
 
 
+def test_compiled_code_has_the_narrowest_of_nested_limits() -> None:
+    inner = SimpleNamespace(compiled=lambda: CompiledLaw(cast(Any, None)))
+    nested = Saturated(Saturated(cast(Any, inner), [5.0, 20.0], 2), 10.0, 2).compiled()
+    assert nested is not None
+    assert nested.limit.tolist() == [5.0, 10.0]
+
+
 def test_a_restart_reaches_what_is_within_limits() -> None:
     pid = PID(1, 1.0, 1.0, 0.0, 1e-3)
     control = Saturated(pid, np.inf, 1)
@@ -327,6 +337,8 @@ def test_bad_settings_are_refused() -> None:
         PDGravity(dyn, 1.0, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match="dt is 0"):
         PID(2, 1.0, 1.0, 1.0, 0.0)
+    with pytest.raises(InvalidInput, match="dt is -1"):
+        tuned(dyn, 10.0, q=np.zeros(2), dt=-1.0)
     with pytest.raises(InvalidInput, match="positive where ki is positive"):
         PID(2, 0.0, 1.0, 1.0, 1e-3)
     with pytest.raises(InvalidInput, match="positive where ki is positive"):
