@@ -125,7 +125,7 @@ def test_under_noise_it_is_still_a_body(record):
 def test_frames_that_carry_nothing_are_refused(record):
     with pytest.raises(InvalidInput, match="did you mean 'panda_hand'"):
         identify_payload(scene(), record, "panda_hant")
-    with pytest.raises(InvalidInput, match="fixed to the base; a moving frame is expected"):
+    with pytest.raises(InvalidInput, match="frame 'panda_link0' does not move"):
         identify_payload(scene(), record, "panda_link0")
 
 

@@ -103,8 +103,8 @@ def _winding(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         voltage = R * current + emf
     unlimited = m.command == "torque" and not (m.current_limit or m.voltage_limit)
     torque, lost = u if unlimited else motor.torque(current, constant), R * current**2
-    # The circuit gives K_e ω i, the rotor takes K_t i ω: the rest is lost, as in the iron. Data with
-    # K_e < K_t make power, which the account shows as a negative loss.
+    # The circuit gives K_e ω i, the rotor takes K_t i ω: the rest is lost, as in the iron. With
+    # K_e < K_t data make power, which the account shows as a negative loss.
     if drive.back_emf_constant != constant:
         lost = lost + (drive.back_emf_constant - constant) * velocity * current
     return Flow(torque, slope, stored, voltage * current, lost)

@@ -58,8 +58,7 @@ class Saturated:
 
     def compiled(self) -> CompiledLaw | None:
         """Return the controller with its limits; None if it is not compiled."""
-        law = compiled_law(self.control)
-        if law is None:
+        if (law := compiled_law(self.control)) is None:
             return None
         inner = np.inf if law.limit is None else law.limit
         return replace(law, limit=np.minimum(self._limit, inner))

@@ -286,8 +286,8 @@ def factored(M: Array, A: Array, rank: int) -> Factors:
 
 
 def whitened(C: Array, A: Array) -> Array:
-    """Rows Y = A C^-ᵀ, shape (m, n), for the lower factor C of M."""
-    return np.asarray(np.linalg.solve(C, A.T).T)
+    """Rows Y = A C^-ᵀ, shape (…, m, n), for lower factors C of M."""
+    return np.swapaxes(np.linalg.solve(C, np.swapaxes(A, -1, -2)), -1, -2)
 
 
 def cholesky(M: Array) -> Array:

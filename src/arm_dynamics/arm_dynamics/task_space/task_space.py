@@ -302,8 +302,7 @@ class TaskSpace:
         floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
         masses = 1.0 / np.maximum(values, floor)
         damped = (values < floor).any(-1)
-        lightest_first = _plain(masses[..., ::-1]), _plain(axes[..., ::-1])
-        return MassEllipsoid(*lightest_first, _plain(damped))
+        return MassEllipsoid(*map(_plain, (masses[..., ::-1], axes[..., ::-1], damped)))
 
     def _state(self, q: Array, v: Array) -> tuple[Array, ...]:
         """Position, rotation, J, J̇, M⁻¹, C v + G, G and S."""

@@ -13,8 +13,9 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
-from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
+from arm_dynamics.exceptions import known_names
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.frame_motion import check_moving
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
 from arm_studies._renaming import renamed_argument
@@ -243,15 +244,8 @@ def _numbers(values: Any) -> Any:
 
 def _payload_columns(model: ArmModel, frame: str) -> tuple[slice, Array]:
     """``places`` and ``to_carrier`` of ``_Fit``, for a payload on a frame."""
-    if not model.has_frame(frame):
-        raise InvalidInput(
-            f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
-            f"{known_names(model.frame_names)}"
-        )
+    check_moving(model, frame)
     entry = model.frame(frame)
-    if entry.parentJoint == 0:
-        raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
-    carrier, G = entry.parentJoint - 1, entry.placement.homogeneous
+    first, G = PER_BODY * (entry.parentJoint - 1), entry.placement.homogeneous
     transforms = [bodies.inertial_parameters(G @ basis @ G.T) for basis in bodies.BASIS]
-    places = slice(PER_BODY * carrier, PER_BODY * (carrier + 1))
-    return places, np.column_stack(transforms)
+    return slice(first, first + PER_BODY), np.column_stack(transforms)

@@ -289,11 +289,10 @@ def _even(piece: JointRecord, step: float) -> JointRecord:
     slopes = np.gradient(piece.q, piece.time, axis=0)
     effort, v, a = (interpolated(time, piece.time, x) for x in (piece.effort, piece.v, piece.a))
     effort[far] = np.nan
-    q = cubic(time, piece.time, piece.q, slopes)
-    return replace(
-        piece, time=read_only(time), q=read_only(q), effort=read_only(effort), v=read_only(v),
-        a=read_only(a),
-    )  # fmt: skip
+    new = {"time": time, "q": cubic(time, piece.time, piece.q, slopes)}
+    new |= {"effort": effort, "v": v, "a": a}
+    parts: dict[str, Any] = {key: read_only(values) for key, values in new.items()}
+    return replace(piece, **parts)
 
 
 def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:

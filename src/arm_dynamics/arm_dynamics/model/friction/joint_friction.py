@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import mul
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -148,13 +149,12 @@ class DryFriction:
         return np.asarray(slope * largest)
 
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
-        product: Any = 1.0 if self.scale is None else self.scale
+        factors: list[Any] = [] if self.scale is None else [self.scale]
         if self.by_position:
-            product = product * _applied(self.position, q)
+            factors.append(_applied(self.position, q))
         if self.by_load:
-            product = product * _applied(self.load, size(load))
-        constant = self.scale is None and not (self.by_position or self.by_load)
-        return None if constant else product
+            factors.append(_applied(self.load, size(load)))
+        return reduce(mul, factors) if factors else None
 
 
 @frozen
