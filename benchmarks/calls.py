@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m benchmarks.calls``."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import partial
@@ -39,10 +37,10 @@ def main(repeats: int, out: Path) -> None:
     plain, built = _timed(lambda: Dynamics(load_scene(scene)))
     compiled, more = _timed(lambda: plain.compiled(FRAME))
     click.echo(f"built in {built:.3f} s, compiled or loaded in {more:.3f} s of processor time")
-    jobs = {"compiled": _asked(compiled), "plain": _asked(plain), "pinocchio": _directly(plain)}
-    for name in jobs["compiled"]:
-        calls = {kind: partial(cpu, partial(_often, jobs[kind].get(name, _nothing)))
-                 for kind in KINDS}  # fmt: skip
+    quick, slow = _calls(compiled), _calls(plain)
+    for name, (ours, theirs) in quick.items():
+        answers = dict(zip(KINDS, (ours, slow[name][0], theirs), strict=True))
+        calls = {kind: partial(cpu, partial(_often, call)) for kind, call in answers.items()}
         costs = interleaved(calls, repeats, noise, lambda: None)
         results[name] = {kind: 1e6 * cost.median / CALLS for kind, cost in costs.items()}
         ratio = np.divide(costs["compiled"].samples, costs["pinocchio"].samples)
@@ -58,28 +56,11 @@ def _timed(make: Callable[[], Dynamics]) -> tuple[Dynamics, float]:
     return make(), process_time() - begin
 
 
-def _state() -> Any:
-    return np.random.default_rng(0).normal(size=(3, 7))
-
-
-def _asked(d: Dynamics) -> dict[str, Answer]:
-    q, v, x = map(np.array, _state())
-    return {
-        "inverse": lambda: d.inverse(q, v, x),
-        "forward": lambda: d.forward(q, v, x),
-        "mass_matrix": lambda: d.mass_matrix(q),
-        "coriolis_matrix": lambda: d.coriolis_matrix(q, v),
-        "gravity": lambda: d.gravity(q),
-        "friction": lambda: d.friction(v),
-        "energy": lambda: d.energy(q, v),
-        "pose": lambda: d.pose(q, FRAME),
-        "jacobian": lambda: d.jacobian(q, FRAME),
-    }
-
-
-def _directly(d: Dynamics) -> dict[str, Answer]:
-    q, v, x = map(np.array, _state())
+def _calls(d: Dynamics) -> dict[str, tuple[Answer, Answer]]:
+    """Calls of ``Dynamics``, each beside Pinocchio's, which has no friction."""
+    q, v, x = map(np.array, np.random.default_rng(0).normal(size=(3, 7)))
     m, data, frame = d.model.pin, d.model.pin.createData(), d.model.frame_index(FRAME)
+    axes, world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, pin.Convention.WORLD
 
     def energy() -> tuple[float, float]:
         kinetic = pin.computeKineticEnergy(m, data, q, v)
@@ -89,21 +70,24 @@ def _directly(d: Dynamics) -> dict[str, Answer]:
         pin.forwardKinematics(m, data, q)
         return pin.updateFramePlacement(m, data, frame).homogeneous
 
-    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     return {
-        "inverse": lambda: pin.rnea(m, data, q, v, x),
-        "forward": lambda: pin.aba(m, data, q, v, x, pin.Convention.WORLD),
-        "mass_matrix": lambda: pin.crba(m, data, q),
-        "coriolis_matrix": lambda: pin.computeCoriolisMatrix(m, data, q, v),
-        "gravity": lambda: pin.computeGeneralizedGravity(m, data, q),
-        "energy": energy,
-        "pose": pose,
-        "jacobian": lambda: pin.computeFrameJacobian(m, data, q, frame, axes),
-    }
-
-
-def _nothing() -> None:
-    """Pinocchio has no friction."""
+        "inverse": (lambda: d.inverse(q, v, x), lambda: pin.rnea(m, data, q, v, x)),
+        "forward": (lambda: d.forward(q, v, x), lambda: pin.aba(m, data, q, v, x, world)),
+        "mass_matrix": (lambda: d.mass_matrix(q), lambda: pin.crba(m, data, q)),
+        "coriolis_matrix": (
+            lambda: d.coriolis_matrix(q, v), lambda: pin.computeCoriolisMatrix(m, data, q, v)
+        ),
+        "gravity": (
+            lambda: d.gravity(q), lambda: pin.computeGeneralizedGravity(m, data, q)
+        ),
+        "friction": (lambda: d.friction(v), lambda: None),
+        "energy": (lambda: d.energy(q, v), energy),
+        "pose": (lambda: d.pose(q, FRAME), pose),
+        "jacobian": (
+            lambda: d.jacobian(q, FRAME),
+            lambda: pin.computeFrameJacobian(m, data, q, frame, axes),
+        ),
+    }  # fmt: skip
 
 
 def _often(call: Answer) -> None:
@@ -113,13 +97,12 @@ def _often(call: Answer) -> None:
 
 def _row(item: tuple[str, dict[str, Any]]) -> tuple[str, ...]:
     name, result = item
+    row = name, f"{result['compiled']:.2f}", f"{result['plain']:.1f}"
     if name == "friction":
-        return name, f"{result['compiled']:.2f}", f"{result['plain']:.1f}", "", "", ""
+        return *row, "", "", ""
     low, high = result["interval"]
-    return (
-        name, f"{result['compiled']:.2f}", f"{result['plain']:.1f}", f"{result['pinocchio']:.2f}",
-        f"{result['ratio']:.2f}", f"{low:.2f} – {high:.2f}",
-    )  # fmt: skip
+    ratio = f"{result['ratio']:.2f}"
+    return *row, f"{result['pinocchio']:.2f}", ratio, f"{low:.2f} – {high:.2f}"
 
 
 if __name__ == "__main__":

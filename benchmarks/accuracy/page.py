@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: tables, a figure, and all numbers as JSON."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from arm_sim.figures import COLORS, WIDTH, figure
+from arm_sim.integrators.methods import METHODS
 from benchmarks.accuracy import wheels
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
 from benchmarks.reporting.markdown import number, table
-from benchmarks.reporting.style import MARKS, METHODS
+from benchmarks.reporting.style import MARKS
+from benchmarks.reporting.style import METHODS as TITLES
 
 ROUNDING = 0.99e-10  # below this tolerance rounding has a say in the error
 Results = dict[str, Any]
 PANELS = "double pendulum", "free top", "four-bar", "Panda", "stiff elbow"
-LOOKS = dict(zip(METHODS, zip(COLORS, MARKS, strict=False), strict=True))
+LOOKS = dict(zip(TITLES, zip(COLORS, MARKS, strict=False), strict=True))
 LONG = "long pendulum"  # is an exception, on the page
 
 
@@ -35,112 +35,67 @@ def write(results: Results, out: Path, docs: Path | None) -> Path:
 
 
 def page(results: Results) -> str:
-    """All tables, in Markdown."""
     parts = {
         "Problems": _problems(results),
         "Errors at 1 ms": at_1_ms(results),
         "Orders": _orders(results),
-        "Error delivered ÷ tolerance: least, middle, largest": _delivered(results),
-        "Error estimated ÷ delivered: least, middle, largest": _estimated(results),
-        "Errors of DOP853 by tolerance": _asked(results),
-        "Motors": wheels.motor_table(results["motors"]),
-        "Dry friction": wheels.friction_table(results["friction"], "dry"),
-        "LuGre friction": wheels.friction_table(results["friction"], "LuGre"),
-    }
+        "Error delivered ÷ tolerance: least, middle, largest":
+            _controlled(results, lambda r: r["error"] / r["tolerance"]),
+        "Error estimated ÷ delivered: least, middle, largest":
+            _controlled(results, lambda r: r["estimate"] / r["error"]),
+        "Errors of DOP853 by tolerance": _by_tolerance(results),
+        "Motors": wheels.shown(results["motors"]),
+        "Dry friction": wheels.shown([r for r in results["friction"] if r["law"] == "dry"]),
+        "LuGre friction": wheels.shown([r for r in results["friction"] if r["law"] == "LuGre"]),
+    }  # fmt: skip
     tables = (f"## {title}\n\n{part}\n" for title, part in parts.items())
     return "\n".join(["# Accuracy\n", *tables])
-
-
-def _names(results: Results) -> list[str]:
-    return [problem["name"] for problem in results["about"]["problems"]]
 
 
 def _problems(results: Results) -> str:
     rows = [
         (p["name"], f"{p['duration_s']:g}", p["truth"], p["gated"], number(p["gate"], 1))
-        for p in results["about"]["problems"]
+        for p in results["problems"]
     ]
     return table(["problem", "duration [s]", "truth", "method", "gate at 1 ms"], rows)
 
 
 def at_1_ms(results: Results) -> str:
-    """Errors at 1 ms by problem and method."""
-    errors = {
-        (r["problem"], r["method"]): r["error"] for r in results["fixed"] if r["step_s"] == 1e-3
-    }
-    methods = results["about"]["methods"]
-    rows = [
-        [name, *(_error(errors.get((name, method))) for method in methods)]
-        for name in _names(results)
-    ]
-    return table(["problem", *methods], rows)
+    rows = [r | {"shown": _error(r["error"])} for r in results["fixed"] if r["step_s"] == 1e-3]
+    return _by_method(results, rows)
 
 
 def _orders(results: Results) -> str:
-    orders = {(r["problem"], r["method"]): f"{r['order']:.1f}" for r in results["orders"]}
-    methods = results["about"]["methods"]
-    stated = ["**stated**", *(f"**{m['order']}**" for m in methods.values())]
-    rows = [
-        [name, *(orders.get((name, method), "—") for method in methods)]
-        for name in _names(results)
-    ]
-    return table(["problem", *methods], [stated, *rows])
+    rows = [r | {"shown": f"{r['order']:.1f}"} for r in results["orders"]]
+    return _by_method(results, rows, ["**stated**", *(f"**{m.order}**" for m in METHODS.values())])
 
 
-def _delivered(results: Results) -> str:
-    """Least, middle and largest delivered over asked for, over the tolerances."""
-    rows = []
-    for name in _names(results):
-        ours = [_of(_long_ticks(results, method), name) for method in CONTROLLED]
-        scipy = [r for r in _of(results["scipy"], name) if r["tolerance"] >= ROUNDING]
-        spans = (_span(r["error"] / r["tolerance"] for r in runs) for runs in (*ours, scipy))
-        rows.append([name, *spans])
-    return table(["problem", *CONTROLLED, "SciPy DOP853"], rows)
+def _by_method(results: Results, rows: Sequence[Results], *first: Sequence[str]) -> str:
+    """Cells of problems as rows and methods as columns."""
+    cells = {(r["problem"], r["method"]): r["shown"] for r in rows}
+    lines = [[p["name"], *(cells.get((p["name"], method), "—") for method in METHODS)]
+             for p in results["problems"]]  # fmt: skip
+    return table(["problem", *METHODS], [*first, *lines])
 
 
-def _estimated(results: Results) -> str:
-    """Least, middle and largest estimate over delivered error, over the tolerances."""
-    rows = []
-    for name in _names(results):
-        ours = (_of(_long_ticks(results, method), name) for method in CONTROLLED)
-        rows.append([name, *(_span(r["estimate"] / r["error"] for r in runs) for runs in ours)])
-    return table(["problem", *CONTROLLED], rows)
+def _controlled(results: Results, of: Callable[[Results], float]) -> str:
+    """Ratios by problem where error control, not the tick or rounding, set the sub-steps."""
+    rows: dict[tuple[str, str], list[float]] = {}
+    for r in results["controlled"]:
+        if r["tick_s"] == TICKS[1] and r["error"] and r["tolerance"] >= ROUNDING:
+            rows.setdefault((r["problem"], r["method"]), []).append(of(r))
+    names = [p["name"] for p in results["problems"]]
+    return table(["problem", *CONTROLLED], [
+        [name, *(_span(rows.get((name, method), ())) for method in CONTROLLED)] for name in names
+    ])  # fmt: skip
 
 
-def _of(rows: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
-    return [row for row in rows if row["problem"] == name]
-
-
-def _long_ticks(results: Results, method: str) -> list[dict[str, Any]]:
-    """Runs in which error control, not the tick, set the sub-steps, and rounding did not."""
-    return [
-        r
-        for r in results["controlled"]
-        if (r["method"], r["tick_s"]) == (method, TICKS[1])
-        and r["error"]
-        and r["tolerance"] >= ROUNDING
-    ]
-
-
-def _asked(results: Results) -> str:
-    """Delivered error of DOP853 by problem and tolerance."""
-    rows = []
-    for name in _names(results):
-        errors = {
-            (r["tick_s"], r["tolerance"]): r["error"]
-            for r in _of(results["controlled"], name)
-            if r["method"] == "dop853"
-        }
-        short = [error for (tick, _), error in errors.items() if tick == TICKS[0]]
-        rows.append(
-            [
-                name,
-                _error(None if None in short else max(short)) if short else "—",
-                *(_error(errors[TICKS[1], tolerance]) for tolerance in TOLERANCES),
-            ]
-        )
-    heads = ["problem", "any, ticks of 1 ms", *(number(t, 1) for t in TOLERANCES)]
-    return table(heads, rows)
+def _by_tolerance(results: Results) -> str:
+    cells = {(r["problem"], r["tolerance"]): _error(r["error"]) for r in results["controlled"]
+             if (r["method"], r["tick_s"]) == ("dop853", TICKS[1])}  # fmt: skip
+    names = [p["name"] for p in results["problems"]]
+    rows = [[name, *(cells[name, tolerance] for tolerance in TOLERANCES)] for name in names]
+    return table(["problem", *(number(t, 1) for t in TOLERANCES)], rows)
 
 
 def _span(values: Iterable[float]) -> str:
@@ -163,8 +118,7 @@ def _error(value: float | None) -> str:
 
 
 def draw(results: Results, path: Path) -> None:
-    """Draw the results into a PNG file."""
-    names = [p["name"] for p in results["about"]["problems"]]
+    names = [p["name"] for p in results["problems"]]
     panels = [name for name in PANELS if name in names] or names[:1]
     rows = -(-(len(panels) + 1) // 3)
     columns, size = min(3, len(panels) + 1), (WIDTH, 2.5 * rows + 0.7)
@@ -177,12 +131,12 @@ def draw(results: Results, path: Path) -> None:
 
 
 def _draw_steps(axis: Any, results: Results, name: str) -> None:
-    problem = next(p for p in results["about"]["problems"] if p["name"] == name)
+    problem = next(p for p in results["problems"] if p["name"] == name)
     for method, (color, mark) in LOOKS.items():
-        line = [r for r in results["fixed"] if (r["problem"], r["method"]) == (name, method)]
-        line = [r for r in line if r["error"]]
+        line = [r for r in results["fixed"]
+                if (r["problem"], r["method"]) == (name, method) and r["error"]]  # fmt: skip
         axis.plot([r["step_s"] for r in line], [r["error"] for r in line], marker=mark,
-                  color=color, ms=3.0, lw=1.0, label=METHODS[method],
+                  color=color, ms=3.0, lw=1.0, label=TITLES[method],
                   ls="--" if method == "implicit" else "-")  # it coincides with RK4  # fmt: skip
     axis.plot(1e-3, problem["gate"], "_", color="0.3", ms=16.0, mew=1.8, zorder=3,
               label="limit of the tests at 1 ms")  # fmt: skip

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions that are known: the ones that the tests in test/reference hold the simulator against."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace

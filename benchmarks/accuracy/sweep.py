@@ -1,18 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs of every method, step and tolerance, and what follows from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
 import numpy as np
-
-try:
-    from scipy.integrate import solve_ivp
-except ImportError:  # only to compare with
-    solve_ivp = None
 
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.integrators.methods import METHODS
@@ -28,16 +21,9 @@ FLOOR = 10.0  # ... and above this many times what rounding leaves at the smalle
 
 
 def fixed(problem: Problem) -> Iterator[Row]:
-    """The error of each method at each step."""
-    for method in METHODS:
-        for step in problem.steps:
-            sim = Simulator(problem.scene, integrator=method, dt=step)
-            yield {
-                "problem": problem.name,
-                "method": method,
-                "step_s": step,
-                "error": _error(problem, sim)[0],
-            }
+    for method, step in product(METHODS, problem.steps):
+        error, _ = _error(problem, Simulator(problem.scene, integrator=method, dt=step))
+        yield {"problem": problem.name, "method": method, "step_s": step, "error": error}
 
 
 def controlled(problem: Problem) -> Iterator[Row]:
@@ -55,37 +41,9 @@ def controlled(problem: Problem) -> Iterator[Row]:
         }
 
 
-def scipy_runs(problem: Problem) -> Iterator[Row]:
-    """The same from SciPy's DOP853 on Pinocchio, ``rtol = atol``; nothing if it is not there."""
-    sim = Simulator(problem.scene)
-    explicit = problem.gated != "implicit" and not sim.model.has_dry_friction
-    if solve_ivp is None or problem.duration > CHUNK or not explicit:
-        return
-    n, still = sim.n, np.zeros(sim.n)
-    q0, v0 = problem.start or (sim.state.q, sim.state.v)
-
-    def rate(_: float, x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x[n:], sim.dynamics.forward(x[:n], x[n:], still)])
-
-    times = sorted(problem.expected)
-    wanted = [problem.expected[time] for time in times]
-    for tolerance in TOLERANCES:
-        x = solve_ivp(rate, (0.0, times[-1]), np.concatenate([q0, v0]), "DOP853", times,
-                      rtol=tolerance, atol=tolerance).y.T  # fmt: skip
-        observed = [problem.observe(row[:n]) for row in x]
-        error = max(float(np.abs(a - b).max()) for a, b in zip(observed, wanted, strict=True))
-        yield {"problem": problem.name, "tolerance": tolerance, "error": error}
-
-
-def count(problem: Problem) -> int:
-    """How many runs a problem takes, SciPy's apart."""
-    by_step = len(METHODS) * len(problem.steps)
-    return by_step + len(CONTROLLED) * len(problem.ticks) * len(TOLERANCES)
-
-
 def orders(problem: Problem, rows: list[Row]) -> list[Row]:
     """Slopes of error over step, where neither chaos nor rounding has the say."""
-    here = [r for r in _of(rows, problem) if r["error"]]
+    here = [r for r in rows if r["problem"] == problem.name and r["error"]]
     smallest = {r["method"]: r["error"] for r in here if r["step_s"] == problem.steps[-1]}
     rounding = max((e for m, e in smallest.items() if METHODS[m].order > 4), default=0.0)
     slopes = []
@@ -98,10 +56,6 @@ def orders(problem: Problem, rows: list[Row]) -> list[Row]:
             slope = float(np.polyfit(step, error, 1)[0])
             slopes.append({"problem": problem.name, "method": method, "order": slope})
     return slopes
-
-
-def _of(rows: list[Row], problem: Problem) -> list[Row]:
-    return [row for row in rows if row["problem"] == problem.name]
 
 
 def _error(problem: Problem, sim: Simulator) -> tuple[float | None, float]:

@@ -10,8 +10,6 @@ speed after 1, 10 and 50 ms of 12 V; timed is a second in which the voltage chan
 50 ms.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Iterator
@@ -50,6 +48,7 @@ R, L, K, VOLTS = 1.0, 1e-3, 0.05, 12.0
 TIMES = (0.001, 0.01, 0.05)  # [s]
 HELD = 50  # ticks of 1 ms for which a voltage acts
 REPEATS = 7
+WHEELS = None  # of the reference of LuGre friction: all
 MOTOR: dict[str, dict[str, Any]] = {
     "as a scene gets it": {},
     "`dop853`": {"integrator": "dop853"},
@@ -114,7 +113,6 @@ class Theirs:
 
 
 def _theirs(steps: dict[str, tuple[float, ...]]) -> list[Key]:
-    """Methods and steps of MuJoCo, if it is installed."""
     if not mujoco:
         return []
     mujoco.set_mju_user_warning(lambda text: None)  # of motions that are lost; the table says
@@ -135,6 +133,21 @@ def _timed(jobs: dict[Any, Callable[[], Any]]) -> dict[Any, float]:
     return {key: cost.median for key, cost in costs.items()}
 
 
+def shown(rows: list[Row]) -> str:
+    """A table of rows; errors beyond 10 are those of motions that are lost."""
+    figures = [
+        key for key in rows[0] if key not in ("engine", "method", "step_s", "second_s", "law")
+    ]
+    return table(["", "method", "step", *figures, "ms for a second"], [
+        (
+            row["engine"], row["method"], f"{row['step_s'] * 1e3:g} ms",
+            *("lost" if row[key] > 10.0 else number(row[key], 1) for key in figures),
+            number(row["second_s"] * 1e3, 2),
+        )
+        for row in rows
+    ])  # fmt: skip
+
+
 # --- friction ----------------------------------------------------------------------------------
 
 
@@ -149,10 +162,15 @@ def friction() -> Iterator[Row]:
     times = _timed({key: partial(wheel.course, *coast) for key, wheel in wheels.items()})
     for key, wheel in wheels.items():
         error, creep = abs(wheel.course(*coast)[-2] - STOP), abs(wheel.course(*push)[-2])
-        yield _row(key, times[key], law="dry", error=float(error), creep=float(creep))
+        yield _row(
+            key,
+            times[key],
+            law="dry",
+            **{"error [rad]": float(error), "creep [rad]": float(creep)},
+        )
     courses = _courses()
     cases = json.loads((REFERENCE / "lugre.json").read_text())["wheels"]
-    same = [case for case in cases if case["wheel"]["sigma1_velocity"] is None]
+    same = [case for case in cases if case["wheel"]["sigma1_velocity"] is None][:WHEELS]
     for key in [*(("this suite", name, 1e-3) for name in BRISTLES), *_theirs(STEPS)]:
         bristled = [(_bristled(case["wheel"], key), case["angle"]) for case in same]
         errors = [
@@ -162,27 +180,8 @@ def friction() -> Iterator[Row]:
         ]
         kept = np.nan_to_num(np.array(errors), nan=np.inf)
         half = _timed({0: partial(bristled[0][0].course, *courses["reverse"])})[0]  # of a second
-        figures = {"median": float(np.median(kept)), "error": float(kept.max())}
+        figures = {"median [rad]": float(np.median(kept)), "largest [rad]": float(kept.max())}
         yield _row(key, 2.0 * half, law="LuGre", **figures)
-
-
-def friction_table(rows: list[Row], law: str) -> str:
-    """The table of one law, ``dry`` or ``LuGre``."""
-    heads = ["", "method", "step", "error [rad]", "creep [rad]", "ms for a second"]
-    if law == "LuGre":
-        heads[3:5] = ["median error [rad]", "largest"]
-    return table(heads, [
-        (
-            row["engine"], row["method"], f"{row['step_s'] * 1e3:g} ms",
-            _error(row["error" if law == "dry" else "median"]),
-            _error(row["creep" if law == "dry" else "error"]), number(row["second_s"] * 1e3, 2),
-        )
-        for row in rows if row["law"] == law
-    ])  # fmt: skip
-
-
-def _error(error: float) -> str:
-    return number(error, 1) if error < 10.0 else "lost"
 
 
 def _bristled(w: dict[str, Any], key: Key) -> Any:
@@ -212,7 +211,6 @@ def _courses() -> dict[str, Any]:
 
 
 def motors() -> Iterator[Row]:
-    """Error and time of each engine, method and step."""
     motor = {"command": "voltage", "resistance": R, "inductance": L, "torque_constant": K}
     joint = {"actuator": motor | {"rotor_damping": DAMPING}}
     theirs = f'motorconst="{K} {K}" resistance="{R}" inductance="{L}"'
@@ -229,18 +227,6 @@ def motors() -> Iterator[Row]:
         ends = [(rotor.course(0.0, [(t, VOLTS)])[[0, -1]], closed_form(t)) for t in TIMES]
         current, speed = np.max([abs(x / true - 1.0) for x, true in ends], axis=0).tolist()
         yield _row(key, times[key], current=current, speed=speed)
-
-
-def motor_table(rows: list[Row]) -> str:
-    """The table of motors."""
-    heads = ["", "method", "step", "current", "speed", "ms for a second"]
-    return table(heads, [
-        (
-            row["engine"], row["method"], f"{row['step_s'] * 1e3:g} ms",
-            number(row["current"], 1), number(row["speed"], 1), number(row["second_s"] * 1e3, 2),
-        )
-        for row in rows
-    ])  # fmt: skip
 
 
 def closed_form(t: float) -> np.ndarray:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What this suite claims about speed and accuracy, compared with the measurements of a run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
@@ -49,101 +47,112 @@ def check(results: Record) -> list[Record]:
     return [asdict(c) | {"verdict": c.verdict} for c in claims]
 
 
-# A number for each round of interleaved measurements. Ratios are taken round by round, as a slow
-# second slows both sides down.
-Rounds = Sequence[float]
+# A value, and the same in each round of interleaved measurements. Ratios are taken round by round,
+# as a slow second slows both sides down; None where there is none.
+Rounds = Sequence[float | None]
+Measured = tuple[float, Rounds] | None
 
 
-def _timed(text: str, value: float | None, rounds: Rounds, limit: float, unit: str = "×") -> Claim:
+def _timed(text: str, measured: Measured, limit: float, unit: str = "×") -> Claim:
     """A claim on times, whose value is the median over the rounds."""
-    if value is None:
+    if measured is None:
         return Claim(text, None, limit, unit)
-    if rounds:
-        value = float(np.median(rounds))
-    return Claim(text, value, limit, unit, of_median(rounds))
+    value, given = measured
+    rounds = [x for x in given if x is not None]
+    return Claim(text, float(np.median(rounds or value)), limit, unit, of_median(rounds))
 
 
-def _ratios(mine: Rounds, theirs: Rounds) -> Rounds:
-    return [a / b for a, b in zip(mine, theirs, strict=True)] if mine and theirs else ()
+def _ratio(mine: Measured, theirs: Measured) -> Measured:
+    if mine is None or theirs is None:
+        return None
+    pairs = zip(mine[1], theirs[1], strict=False)
+    return mine[0] / theirs[0], [a / b if a and b else None for a, b in pairs]
 
 
-def _per_round(rows: Sequence[Record], key: str, best: Callable[..., float]) -> Rounds:
-    """The best of some rows, round by round."""
-    if not rows or not all(key in row for row in rows):
-        return ()
-    return [best(taken) for taken in zip(*(row[key] for row in rows), strict=True)]
+def _least(rows: Sequence[Record], key: str, rounds: str) -> Measured:
+    """The least of some rows, in all and round by round."""
+    if not rows:
+        return None
+    each = zip(*(row.get(rounds, ()) for row in rows), strict=True)
+    return min(row[key] for row in rows), [min(taken) for taken in each]
+
+
+def _rows(results: Record, study: str, **wanted: str) -> list[Record]:
+    """Rows of a study whose entries begin so."""
+    rows = results.get(study, {}).get("rows", [])
+    return [r for r in rows if all(r[key].startswith(word) for key, word in wanted.items())]
 
 
 def _steps(results: Record) -> list[Claim]:
-    rk4, aba = f"{OURS} rk4", "Pinocchio's ABA from C++"
-    pairs = (
-        ("RK4 step of Panda ÷ MuJoCo's Euler step", "step", rk4, "MuJoCo Euler", 0.75),
-        ("RK4 step of Panda ÷ MuJoCo's RK4 step", "step", rk4, "MuJoCo RK4", 0.2),
-        ("forward dynamics ÷ Pinocchio's ABA from C++", "evaluation", OURS, aba, 0.4),
-    )
+    def cost(what: str, who: str) -> Measured:
+        rows = _rows(results, "cost", robot=PANDA, what=what, who=who)
+        return _least(rows[:1], "ns", "rounds_ns")
+
+    rk4 = cost("step", f"{OURS} rk4")
+    aba = cost("evaluation", "Pinocchio's ABA from C++")
     return [
-        _paired(text, _row(results, what, mine), _row(results, what, theirs), limit)
-        for text, what, mine, theirs, limit in pairs
-    ]
+        _timed("RK4 step of Panda ÷ MuJoCo's Euler step",
+               _ratio(rk4, cost("step", "MuJoCo Euler")), 0.75),
+        _timed("RK4 step of Panda ÷ MuJoCo's RK4 step",
+               _ratio(rk4, cost("step", "MuJoCo RK4")), 0.2),
+        _timed("forward dynamics ÷ Pinocchio's ABA from C++",
+               _ratio(cost("evaluation", OURS), aba), 0.4),
+    ]  # fmt: skip
 
 
-def _paired(text: str, mine: Record | None, theirs: Record | None, limit: float) -> Claim:
-    if mine is None or theirs is None:
-        return Claim(text, None, limit, "×")
-    ratios = _ratios(mine.get("rounds_ns", ()), theirs.get("rounds_ns", ()))
-    return _timed(text, _ratio(mine["ns"], theirs["ns"]), ratios, limit)
+def _points(results: Record) -> list[Record]:
+    points = results.get("work_precision", {}).get("points", [])
+    return [p for p in points if (p["robot"], p["scenario"]) == (PANDA, FREE)]
 
 
 def _errors(results: Record) -> list[Claim]:
-    rk4 = _error(results, "rk4", 1e-3)
-    controlled = _error(results, ADAPTIVE, 1e-9)
+    def error(method: str, setting: float) -> float | None:
+        return next((
+            p["error_rad"] for p in _points(results)
+            if (p["family"], p["method"]) == (OURS, method)
+            and abs(p["setting"] / setting - 1) < 1e-9
+        ), None)  # fmt: skip
+
     return [
-        Claim("RK4 at 1 ms, torque-free Panda, error after 1 s", rk4, 5e-6, "rad"),
-        Claim("tolerance 1e-9 delivers, after 1 s", controlled, 1e-8, "rad"),
+        Claim("RK4 at 1 ms, torque-free Panda, error after 1 s", error("rk4", 1e-3), 5e-6, "rad"),
+        Claim("tolerance 1e-9 delivers, after 1 s", error(ADAPTIVE, 1e-9), 1e-8, "rad"),
     ]
 
 
 def _targets(results: Record) -> list[Claim]:
-    points = results.get("work_precision", {}).get("points", [])
-    here = [p for p in points if (p["robot"], p["scenario"]) == (PANDA, FREE)]
+    here = _points(results)
+    count = min((len(p.get("rounds_s", ())) for p in here), default=0)
 
-    def least(family: Callable[[str], bool], target: float, k: int | None = None) -> float | None:
-        """Least time to an error, in all rounds or in one."""
-        least_cost = cheapest((_in_round(p, k) for p in here if family(p["family"])), target)
-        return least_cost[0] if least_cost else None
-
-    def against(text: str, whose: Callable[[str], bool], target: float, limit: float) -> Claim:
-        def ratio(k: int | None = None) -> float | None:
-            return _ratio(least(OURS.__eq__, target, k), least(whose, target, k))
-
-        count = min((len(p.get("rounds_s", ())) for p in here), default=0)
-        rounds = [r for k in range(count) if (r := ratio(k)) is not None]
-        return _timed(text, ratio(), rounds, limit)
+    def cost(family: Callable[[str], bool], target: float) -> Measured:
+        """Least time to an error, in all rounds and in each."""
+        mine = [p for p in here if family(p["family"])]
+        each = [cheapest((p | {"cpu_s": p["rounds_s"][k]} for p in mine), target)
+                for k in range(count)]  # fmt: skip
+        least = cheapest(mine, target)
+        return least and (least[0], [one and one[0] for one in each])
 
     return [
-        against("1 s of Panda to 2e-6 rad ÷ MuJoCo's best", "MuJoCo".__eq__, 2e-6, 1 / 12),
-        against("1 s of Panda to 2e-6 rad ÷ Drake's best", "Drake".__eq__, 2e-6, 1 / 100),
-        against("1 s of Panda to 1e-9 rad ÷ the fastest peer", OURS.__ne__, 1e-9, 1.0),
-    ]
-
-
-def _in_round(point: Record, k: int | None) -> Record:
-    return point if k is None else point | {"cpu_s": point["rounds_s"][k]}
+        _timed(f"1 s of Panda to {target:g} rad ÷ {text}",
+               _ratio(cost(OURS.__eq__, target), cost(whose, target)), limit)
+        for target, text, whose, limit in (
+            (2e-6, "MuJoCo's best", "MuJoCo".__eq__, 1 / 12),
+            (2e-6, "Drake's best", "Drake".__eq__, 1 / 100),
+            (1e-9, "the fastest peer", OURS.__ne__, 1.0),
+        )
+    ]  # fmt: skip
 
 
 def _rollouts(results: Record) -> list[Claim]:
-    rows = [r for r in results.get("rollouts", {}).get("rows", []) if r["robot"] == PANDA]
+    def step(who: str) -> Measured:
+        rows = [
+            r | {"step": 1.0 / r["arm_steps_per_s_per_core"]}
+            for r in _rows(results, "rollouts", robot=PANDA) if r["who"] == who
+        ]  # fmt: skip
+        return _least(rows, "step", "rounds_s_per_core")
 
-    def least(who: str) -> Rounds:
-        return _per_round([r for r in rows if r["who"] == who], "rounds_s_per_core", min)
-
-    peer = "MuJoCo RK4"
     return [
-        _timed(
-            f"MuJoCo's RK4 arm-steps/s/core ÷ ours, {text}",
-            _ratio(_best_rate(rows, peer), _best_rate(rows, who)),
-            _ratios(least(who), least(peer)), limit,
-        )
+        _timed(f"MuJoCo's RK4 arm-steps/s/core ÷ ours, {text}",
+               _ratio(step(who), step("MuJoCo RK4")), limit)
         for text, who, limit in (
             ("widest vectors", f"{OURS} rk4", 1 / 20),
             ("256 bits", f"{OURS} rk4, 256 bits", 1 / 15),
@@ -153,82 +162,45 @@ def _rollouts(results: Record) -> list[Claim]:
 
 def _closed_chain(results: Record) -> list[Claim]:
     study = results.get("closed_chain", {})
-    rows = study.get("rows", [])
+    rows = [
+        r | {"second": r["ns"] / r["step"],
+             "rounds": [ns / r["step"] for ns in r.get("rounds_ns", ())]}
+        for r in study.get("rows", [])
+    ]  # fmt: skip
     mine = [r for r in rows if r["who"].startswith(OURS)]
     theirs = [r for r in rows if not r["who"].startswith(OURS)]
-    step = next((r for r in mine if r["step"] == 1e-3), {})
     error = min((r["error"] for r in theirs), default=0.0)
-    cheap = [r for r in mine if r["error"] <= error]
-    best = [r for r in theirs if r["error"] <= 2.0 * error]
-    four = 4.0 * study["pinocchio_ns"] if study else None
     fours = [4.0 * ns for ns in study.get("pinocchio_rounds_ns", ())]
+    step = _least([r for r in mine if r["step"] == 1e-3], "ns", "rounds_ns")
+    cheap = _least([r for r in mine if r["error"] <= error], "second", "rounds")
+    best = _least([r for r in theirs if r["error"] <= 2.0 * error], "second", "rounds")
     return [
         _timed("RK4 step of a four-bar ÷ four of Pinocchio's constraintDynamics from C++",
-               _ratio(step.get("ns"), four), _ratios(step.get("rounds_ns", ()), fours), 1.0),
-        _timed("1 s of a four-bar to MuJoCo's least error ÷ MuJoCo",
-               _ratio(_least_second(cheap), _least_second(best)),
-               _ratios(_seconds(cheap), _seconds(best)), 1.0),
+               _ratio(step, (4.0 * study["pinocchio_ns"], fours) if study else None), 1.0),
+        _timed("1 s of a four-bar to MuJoCo's least error ÷ MuJoCo", _ratio(cheap, best), 1.0),
     ]  # fmt: skip
 
 
-def _least_second(rows: Sequence[Record]) -> float | None:
-    return min(map(_second, rows), default=None)
-
-
-def _seconds(rows: Sequence[Record]) -> Rounds:
-    """What a simulated second takes in the best row, round by round, in [ns]."""
-    scaled = [
-        {"rounds": [ns / r["step"] for ns in r["rounds_ns"]]} for r in rows if "rounds_ns" in r
-    ]
-    return _per_round(scaled, "rounds", min)
-
-
-def _second(row: Record) -> float:
-    """What a simulated second takes, in [ns]."""
-    return float(row["ns"] / row["step"])
-
-
 def _starts(results: Record) -> list[Claim]:
-    rows = results.get("startup", {}).get("rows", [])
-    total = "total without imports"
-    code = {r["joints"]: r["compiled_bytes"] for r in rows if "Chain" in r["robot"]}
-    work = {r["joints"]: r["cold_s"]["processor"] - r["cached_s"]["processor"]
-            for r in rows if "Chain" in r["robot"]}  # fmt: skip
+    rows = _rows(results, "startup")
+    chains = {r["joints"]: r for r in rows if "Chain" in r["robot"]}
     starts = {r["robot"]: r for r in reversed(rows)}
 
     def start(name: str, kind: str, limit: float) -> Claim:
-        row = starts.get(name, {})
-        rounds = row.get(f"{kind}_rounds_s", ())
-        return _timed(f"{kind} start of {name}", row.get(f"{kind}_s", {}).get(total), rounds,
-                      limit, "s")  # fmt: skip
+        row = starts.get(name)
+        value = row and (row[f"{kind}_s"]["total without imports"],
+                         row.get(f"{kind}_rounds_s", ()))  # fmt: skip
+        return _timed(f"{kind} start of {name}", value, limit, "s")
 
+    def growth(of: Callable[[Record], float]) -> float | None:
+        return of(chains[50]) / of(chains[10]) if {10, 50} <= chains.keys() else None
+
+    compiling = growth(lambda r: r["cold_s"]["processor"] - r["cached_s"]["processor"])
+    code = growth(lambda r: r["compiled_bytes"])
     return [
         start("TIAGo", "cold", 30.0), start("TIAGo", "cached", 15.0),
         start("TIAGo with two arms", "cold", 60.0), start("TIAGo with two arms", "cached", 30.0),
         start(PANDA, "cached", 0.3), start(PANDA, "cold", 5.0),
-        _timed("compile time, 50 joints ÷ 10", _ratio(work.get(50), work.get(10)), (), 5.0),
-        Claim("code size, 50 joints ÷ 10", _ratio(code.get(50), code.get(10)), 5.0, "×"),
+        _timed("compile time, 50 joints ÷ 10", compiling and (compiling, ()), 5.0),
+        Claim("code size, 50 joints ÷ 10", code, 5.0, "×"),
     ]  # fmt: skip
-
-
-def _row(results: Record, what: str, start: str) -> Record | None:
-    rows = results.get("cost", {}).get("rows", [])
-    mine = (r for r in rows if r["robot"] == PANDA and r["what"] == what)
-    return next((r for r in mine if r["who"].startswith(start)), None)
-
-
-def _error(results: Record, method: str, setting: float) -> float | None:
-    for p in results.get("work_precision", {}).get("points", []):
-        if (p["robot"], p["scenario"], p["family"]) == (PANDA, FREE, OURS) and (
-            p["method"] == method and abs(p["setting"] / setting - 1) < 1e-9
-        ):
-            return p["error_rad"]
-    return None
-
-
-def _best_rate(rows: list[Record], who: str) -> float | None:
-    return max((r["arm_steps_per_s_per_core"] for r in rows if r["who"] == who), default=None)
-
-
-def _ratio(a: float | None, b: float | None) -> float | None:
-    return a / b if a and b else None

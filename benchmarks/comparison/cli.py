@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the benchmark."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -10,8 +8,8 @@ import click
 from rich.console import Console
 
 from benchmarks.comparison import figures, suite
-from benchmarks.comparison.report import save, summary, write, write_scoreboard
-from benchmarks.studies.bench import Record
+from benchmarks.comparison.report import about, summary, write
+from benchmarks.comparison.scoreboard import page
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,40 +21,19 @@ Examples:
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
   ./arm bench --scoreboard             also this suite beside its peers, task by task, in a page
   ./arm bench --docs                   also renew the figures in docs/laboratory
-  ./arm bench --again benchmarks/results/report.json --docs    the same without measuring
 """
 
 
 @click.command(epilog=EXAMPLES)
 @click.option("--quick", is_flag=True, help="Panda only, fewer repeats, shorter horizons.")
-@click.option(
-    "--only",
-    multiple=True,
-    type=click.Choice(suite.STUDIES),
-    help="Run only this study; may be repeated.  [default: all]",
-)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=ROOT / "benchmarks/results",
-    show_default="benchmarks/results",
-    help="Folder for report.md, report.json and the figures.",
-)
+@click.option("--only", multiple=True, type=click.Choice(suite.STUDIES),
+              help="Run only this study; may be repeated.  [default: all]")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False),
+              default=ROOT / "benchmarks/results", show_default="benchmarks/results",
+              help="Folder for report.md, report.json and the figures.")  # fmt: skip
 @click.option("--scoreboard", is_flag=True, help="Also write scoreboard.md, task by task.")
 @click.option("--docs", is_flag=True, help="Also renew the figures in docs/laboratory.")
-@click.option(
-    "--again",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="Measure nothing; write the reports from an earlier report.json.",
-)
-def main(
-    quick: bool,
-    only: tuple[str, ...],
-    out: Path,
-    scoreboard: bool,
-    docs: bool,
-    again: Path | None,
-) -> None:
+def main(quick: bool, only: tuple[str, ...], out: Path, scoreboard: bool, docs: bool) -> None:
     """Measure run time against error, here and in MuJoCo, Drake, Exudyn and others, in one run.
 
     Writes a Markdown report, the same as JSON, and figures. Simulators that are not installed
@@ -65,27 +42,15 @@ def main(
     if docs and (quick or only):
         raise click.UsageError("--docs wants every study in full: no --quick, no --only")
     console = Console(stderr=True)
-    if again:
-        results = _earlier(again, docs)
-    else:
-        for results in suite.run(quick, only or suite.STUDIES, console):
-            save(results, out)  # a run that is cut short is not lost
+    for results in suite.run(quick, only or suite.STUDIES, console):
+        out.mkdir(parents=True, exist_ok=True)  # a run that is cut short is not lost
+        (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
     path = write(results, out)
     console.print(summary(results))
     console.print(f"report: {path}")
     if scoreboard:
-        console.print(f"scoreboard: {write_scoreboard(results, out)}")
+        path = out / "scoreboard.md"
+        path.write_text(page(results, about(results)))
+        console.print(f"scoreboard: {path}")
     if docs:
         figures.draw(results, ROOT / "docs/laboratory/figures")
-
-
-def _earlier(path: Path, docs: bool) -> Record:
-    try:
-        results = json.loads(path.read_text())
-        quick = results["about"]["quick"]
-        lacking = [name for name in suite.STUDIES if name not in results]
-        if docs and (lacking or quick):
-            raise click.UsageError(f"{path} is of a quick run or lacks {', '.join(lacking)}")
-        return suite.judged(results)
-    except (ValueError, KeyError, TypeError) as error:
-        raise click.UsageError(f"{path} is not a report of this benchmark: {error!r}") from None

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of the report: the best of each simulator; tables have the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,17 +10,14 @@ from benchmarks.peers.base import OURS
 from benchmarks.reporting.style import MARKS, METHODS
 from benchmarks.studies.bench import Record
 
-FAMILIES = (
-    OURS, "MuJoCo", "Drake", "SciPy", "Exudyn", "Newton", "Pinocchio", "dynibo", "frax"
-)  # fmt: skip
-COLOURS = dict(zip(FAMILIES, (*COLORS, "0.4", "0.6"), strict=True))
+FAMILIES = OURS, "MuJoCo", "Drake", "SciPy", "Exudyn", "Pinocchio", "dynibo"
+COLOURS = dict(zip(FAMILIES, COLORS, strict=True))
 EVALUATIONS = {
-    "frax, many at once": "frax (JAX, batch)",
     "dynibo from Python": "dynibo (Rust, from Python)",
     "Pinocchio's ABA from C++ (abaInParallel, one thread)": "Pinocchio's ABA (C++)",
     f"{OURS} generated forward dynamics from C": f"{OURS} (generated C)",
 }
-SHOWN = "arm_sim euler", "arm_sim rk4", "arm_sim rk4, one by one"  # of rollouts, and all peers
+SHOWN = "arm_sim euler", "arm_sim rk4", "arm_sim rk4, without SIMD"  # of rollouts, and all peers
 FIRST = 10.0  # [s] after which the setting of each simulator with the least drift is chosen
 
 
@@ -37,7 +32,6 @@ def draw(results: Record, out: Path) -> dict[str, str]:
 
 
 def _curve(axis: Any, points: Iterable[tuple[float, float]], label: str) -> None:
-    """A line with marks; ours is thicker."""
     family = _family(label)
     for key, name in METHODS.items():
         label = label.replace(f" {key}", f" {name}")
@@ -63,7 +57,7 @@ def _work_precision(results: Record, out: Path) -> Iterator[str]:
             for axis, scenario in zip(axes[0], scenarios, strict=True):
                 here = [t for t in results["targets"]
                         if (t["robot"], t["scenario"]) == (robot, scenario)]  # fmt: skip
-                for family in dict.fromkeys(t["family"] for t in here):
+                for family in FAMILIES:
                     best = [(1e3 * t["cpu_s"], t["target_rad"]) for t in here
                             if t["family"] == family and t["cpu_s"]]  # fmt: skip
                     if best:
@@ -120,7 +114,7 @@ def _features(results: Record, out: Path) -> Iterator[str]:
 def _rollouts(results: Record, out: Path) -> Iterator[str]:
     rows = results["rollouts"]["rows"]
     rows = [r for r in rows if (r["robot"], r["threads"]) == (rows[0]["robot"], 1)]
-    with figure(out / "rollouts.png", 1, 1, (5.6, 3.6)) as axis:
+    with figure(out / "rollouts.png", 1, 1, (WIDTH, 3.6)) as axis:
         for who in dict.fromkeys(r["who"] for r in rows):
             line = [(r["arms"], r["arm_steps_per_s_per_core"] / 1e6)
                     for r in rows if r["who"] == who]  # fmt: skip
@@ -133,7 +127,7 @@ def _rollouts(results: Record, out: Path) -> Iterator[str]:
             xscale="log", yscale="log", xlabel="arms in one call",
             ylabel="million steps of an arm\nper second and core", title=rows[0]["robot"],
         )  # fmt: skip
-        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=4.0)
     yield "rollouts"
 
 

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The results as JSON, as Markdown with figures, and for the terminal."""
 
-from __future__ import annotations
-
-import json
 import math
 from pathlib import Path
 
 from rich.table import Table
 
-from benchmarks.comparison import figures, scoreboard
+from benchmarks.comparison import figures
 from benchmarks.comparison.claims import MET, MISSED, OPEN
 from benchmarks.peers.base import OURS
 from benchmarks.reporting.markdown import duration, number, quantity, table
@@ -39,62 +36,39 @@ TITLES = {
     "energy": "Largest energy error of a free, frictionless arm up to a time",
     "startup": "From scene to first step, a fresh process each",
 }
+CLAIMS = ("claim", "measured", "95 % interval", "at most", "")
 _COLOURS = {MET: "[green]", MISSED: "[red]", OPEN: "[yellow]"}
 
 
 def write(results: Record, out: Path) -> Path:
-    """Write ``report.json``, ``report.md`` and the figures."""
-    save(results, out)
-    pictures = figures.draw(results, out)
+    """Write ``report.md`` and the figures."""
     path = out / "report.md"
-    path.write_text(markdown(results, pictures))
-    return path
-
-
-def save(results: Record, out: Path) -> None:
-    """Write ``report.json`` only."""
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
-
-
-def write_scoreboard(results: Record, out: Path) -> Path:
-    """Write ``scoreboard.md``."""
-    path = out / "scoreboard.md"
-    path.write_text(scoreboard.page(results, about(results)))
+    path.write_text(markdown(results, figures.draw(results, out)))
     return path
 
 
 def summary(results: Record) -> Table:
     """The claims and their measurements, for the terminal."""
-    shown = Table("claim", "measured", "95 % interval", "allowed", "")
-    for claim in results["claims"]:
-        verdict = _COLOURS.get(claim["verdict"], "") + claim["verdict"]
-        shown.add_row(
-            claim["text"], quantity(claim["value"], claim["unit"]), interval(claim),
-            quantity(claim["limit"], claim["unit"]), verdict,
-        )  # fmt: skip
+    shown = Table(*CLAIMS)
+    for *cells, verdict in claims(results):
+        shown.add_row(*cells, _COLOURS.get(verdict, "") + verdict)
     return shown
 
 
 def markdown(results: Record, pictures: dict[str, str]) -> str:
-    """The whole report."""
-    parts = ["# Run time against error", about(results), METHOD, "## Claims", claims(results)]
+    parts = ["# Run time against error", about(results), METHOD, "## Claims",
+             table(CLAIMS, claims(results))]  # fmt: skip
     if "work_precision" in results:
         parts += ["## Time to a given error", TRUTHS, targets(results)]
     for name, title in TITLES.items():
         if name in results:
-            parts += [f"## {title}", links(pictures, name), tables(results[name])]
+            mine = [file for key, file in pictures.items() if key.split(":")[0] == name]
+            links = [f"![{file[:-4].replace('_', ' ')}]({file})" for file in mine]
+            parts += [f"## {title}", *links, tables(results[name])]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def links(pictures: dict[str, str], study: str) -> str:
-    """Links to the figures of a study."""
-    mine = [file for key, file in pictures.items() if key.split(":")[0] == study]
-    return "\n\n".join(f"![{file[:-4].replace('_', ' ')}]({file})" for file in mine)
-
-
 def about(results: Record) -> str:
-    """Machine, versions, duration and noise."""
     about = results["about"]
     noise = about["noise"]
     lines = [
@@ -111,14 +85,13 @@ def about(results: Record) -> str:
     return "\n".join(lines)
 
 
-def claims(results: Record) -> str:
-    """The claims and their measurements."""
-    rows = [
+def claims(results: Record) -> list[tuple[str, ...]]:
+    """The claims and their measurements, in the columns ``CLAIMS``."""
+    return [
         (c["text"], quantity(c["value"], c["unit"]), interval(c), quantity(c["limit"], c["unit"]),
-         "**missed**" if c["verdict"] == MISSED else c["verdict"])
+         c["verdict"])
         for c in results["claims"]
     ]  # fmt: skip
-    return table(("claim", "measured", "95 % interval", "at most", ""), rows)
 
 
 def interval(claim: Record) -> str:
@@ -131,7 +104,6 @@ def interval(claim: Record) -> str:
 
 
 def targets(results: Record) -> str:
-    """What an error costs with each simulator."""
     families = list(dict.fromkeys(t["family"] for t in results["targets"]))
     cell: dict[tuple[object, ...], str] = {}
     for t in results["targets"]:

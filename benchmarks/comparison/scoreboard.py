@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scoreboard: for every task the best of this suite beside the best of its peers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from benchmarks.peers.base import OURS
@@ -19,20 +18,12 @@ are processor times of one core."""
 
 @dataclass(frozen=True)
 class Line:
-    """A task.
-
-    Attributes:
-        task: What has to be done.
-        ours: Time of the best of this suite in [s].
-        who: Which that is.
-        theirs: Time of the best peer in [s]; None if no peer can do it.
-        peer: Which that is.
-    """
+    """A task, times of the best of this suite and of the best peer in [s], and which these are."""
 
     task: str
     ours: float
     who: str
-    theirs: float | None = None
+    theirs: float | None = None  # if no peer can do it
     peer: str = ""
 
     @property
@@ -42,7 +33,6 @@ class Line:
 
 
 def lines(results: Record) -> list[Line]:
-    """All tasks of the studies that ran."""
     return [
         *_steps(results), *_errors(results), *_chains(results), *_rollouts(results),
         *_starts(results),
@@ -50,10 +40,9 @@ def lines(results: Record) -> list[Line]:
 
 
 def page(results: Record, about: str) -> str:
-    """The scoreboard as a page."""
     found = lines(results)
     rows = [
-        (line.task, duration(line.ours), line.who, _text(line.theirs), line.peer or "none",
+        (line.task, duration(line.ours), line.who, duration(line.theirs), line.peer or "none",
          f"**{number(line.ratio)}**" if line.ratio else "")
         for line in found
     ]  # fmt: skip
@@ -61,10 +50,6 @@ def page(results: Record, about: str) -> str:
     behind = [line.task for line in found if line.ratio and line.ratio > 1.0]
     lost = f"Behind a peer in: {'; '.join(behind)}." if behind else "Behind a peer in no task."
     return "\n\n".join(["# Scoreboard", INTRO, table(head, rows), lost, about]) + "\n"
-
-
-def _text(seconds: float | None) -> str:
-    return "" if seconds is None else duration(seconds)
 
 
 def _best(rows: Sequence[Record], key: str, unit: float) -> tuple[float, str] | None:
@@ -86,15 +71,16 @@ def _rows(results: Record, study: str) -> list[Any]:
 
 
 def _steps(results: Record) -> Iterator[Line]:
-    named = {"step": "a step of 1 ms", "evaluation": "forward dynamics"}
+    tasks = (
+        ("a step of 1 ms", "step", ""),
+        ("forward dynamics", "evaluation", ""),
+        ("a step of fourth order", "step", "rk4"),
+    )
     rows = _rows(results, "cost")
-    for robot in dict.fromkeys(row["robot"] for row in rows):
-        for what, task in named.items():
-            some = [r for r in rows if (r["robot"], r["what"]) == (robot, what)]
-            yield from _line(f"{task} of {robot}", some, "ns", 1e-9)
-        some = [r for r in rows if (r["robot"], r["what"]) == (robot, "step")]
-        fourth = [r for r in some if "rk4" in r["who"].lower()]
-        yield from _line(f"a step of fourth order of {robot}", fourth, "ns", 1e-9)
+    for robot, (task, what, named) in product(dict.fromkeys(r["robot"] for r in rows), tasks):
+        some = [r for r in rows if (r["robot"], r["what"]) == (robot, what)]
+        some = [r for r in some if named in r["who"].lower()]
+        yield from _line(f"{task} of {robot}", some, "ns", 1e-9)
 
 
 def _errors(results: Record) -> Iterator[Line]:

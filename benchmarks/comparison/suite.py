@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the studies one after another and gather what they found."""
 
-from __future__ import annotations
-
 import datetime
 import logging
 import platform
@@ -35,7 +33,7 @@ FLEETS = {
         ("euler", "", None),
         ("rk4", "", None),
         ("rk4", ", 256 bits", 4),
-        ("rk4", ", one by one", 1),
+        ("rk4", ", without SIMD", 1),
     )
 }
 RUNNERS: dict[str, Callable[[Bench], Record]] = {
@@ -50,13 +48,11 @@ RUNNERS: dict[str, Callable[[Bench], Record]] = {
 }
 STUDIES = tuple(RUNNERS)
 PACKAGES = (
-    "mujoco", "drake", "exudyn", "newton", "mujoco-warp", "warp-lang", "dynibo",
-    "frax", "jax", "scipy", "pin", "casadi", "numpy",
+    "mujoco", "drake", "exudyn", "dynibo", "scipy", "pin", "casadi", "numpy",
 )  # fmt: skip
 
 
 def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
-    """Run the chosen studies one by one."""
     # Steps that are too long for a scene are part of what is measured.
     logging.getLogger("arm_sim").setLevel(logging.ERROR)
     peers, missing = installed()

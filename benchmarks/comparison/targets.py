@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an error costs: the cheapest way of each simulator to reach it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 
@@ -26,17 +24,15 @@ def cheapest(points: Iterable[Record], target: float) -> tuple[float, str] | Non
 
 
 def _crossing(curve: list[tuple[float, float]], target: float) -> float | None:
-    before: tuple[float, float] | None = None
+    last = 0.0, math.inf
     for cost, error in curve:
         if error <= target:
-            return cost if before is None else _between(before, (cost, error), target)
-        before = (cost, error)
+            if not last[0]:
+                return cost
+            part = math.log(last[1] / target) / math.log(last[1] / error)
+            return last[0] * (cost / last[0]) ** part
+        last = cost, error
     return None
-
-
-def _between(a: tuple[float, float], b: tuple[float, float], target: float) -> float:
-    part = math.log(a[1] / target) / math.log(a[1] / b[1])
-    return a[0] * (b[0] / a[0]) ** part
 
 
 def table(points: list[Record], ours: str) -> list[Record]:
@@ -49,17 +45,11 @@ def table(points: list[Record], ours: str) -> list[Record]:
         for target in TARGETS:
             best = {f: cheapest((p for p in here if p["family"] == f), target) for f in families}
             mine = best.get(ours)
-            for family, cheapest_run in best.items():
-                rows.append(
-                    {
-                        "robot": robot,
-                        "scenario": scenario,
-                        "duration_s": here[0]["duration_s"],
-                        "target_rad": target,
-                        "family": family,
-                        "method": cheapest_run[1] if cheapest_run else None,
-                        "cpu_s": cheapest_run[0] if cheapest_run else None,
-                        "ratio": cheapest_run[0] / mine[0] if cheapest_run and mine else None,
-                    }
-                )
+            for family, run in best.items():
+                cpu_s, method = run or (None, None)
+                rows.append({
+                    "robot": robot, "scenario": scenario, "duration_s": here[0]["duration_s"],
+                    "target_rad": target, "family": family, "method": method, "cpu_s": cpu_s,
+                    "ratio": cpu_s / mine[0] if cpu_s and mine else None,
+                })  # fmt: skip
     return rows

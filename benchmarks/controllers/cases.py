@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cases of the comparison: two arms, four plants, two tasks, two speeds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -52,22 +50,18 @@ class Arm:
 
     @property
     def key(self) -> str:
-        """Its name in files."""
         return Path(self.scene).stem
 
     @cached_property
     def nominal(self) -> Dynamics:
-        """The dynamics that the controllers use."""
         return Dynamics(self._scene(self.payload))
 
     @cached_property
     def task(self) -> TaskSpace:
-        """The task at the hand."""
         return TaskSpace(self.nominal, self.frame, selection=self.axes)
 
     @cached_property
     def lines(self) -> dict[str, JointPath]:
-        """The straight line at both paces."""
         start = self.task.pose(self.nominal.model.q0)
         way = line(start, Pose(start.position + np.array(self.step), start.rotation))
         pace = dict(zip(PACES, self.speeds, strict=True))
@@ -94,7 +88,6 @@ class Arm:
         return np.maximum(1.1 * weight + 0.6 * moving, 0.05 * self.nominal.model.effort_limit)
 
     def plant(self, name: str) -> ArmModel:
-        """Model of one of ``PLANTS``."""
         if name == "payload":
             return ArmModel(self._scene(1.2 * self.payload))
         joints: dict[str, Any] = {}

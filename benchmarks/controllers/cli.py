@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the comparison."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -103,7 +101,6 @@ def _step(given: Vector | None) -> list[float] | None:
 
 
 def print_tables(results: Sequence[Result]) -> None:
-    """Print a table for each arm, task and pace."""
     screen = console()
     for title, task, pace in dict.fromkeys((r.title, r.task, r.pace) for r in results):
         screen.print(f"\n{title}: {task}, {pace}", style="bold")

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controllers of the comparison, all tuned to one bandwidth on the nominal model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array
@@ -32,7 +30,6 @@ def contenders(own: Sequence[str] = ()) -> dict[str, str | Maker]:
 
 
 def contender(title: str, arm: Arm, dt: float, limit: Array, name: str | Maker) -> AnyController:
-    """Make one of ``contenders``."""
     feeds = name in ("operational_space", "cartesian_impedance")
     settings = Settings(
         dt=dt, bandwidth=OMEGA, frame=arm.frame, axes=arm.axes, friction=feeds, limit=limit,

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs one contender on one case and measures it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -59,7 +57,6 @@ def run(
     arm: Arm, sim: Simulator, plant: str, task: str, pace: str, controller: str,
     name: str | Maker | None = None,
 ) -> Result:  # fmt: skip
-    """Run one contender on one case."""
     limit = sim.model.effort_limit
     control = contender(controller, arm, sim.dt, limit, name or CONTENDERS[controller])
     sample, duration = arm.motion(task, pace)

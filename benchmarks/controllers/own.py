@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene of one's own as an arm to compare on: what is not said is chosen from its size."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import combinations, product
 from pathlib import Path
@@ -29,7 +27,6 @@ def arm_of(
     step: Sequence[float] | None = None,
     payload: float | None = None,
 ) -> Arm:
-    """Make an arm of a scene."""
     dynamics = Dynamics(load_scene(scene))
     _refuse(dynamics, scene)
     moving = [f.name for f in dynamics.model.pin.frames if f.parentJoint > 0]

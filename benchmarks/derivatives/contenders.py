@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is timed: derivatives of an RK4 tick of 1 ms of one arm, for one state a call or many."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

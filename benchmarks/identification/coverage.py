@@ -131,7 +131,6 @@ class Fourier:
 
     @classmethod
     def of(cls, seed: int, slides: list[bool], period: float, tones: int, t: Array) -> Fourier:
-        """A random one, of that size at some times."""
         series = cls(*np.random.default_rng(seed).normal(size=(2, tones, len(slides))), period)
         size = np.where(slides, 0.3, 1.0) / abs(series.sample(t).q).max(axis=0)
         return cls(size * series.sines, size * series.cosines, period)
@@ -148,14 +147,12 @@ class Fourier:
 
 
 def recorded(arm: LagrangeArm, duration: float) -> tuple[Array, Array, Array]:
-    """Times, positions and torques of a motion."""
     t = np.arange(0.0, duration, 1.0 / RATE)
     motion = Fourier.of(7, [link.slides for link in arm.links], PERIOD, HARMONICS, t).sample(t)
     return t, motion.q, arm.torque(motion.q, motion.v, motion.a)
 
 
 def noisy(tau: Array, rng: np.random.Generator) -> Array:
-    """Efforts of torques."""
     return tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * rng.standard_normal(tau.shape)
 
 
@@ -221,7 +218,6 @@ def sensors(kind: str, seed: int, effort: Mapping[str, float]) -> Scene:
 
 @cache
 def efforts(name: str) -> dict[str, float]:
-    """Root mean square of each joint's effort."""
     dynamics = Dynamics(scenes(name)[0])
     motion = followed(name, 0).sample(ONE_ROUND)
     tau = dynamics.inverse(motion.q, motion.v, motion.a)
@@ -237,7 +233,6 @@ def followed(name: str, seed: int) -> Fourier:
 
 
 def simulated(name: str, kind: str, seed: int) -> Recording:
-    """A recording of an arm by sensors of a kind."""
     real, nominal = scenes(name)
     sim = Simulator({**real, **sensors(kind, seed, efforts(name))}, dt=TICK)
     motion = followed(name, seed)

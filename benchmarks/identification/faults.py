@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of the arm of two links of ``coverage`` with one fault of the elbow's column each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -19,42 +17,41 @@ ELBOW, SHARE, DURATION = 1, 0.05, 60.0
 SPAN = slice(int(8.0 * RATE), int(10.0 * RATE))
 
 
-def _lost(array: Array) -> None:
-    array[np.random.default_rng(2).random(len(array)) < SHARE, ELBOW] = np.nan
+def _lost(q: Array, effort: Array) -> None:
+    q[np.random.default_rng(2).random(len(q)) < SHARE, ELBOW] = np.nan
 
 
-def _stretch(effort: Array, value: float) -> None:
-    effort[SPAN, ELBOW] = value
+def _stretch(held: bool) -> Fault:
+    def fault(q: Array, effort: Array) -> None:
+        effort[SPAN, ELBOW] = effort[SPAN.start, ELBOW] if held else 0.0
+
+    return fault
 
 
-def _late(effort: Array, seconds: float) -> None:
-    at = np.arange(len(effort)) - seconds * RATE
-    effort[:, ELBOW] = np.interp(at, np.arange(len(effort)), effort[:, ELBOW])
+def _late(seconds: float) -> Fault:
+    def fault(q: Array, effort: Array) -> None:
+        at = np.arange(len(effort)) - seconds * RATE
+        effort[:, ELBOW] = np.interp(at, np.arange(len(effort)), effort[:, ELBOW])
+
+    return fault
 
 
-def _times(effort: Array, factor: float) -> None:
-    effort[:, ELBOW] *= factor
+def _mixed(*rows: tuple[float, float]) -> Fault:
+    def fault(q: Array, effort: Array) -> None:
+        effort[:] = effort @ np.array(rows).T
 
-
-def _swapped(effort: Array) -> None:
-    effort[:] = effort[:, ::-1].copy()
+    return fault
 
 
 FAULTS: dict[str, Fault] = {
-    "none": lambda q, effort: None,
-    "5 % of the efforts missing": lambda q, effort: _lost(effort),
-    "5 % of the positions missing": lambda q, effort: _lost(q),
-    "efforts missing for 2 s": lambda q, effort: _stretch(effort, np.nan),
-    "efforts frozen for 2 s": lambda q, effort: _stretch(effort, effort[SPAN.start, ELBOW]),
-    "efforts 0 for 2 s": lambda q, effort: _stretch(effort, 0.0),
-    "efforts late by 12 ms": lambda q, effort: _late(effort, 0.012),
-    "efforts ahead by 12 ms": lambda q, effort: _late(effort, -0.012),
-    "efforts late by 100 ms": lambda q, effort: _late(effort, 0.1),
-    "efforts times 0.5": lambda q, effort: _times(effort, 0.5),
-    "efforts times 3": lambda q, effort: _times(effort, 3.0),
-    "efforts times 1000": lambda q, effort: _times(effort, 1000.0),
-    "efforts reversed": lambda q, effort: _times(effort, -1.0),
-    "columns of efforts swapped": lambda q, effort: _swapped(effort),
+    "5 % of the positions missing": _lost,
+    "efforts frozen for 2 s": _stretch(held=True),
+    "efforts 0 for 2 s": _stretch(held=False),
+    "efforts ahead by 12 ms": _late(-0.012),
+    "efforts late by 100 ms": _late(0.1),
+    "efforts times 0.5": _mixed((1.0, 0.0), (0.0, 0.5)),
+    "efforts times 1000": _mixed((1.0, 0.0), (0.0, 1000.0)),
+    "columns of efforts swapped": _mixed((0.0, 1.0), (1.0, 0.0)),
 }
 
 

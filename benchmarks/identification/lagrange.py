@@ -5,8 +5,6 @@
 exact to rounding.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from benchmarks.robots import urdf
 
 STEP = 1e-30
 GRAVITY = 9.81
@@ -99,7 +98,6 @@ class LagrangeArm:
 
     @property
     def names(self) -> list[str]:
-        """Of the joints."""
         return [link.name for link in self.links]
 
     @property
@@ -119,21 +117,12 @@ class LagrangeArm:
     def urdf(self) -> str:
         """Its description: links, and neither friction nor rotors."""
         parts, before = ['<robot name="arm"><link name="base"/>'], "base"
-        for link in self.links:
-            keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-            pairs = zip(keys, link.inertia, strict=True)
-            inertia = " ".join(f'{key}="{float(x)!r}"' for key, x in pairs)
-            axis = " ".join("1" if i == link.axis else "0" for i in range(3))
-            kind = "prismatic" if link.slides else "revolute"
-            parts.append(
-                f'<link name="{link.name}_link"><inertial><origin xyz="{_text(link.com)}"/>'
-                f'<mass value="{float(link.mass)!r}"/><inertia {inertia}/></inertial></link>'
-                f'<joint name="{link.name}" type="{kind}"><parent link="{before}"/>'
-                f'<child link="{link.name}_link"/><axis xyz="{axis}"/>'
-                f'<origin xyz="{_text(link.origin)}" rpy="{link.turned!r} 0 0"/>'
-                '<limit lower="-9" upper="9" effort="500" velocity="50"/></joint>'
-            )
-            before = f"{link.name}_link"
+        for one in self.links:
+            name, kind = f"{one.name}_link", "prismatic" if one.slides else "revolute"
+            axis, turn = np.eye(3)[one.axis], (one.turned, 0.0, 0.0)
+            parts.append(urdf.link(name, one.mass, one.inertia, one.com))
+            parts.append(urdf.joint(one.name, kind, before, name, axis, one.origin, turn))
+            before = name
         return "".join([*parts, "</robot>"])
 
 
@@ -153,7 +142,3 @@ def _symmetric(six: tuple[float, ...]) -> Array:
 
 def _times(M: NDArray, x: NDArray) -> NDArray:
     return np.einsum("kij,kj->ki", M, x)
-
-
-def _text(values: Vector) -> str:
-    return " ".join(repr(float(x)) for x in values)

@@ -5,8 +5,6 @@ Each is a process: ``python -m benchmarks.loop.baseline NAME SECONDS [PERIOD]``;
 measured. The period in [ns] is the thread's.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import sys
@@ -55,7 +53,6 @@ def spread(durations: np.ndarray) -> dict[str, float]:
 
 
 def timer(seconds: float) -> dict[str, Any]:
-    """A timer of rclpy with its default executor."""
     node, executor = _spun("bare_timer")
     came: list[int] = []
     node.create_timer(1e-9 * PERIOD, lambda: came.append(time.monotonic_ns()))
@@ -122,7 +119,6 @@ class Client:
     """Calls the service of ``server``, as rclpy does it by default."""
 
     def __init__(self, domain: int) -> None:
-        """Join the domain; ``close`` leaves it."""
         import rclpy
         from rclpy.context import Context
 
@@ -139,13 +135,11 @@ class Client:
             raise TimeoutError(f"nobody offers {name}")
 
     def ask(self, request: Any) -> None:
-        """Wait for an answer."""
         future = self._client.call_async(request)
         while not future.done():
             self._executor.spin_once(timeout_sec=1.0)
 
     def close(self) -> None:
-        """Leave the domain."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()

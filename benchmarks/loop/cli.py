@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the loop's benchmark."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

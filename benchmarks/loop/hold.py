@@ -7,8 +7,6 @@ there with ``git worktree add``; if its interfaces are others, build them into i
 ``install`` with ``colcon build --base-paths src/arm_msgs --merge-install``.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -36,7 +34,7 @@ from arm_sim.cli.demo.processes import free_domain
 from arm_sim.cli.interrupts import interruptible
 from benchmarks.loop.baseline import PERIOD
 from benchmarks.loop.stages import Baseline
-from benchmarks.measurement.watcher import Watcher
+from benchmarks.measurement.watcher import Watcher, processor_time
 from benchmarks.reporting.markdown import table
 
 ROOT = Path(__file__).parents[2]
@@ -89,7 +87,6 @@ def main(seconds: float, ticks: int, chosen: tuple[str, ...], older: str) -> Non
 
 
 def ordinary(seconds: float, older: str, folder: Path) -> list[Line]:
-    """Loops of both trees at 1 kHz."""
     new, old, bare = measure(seconds, [str(ROOT), older], folder)
     texts = {"share": "share of the sim", "controller": "share of the controller",
              "trip": "round trip p50"}  # fmt: skip
@@ -102,7 +99,6 @@ def ordinary(seconds: float, older: str, folder: Path) -> list[Line]:
 
 
 def fast(seconds: float, folder: Path) -> list[Line]:
-    """A loop at 4 kHz."""
     new, bare = measure(seconds, [str(ROOT)], folder, "-p", f"dt:={1e-9 * FAST}", period=FAST)
     silent = float(new["missed"] > 0 and not new["warned"])
     return [
@@ -156,13 +152,13 @@ def measure(
         bare = stack.enter_context(Baseline("thread", seconds, str(period)))
         for number, (leader, _) in enumerate(loops):
             _reset_counters(leader, folder / str(number) / "sim.log")
-        before, began = [used(ids) for _, ids in loops], time.monotonic()
+        before, began = [[*map(processor_time, ids)] for _, ids in loops], time.monotonic()
         while (left := began + seconds - time.monotonic()) > 0.0:
             time.sleep(min(HEARD, left))
             for watcher in watchers:
                 watcher.listen(0.05)
         passed = time.monotonic() - began
-        after = [used(ids) for _, ids in loops]
+        after = [[*map(processor_time, ids)] for _, ids in loops]
         records = [
             {"name": tree} | _shares(*spans, passed) | _diagnosed(watcher)
             for tree, watcher, *spans in zip(trees, watchers, before, after, strict=True)
@@ -202,20 +198,8 @@ def _diagnosed(watcher: Watcher) -> Record:
     }  # fmt: skip
 
 
-def used(ids: Sequence[int]) -> list[Spent]:
-    """Processor time of processes in [s], by thread."""
-    return [
-        {
-            task.name: 1e-9 * int((task / "schedstat").read_text().split()[0])
-            for task in Path(f"/proc/{pid}/task").iterdir()
-        }
-        for pid in ids
-    ]
-
-
 @contextmanager
 def leader_node() -> Iterator[Node]:
-    """A node in a domain that nobody else uses."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=free_domain())
     node = Node("leader", context=context)
@@ -227,7 +211,6 @@ def leader_node() -> Iterator[Node]:
 
 
 def lead(node: Node, seconds: float) -> None:
-    """Send the arm around."""
     dynamics, rng = Dynamics(str(ROOT / SCENE)), np.random.default_rng(1)
     points = []
     for k in range(round(seconds / STEP)):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lockstep: how fast, and whether two runs are the same to the bit."""
 
-from __future__ import annotations
-
 import hashlib
 import time
 from pathlib import Path
@@ -30,7 +28,6 @@ SWING = 0.2  # [rad]
 def lockstep(
     scene: str, ticks: int, compiled_ticks: int, logs: Path, domain: int
 ) -> dict[str, Any]:
-    """Run everything twice."""
     twice = [across(scene, ticks, logs, domain) for _ in range(2)]
     alone = [_alone(scene, ticks) for _ in range(2)]
     compiled = _compiled(scene, compiled_ticks)
@@ -130,7 +127,6 @@ def _alone(scene: str, ticks: int) -> dict[str, Any]:
 
 
 def _compiled(scene: str, ticks: int) -> list[dict[str, Any]]:
-    """With computed torque compiled into the tick."""
     simulator = Simulator(scene)
     start = Waypoint(0.0, simulator.state.q)
     path = quintic([start, *_points(simulator.state.q)])

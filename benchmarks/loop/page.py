@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of the loop: promises, tables, a figure, and all numbers as JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

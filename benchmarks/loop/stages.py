@@ -20,7 +20,7 @@ from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.common.caller import Caller
 from arm_dynamics.ros.interfaces import INVERSE_DYNAMICS, MAX_POINTS, MAX_TERMS_POINTS
 from arm_sim.cli.demo.processes import Processes
-from benchmarks.loop.baseline import Client
+from benchmarks.loop.baseline import Client, spread
 from benchmarks.measurement.watcher import Watcher, processor_time
 
 WARM = 3.0  # [s]
@@ -34,7 +34,6 @@ class Baseline:
     """One of the processes of ``baseline``, ended whatever happens."""
 
     def __init__(self, name: str, seconds: float, *more: str) -> None:
-        """Start it."""
         self._process = subprocess.Popen(
             [sys.executable, "-m", "benchmarks.loop.baseline", name, str(seconds), *more],
             stdout=subprocess.PIPE, text=True,
@@ -42,16 +41,13 @@ class Baseline:
         self._patience = seconds + 60.0
 
     def __enter__(self) -> Baseline:
-        """Use it in a ``with`` statement."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End it."""
         self._process.kill()
         self._process.communicate()
 
     def result(self) -> Record:
-        """Wait for what it measured."""
         output, _ = self._process.communicate(timeout=self._patience)
         measured: Record = json.loads(output)
         return measured
@@ -76,13 +72,14 @@ def closed_loop(
         bare = stack.enter_context(Baseline("thread", seconds))
         ids = processes.ids
         client.reset_counters()
-        before = {name: processor_time(pid) for name, pid in ids.items()}
+        used = lambda name: sum(processor_time(ids[name]).values())  # noqa: E731
+        before = {name: used(name) for name in ids}
         began = time.monotonic()
         while (over := time.monotonic() - began) < seconds:
             time.sleep(min(10.0, seconds - over))
             say(f"closed loop, {time.monotonic() - began:.0f} of {seconds:.0f} s")
         passed = time.monotonic() - began
-        share = {n: (processor_time(ids[n]) - used) / passed for n, used in before.items()}
+        share = {name: (used(name) - start) / passed for name, start in before.items()}
         processes.stop("sim")
         beside = bare.result()
         watcher.listen(1.0)
@@ -98,7 +95,6 @@ def closed_loop(
 
 
 def timer(seconds: float) -> Record:
-    """A timer of rclpy at 1 kHz."""
     with Baseline("timer", seconds) as bare:
         return bare.result()
 
@@ -158,13 +154,8 @@ def one_point(domain: int, calls: int, *point: Array) -> Record:
                 if turn >= WARM_CALLS:
                     times.append(taken)
                 time.sleep(PAUSE)
-    ours, bare = ({"count": calls, **_spread(times)} for times in trips)
+    ours, bare = ({"count": calls, **spread(1e9 * np.array(times))} for times in trips)
     return {**ours, "bare": bare}
-
-
-def _spread(trips: list[float]) -> Record:
-    p50, p99 = np.percentile(trips, [50, 99])
-    return {"p50": p50, "p99": p99, "max": max(trips)}
 
 
 def core(scene: str) -> Record:
@@ -203,7 +194,6 @@ def _by_batch(answer: Callable[..., Array], *vectors: Array) -> Record:
 
 
 def _rate(answer: Callable[..., object], *vectors: Array) -> float:
-    """Points per second, once it has been asked."""
     answer(*vectors)
     return len(vectors[0]) / float(np.median([_timed(lambda: answer(*vectors)) for _ in "12345"]))
 

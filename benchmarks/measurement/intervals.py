@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How sure a median is: an interval that needs no assumption on how the host disturbs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -26,7 +26,6 @@ class Cost:
 
     @classmethod
     def of(cls, samples: list[float]) -> Cost:
-        """Summarise samples."""
         low, median, high = np.percentile(samples, [25, 50, 75])
         return cls(float(median), float(low), float(high), tuple(samples))
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Looks at running nodes from outside: their diagnostics and their processor time."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 
@@ -27,7 +25,6 @@ class Watcher:
     """
 
     def __init__(self, domain: int) -> None:
-        """Join the graph."""
         self.latest: dict[str, dict[str, str]] = {}
         self.warned = set[str]()
         self._context = Context()
@@ -40,7 +37,6 @@ class Watcher:
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
 
     def close(self) -> None:
-        """Leave the graph."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()
@@ -61,7 +57,9 @@ class Watcher:
                 self.warned.add(status.name)
 
 
-def processor_time(pid: int) -> float:
-    """Processor time that a process has used in [s], from the scheduler's own account."""
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    return 1e-9 * sum(int((task / "schedstat").read_text().split()[0]) for task in tasks)
+def processor_time(pid: int) -> dict[str, float]:
+    """Processor time of a process in [s] by thread, from the scheduler's own account."""
+    return {
+        task.name: 1e-9 * int((task / "schedstat").read_text().split()[0])
+        for task in Path(f"/proc/{pid}/task").iterdir()
+    }

@@ -5,8 +5,6 @@
 this suite.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 
 from benchmarks.peers.base import Contestant
@@ -15,7 +13,6 @@ ADAPTERS = {
     "MuJoCo": "mujoco",
     "Drake": "drake",
     "Exudyn": "exudyn",
-    "Newton": "newton",
     "SciPy": "scipy",
 }
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the benchmark asks of a simulator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -57,7 +55,6 @@ class Contestant:
 
     @property
     def name(self) -> str:
-        """Simulator and method."""
         return f"{self.family} {self.method}"
 
 

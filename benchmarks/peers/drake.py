@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drake: a continuous MultibodyPlant under its error-controlled integrators."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -33,7 +31,6 @@ class DrakeTrial:
     """A Simulator of one plant; the torque enters as a generalized force."""
 
     def __init__(self, method: str, robot: Robot, accuracy: float) -> None:
-        """Parse the robot and choose the integrator."""
         plant = MultibodyPlant(time_step=0.0)
         Parser(plant).AddModelsFromString(robot.urdf, "urdf")
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("link0"))
@@ -48,25 +45,25 @@ class DrakeTrial:
         )
         ApplySimulatorConfig(config, self.simulator)
 
-    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+    def reset(self, q: Vector, v: Vector) -> None:
         self.context.SetTime(0.0)
         self._set(q, v, np.zeros_like(q))
         self.simulator.Initialize()
 
-    def advance(self, duration: float) -> None:  # noqa: D102
+    def advance(self, duration: float) -> None:
         self.simulator.AdvanceTo(self.context.get_time() + duration)
 
-    def replay(self, torques: Vector) -> None:  # noqa: D102
+    def replay(self, torques: Vector) -> None:
         first = round(self.context.get_time() / TICK)
         for k, tau in enumerate(torques, first + 1):
             self.torque.GetMutableData().set_value(tau)
             self.simulator.AdvanceTo(k * TICK)
 
-    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def state(self) -> tuple[Vector, Vector]:
         plant, context = self.plant, self.context
         return plant.GetPositions(context).copy(), plant.GetVelocities(context).copy()
 
-    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         self._set(q, v, tau)
         change = self.plant.EvalTimeDerivatives(self.context)
         return change.get_generalized_velocity().CopyToVector()

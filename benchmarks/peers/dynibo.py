@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """dynibo, in Rust: it integrates nothing, so it is compared by the evaluation only."""
 
-from __future__ import annotations
-
 import dynibo
 import numpy as np
 

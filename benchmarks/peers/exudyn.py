@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exudyn: its kinematic tree in joint coordinates, stepped by its explicit solvers in C++."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import exudyn
@@ -64,12 +62,12 @@ class ExudynTrial:
         if not self.step:
             time.relativeTolerance = time.absoluteTolerance = setting
 
-    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+    def reset(self, q: Vector, v: Vector) -> None:
         states = exudyn.ConfigurationType.Initial
         self.system.systemData.SetODE2Coordinates(list(q), states)
         self.system.systemData.SetODE2Coordinates_t(list(v), states)
 
-    def advance(self, duration: float) -> None:  # noqa: D102
+    def advance(self, duration: float) -> None:
         time = self.settings.timeIntegration
         time.startTime, time.endTime = 0.0, duration
         time.numberOfSteps = round(duration / self.step) if self.step else 1
@@ -79,17 +77,17 @@ class ExudynTrial:
             storeSolver=False, showHints=False, showCausingItems=False, autoAssemble=False,
         )  # fmt: skip
 
-    def replay(self, torques: Vector) -> None:  # noqa: D102
+    def replay(self, torques: Vector) -> None:
         for torque in torques:
             self.system.SetObjectParameter(self.tree, "jointForceVector", list(torque))
             self.advance(TICK)
         self.system.SetObjectParameter(self.tree, "jointForceVector", [0.0] * self.robot.n)
 
-    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def state(self) -> tuple[Vector, Vector]:
         data, states = self.system.systemData, exudyn.ConfigurationType.Initial
         return data.GetODE2Coordinates(states), data.GetODE2Coordinates_t(states)
 
-    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         self.reset(q, v)
         self.system.SetObjectParameter(self.tree, "jointForceVector", list(tau))
         solver = exudyn.MainSolverImplicitSecondOrder()

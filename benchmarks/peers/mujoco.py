@@ -55,19 +55,18 @@ class MujocoTrial:
     """``mj_step`` with a step count; replayed torques go through ``mujoco.rollout``."""
 
     def __init__(self, method: str, robot: Robot, step: float) -> None:
-        """Compile the robot."""
         self.model = compile_model(robot, method, step)
         self.data = mujoco.MjData(self.model)
         self._initial = np.zeros((1, mujoco.mj_stateSize(self.model, STATE)))
 
-    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+    def reset(self, q: Vector, v: Vector) -> None:
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:], self.data.qvel[:] = q, v
 
-    def advance(self, duration: float) -> None:  # noqa: D102
+    def advance(self, duration: float) -> None:
         mujoco.mj_step(self.model, self.data, nstep=round(duration / self.model.opt.timestep))
 
-    def replay(self, torques: Vector) -> None:  # noqa: D102
+    def replay(self, torques: Vector) -> None:
         substeps = round(TICK / self.model.opt.timestep)
         control = np.repeat(torques, substeps, axis=0)[None]
         mujoco.mj_getState(self.model, self.data, self._initial[0], STATE)
@@ -76,10 +75,10 @@ class MujocoTrial:
         )
         mujoco.mj_setState(self.model, self.data, states[0, -1], STATE)
 
-    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def state(self) -> tuple[Vector, Vector]:
         return self.data.qpos.copy(), self.data.qvel.copy()
 
-    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         self.reset(q, v)
         self.data.qfrc_applied[:] = tau
         mujoco.mj_forward(self.model, self.data)
@@ -98,7 +97,6 @@ class MujocoFleet:
     """
 
     def __init__(self, robot: Robot, method: str, step: float, steps: int, threads: int) -> None:
-        """Compile the robot and start the pool."""
         self.model = compile_model(robot, method, step)
         self.data = [mujoco.MjData(self.model) for _ in range(threads)]
         self.pool = rollout.Rollout(nthread=threads if threads > 1 else 0)

@@ -4,8 +4,6 @@
 And its generated forward dynamics alone, called in a loop from C.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -69,7 +67,6 @@ def contestants() -> list[Contestant]:
 
 
 def backend() -> str:
-    """What compiles the generated code here."""
     command = find_compiler()
     return compiler_version(command) if command else "none: CasADi's virtual machine"
 
@@ -78,28 +75,27 @@ class FixedTrial:
     """One step of the method a tick; smaller steps repeat the rows of a torque table."""
 
     def __init__(self, method: str, robot: Robot, step: float) -> None:
-        """Build the simulator."""
         self.substeps = round(TICK / step)
         self.simulator = Simulator(_model(robot.urdf), integrator=method, dt=step)
         self.lost = False
 
-    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+    def reset(self, q: Vector, v: Vector) -> None:
         self.lost = False
         self.simulator.reset(q, v)
 
-    def advance(self, duration: float) -> None:  # noqa: D102
+    def advance(self, duration: float) -> None:
         self._run(duration, None)
 
-    def replay(self, torques: Vector) -> None:  # noqa: D102
+    def replay(self, torques: Vector) -> None:
         table = np.repeat(torques, self.substeps, axis=0) if self.substeps > 1 else torques
         self._run(len(torques) * TICK, table)
 
-    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def state(self) -> tuple[Vector, Vector]:
         state = self.simulator.state
         wrong = np.nan if self.lost else 0.0
         return state.q + wrong, state.v + wrong
 
-    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         return _acceleration(self.simulator.model, q, v, tau)
 
     def _run(self, duration: float, control: Vector | None) -> None:
@@ -113,27 +109,26 @@ class AdaptiveTrial:
     """Error-controlled sub-steps: ticks of 1 s in free motion, of 1 ms under held torques."""
 
     def __init__(self, method: str, robot: Robot, tolerance: float) -> None:
-        """Build a simulator for either use."""
         build = partial(Simulator, _model(robot.urdf), integrator=method, tolerance=tolerance)
         self.free, self.held = build(dt=1.0), build(dt=TICK)
         self.used = self.free
 
-    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+    def reset(self, q: Vector, v: Vector) -> None:
         self.free.reset(q, v)
         self.held.reset(q, v)
 
-    def advance(self, duration: float) -> None:  # noqa: D102
+    def advance(self, duration: float) -> None:
         self.used = self.free
         self.free.run(duration)
 
-    def replay(self, torques: Vector) -> None:  # noqa: D102
+    def replay(self, torques: Vector) -> None:
         self.used = self.held
         self.held.run(len(torques) * TICK, torques)
 
-    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def state(self) -> tuple[Vector, Vector]:
         return self.used.state.q.copy(), self.used.state.v.copy()
 
-    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         return _acceleration(self.free.model, q, v, tau)
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pinocchio's ``aba``: it integrates nothing, so it is compared by the evaluation only."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """SciPy's DOP853 on Pinocchio's ``aba``: what a careful Python user writes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
@@ -12,7 +10,6 @@ from benchmarks.robots.models import Robot
 
 
 def contestants() -> list[Contestant]:
-    """The highest-order explicit pair SciPy has."""
     note = "the right-hand side is called from Python"
     return [
         Contestant(
@@ -26,25 +23,24 @@ class ScipyTrial:
     """``solve_ivp`` with equal relative and absolute tolerance."""
 
     def __init__(self, robot: Robot, tolerance: float) -> None:
-        """Keep Pinocchio's model and workspace."""
         self.model, self.data = robot.pin, robot.pin.createData()
         self.tolerance, self.n = tolerance, robot.n
         self.x = np.zeros(2 * robot.n)
 
-    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+    def reset(self, q: Vector, v: Vector) -> None:
         self.x = np.concatenate([q, v])
 
-    def advance(self, duration: float) -> None:  # noqa: D102
+    def advance(self, duration: float) -> None:
         self._solve(duration, np.zeros(self.n))
 
-    def replay(self, torques: Vector) -> None:  # noqa: D102
+    def replay(self, torques: Vector) -> None:
         for tau in torques:
             self._solve(TICK, tau)
 
-    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def state(self) -> tuple[Vector, Vector]:
         return self.x[: self.n].copy(), self.x[self.n :].copy()
 
-    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         return pin.aba(self.model, self.data, q, v, tau, pin.Convention.WORLD).copy()
 
     def _solve(self, duration: float, tau: Vector) -> None:

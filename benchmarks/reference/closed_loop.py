@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computed torque at 1 kHz along a smooth trajectory, the same law for every simulator."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,7 +23,6 @@ class Loop:
     _data: pin.Data = field(init=False)
 
     def __post_init__(self) -> None:
-        """Make Pinocchio's workspace."""
         self._data = self.robot.pin.createData()
 
     def reference(self, t: float) -> tuple[Vector, Vector, Vector]:
@@ -45,7 +42,6 @@ class Loop:
         return pin.rnea(self.robot.pin, self._data, q, v, a).copy()
 
     def run(self, trial: Trial) -> tuple[Vector, Vector]:
-        """Close the loop around a simulator."""
         trial.reset(self.robot.q0, np.zeros(self.robot.n))
         positions, torques = [self.robot.q0], []
         for k in range(self.ticks):

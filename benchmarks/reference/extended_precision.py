@@ -5,8 +5,6 @@ Featherstone, Rigid Body Dynamics Algorithms (2008), table 7.1, in 6-D matrices 
 ``numpy.longdouble`` (64-bit mantissa on x86). Spatial vectors are [angular; linear].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

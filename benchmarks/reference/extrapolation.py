@@ -5,8 +5,6 @@ Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), sect
 shares no coefficients with the methods that are measured.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion that every error is measured against, and how far it can be trusted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is timed: each feature's tick, ticks between and in events, many arms, many points."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

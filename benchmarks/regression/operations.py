@@ -7,8 +7,6 @@ fails where a change makes one larger. ``./arm python -m benchmarks.regression.o
 what has changed, ``--renew`` writes the file, for changes that are worth it.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any
@@ -38,7 +36,6 @@ def count(scene: Any) -> int:
 
 
 def recorded() -> dict[str, int]:
-    """What the file says."""
     return dict(yaml.safe_load(FILE.read_text()))
 
 

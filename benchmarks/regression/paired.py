@@ -56,16 +56,13 @@ class Recorder:
             raise click.ClickException(f"arm_sim of {tree} is not used, but {module}")
 
     def __enter__(self) -> Recorder:
-        """Use it in a ``with`` statement."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End it."""
         self._process.kill()
         self._process.communicate()
 
     def ask(self, name: str) -> None:
-        """Have a line measured."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{name}\n")
         self._process.stdin.flush()
@@ -84,7 +81,6 @@ class Recorder:
 
 @contextmanager
 def worktree(revision: str, folder: Path) -> Iterator[Path]:
-    """The files of a revision for a while."""
     git = ("git", "-C", str(ROOT), "worktree")
     result = subprocess.run([*git, "add", "--detach", str(folder), revision],
                           capture_output=True, text=True)  # fmt: skip

@@ -6,8 +6,6 @@ measurement from its input; answers each with the processor time of one unit of 
 why there is none. Only the public interface is used: the modules of the trees differ.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys
@@ -29,14 +27,12 @@ Job = tuple[Callable[[], object], Callable[[], object], int]  # prepare, do, uni
 
 
 def run(line: dict[str, Any]) -> Job:
-    """Ticks of a simulation that is recorded."""
     simulator, ticks, start = _simulator(line), line["ticks"], _start(line)
     tau = line.get("tau")
     return lambda: simulator.reset(*start), lambda: simulator.run(ticks * DT, tau), ticks
 
 
 def step(line: dict[str, Any]) -> Job:
-    """Ticks that are asked for one by one."""
     simulator, ticks, start = _simulator(line), line["ticks"], _start(line)
     still = np.zeros(simulator.n)
 
@@ -59,14 +55,12 @@ def rollout(line: dict[str, Any]) -> Job:
 
 
 def inverse(line: dict[str, Any]) -> Job:
-    """Points of a batch."""
     dynamics = Dynamics(line["scene"])
     q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, line["points"], dynamics.n))
     return lambda: None, lambda: dynamics.inverse(q, v, a), line["points"]
 
 
 def forward(line: dict[str, Any]) -> Job:
-    """Points of a batch."""
     dynamics = Dynamics(line["scene"])
     q, v, tau = np.random.default_rng(0).uniform(-1.0, 1.0, (3, line["points"], dynamics.n))
     return lambda: None, lambda: dynamics.forward(q, v, tau), line["points"]
@@ -94,7 +88,6 @@ def _timed(job: Job) -> float:
 
 
 def main() -> None:
-    """Answer until the input ends."""
     lines = json.loads(Path(sys.argv[1]).read_text())
 
     @cache

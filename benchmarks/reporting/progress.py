@@ -16,7 +16,6 @@ class Bar:
     """One line for the stage that runs, one bar; no refresh thread, which would cost time."""
 
     def __init__(self, console: Console) -> None:
-        """Prepare the bar on ``console``."""
         self._rich = Progress(
             TextColumn("{task.description:<38}"), BarColumn(), MofNCompleteColumn(),
             TimeElapsedColumn(), console=console, auto_refresh=False,
@@ -27,11 +26,9 @@ class Bar:
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the bar was made."""
         return time.perf_counter() - self._began
 
     def __enter__(self) -> Bar:
-        """Show the bar."""
         self._rich.start()
         return self
 
@@ -41,16 +38,13 @@ class Bar:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave the last state on the screen."""
         self._rich.stop()
 
-    def stage(self, text: str, total: int) -> None:
-        """A stage of ``total`` jobs begins."""
+    def stage(self, text: str, total: int | None) -> None:
         self._rich.reset(self._task, description=text, total=total)
         self._rich.refresh()
 
     def advance(self) -> None:
-        """One job is done."""
         self._rich.advance(self._task)
         now = time.perf_counter()
         if now - self._drawn > DRAW_EVERY:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names and marks of curves; all else is the house style, ``arm_sim.figures``."""
 
-from __future__ import annotations
-
 MARKS = "osD^vPXh*p"
 METHODS = {
     "euler": "Euler", "semi_implicit_euler": "semi-implicit Euler", "midpoint": "midpoint",

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robots that are measured, each as one URDF text that every simulator reads."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
@@ -24,7 +22,6 @@ class Robot:
 
     @property
     def n(self) -> int:
-        """Number of joints."""
         return len(self.q0)
 
     @cached_property

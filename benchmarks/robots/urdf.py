@@ -5,12 +5,11 @@ No meshes, no collision bodies, no limits, no friction: every simulator that rea
 same differential equation.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +30,14 @@ def plain_urdf(model: pin.Model) -> str:
     """Write a Pinocchio model as URDF: fixed base, revolute joints about coordinate axes."""
     parts = [f'<?xml version="1.0"?>\n<robot name="{model.name}">', '<link name="link0"/>']
     for i in range(1, model.njoints):
-        parts += [_link(i, model.inertias[i]), _joint(model, i)]
+        body, place = model.inertias[i], model.jointPlacements[i]
+        moments = body.inertia[np.triu_indices(3)].tolist()
+        parts.append(link(f"link{i}", body.mass, moments, body.lever))
+        parts.append(joint(
+            model.names[i], "continuous", f"link{model.parents[i]}", f"link{i}",
+            AXES[model.joints[i].shortname()[-2:]], place.translation,
+            pin.rpy.matrixToRpy(place.rotation),
+        ))  # fmt: skip
     return "\n".join([*parts, "</robot>\n"])
 
 
@@ -55,27 +61,26 @@ def chain_urdf(links: int, length: float = 0.2, mass: float = 1.0, radius: float
     return plain_urdf(model)
 
 
-def _link(i: int, inertia: pin.Inertia) -> str:
-    m = inertia.inertia
-    com = _triple(inertia.lever)
+def link(name: str, mass: float, inertia: Sequence[float], com: Any = (0, 0, 0)) -> str:
+    """A link; moments xx, xy, xz, yy, yz, zz about its centre of mass."""
+    keys = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), inertia, strict=True)
+    moments = " ".join(f'{key}="{float(x)!r}"' for key, x in keys)
     return (
-        f'<link name="link{i}"><inertial><origin xyz="{com}" rpy="0 0 0"/>'
-        f'<mass value="{float(inertia.mass)!r}"/>'
-        f'<inertia ixx="{float(m[0, 0])!r}" ixy="{float(m[0, 1])!r}" ixz="{float(m[0, 2])!r}" '
-        f'iyy="{float(m[1, 1])!r}" iyz="{float(m[1, 2])!r}" izz="{float(m[2, 2])!r}"/>'
-        "</inertial></link>"
+        f'<link name="{name}"><inertial><origin xyz="{_triple(com)}"/>'
+        f'<mass value="{float(mass)!r}"/><inertia {moments}/></inertial></link>'
     )
 
 
-def _joint(model: pin.Model, i: int) -> str:
-    place = model.jointPlacements[i]
-    axis = AXES[model.joints[i].shortname()[-2:]]
+def joint(
+    name: str, kind: str, parent: str, child: str, axis: Any, at: Any = (0, 0, 0),
+    turn: Any = (0, 0, 0), lower: float = -1e9,
+) -> str:  # fmt: skip
+    """A joint; ``lower`` is its lower end where it has one."""
+    limit = f'<limit lower="{lower!r}" upper="1e9" effort="0" velocity="0"/>'
     return (
-        f'<joint name="{model.names[i]}" type="continuous">'
-        f'<parent link="link{model.parents[i]}"/><child link="link{i}"/>'
-        f'<origin xyz="{_triple(place.translation)}" '
-        f'rpy="{_triple(pin.rpy.matrixToRpy(place.rotation))}"/>'
-        f'<axis xyz="{_triple(axis)}"/></joint>'
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{_triple(at)}" rpy="{_triple(turn)}"/><axis xyz="{_triple(axis)}"/>'
+        f"{'' if kind == 'continuous' else limit}</joint>"
     )
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the stability stress."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections import Counter

@@ -4,8 +4,6 @@
 The balance of forces is written down from Jacobians and gravity, the limits by linear programs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count

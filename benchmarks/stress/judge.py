@@ -6,8 +6,6 @@ asked, that of the simulator of ``test/reference/independent``, which shares no 
 (it knows neither backlash nor current limits, and takes seconds to minutes).
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -6,8 +6,6 @@ outside, until none is (Kelley, "The cutting-plane method for solving convex pro
 1960).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: tables, a figure, and all runs as JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
@@ -47,7 +45,6 @@ def write(results: Sequence[Result], held: Sequence[Held], out: Path, docs: Path
 
 
 def page(results: Sequence[Result], held: Sequence[Held]) -> str:
-    """All tables, in Markdown."""
     parts = {
         "Outcomes": f"{outcomes(results)}\n\n{wrong(results)}",
         "Survival by length of the tick": survival(results),
@@ -66,7 +63,6 @@ def runs(results: Sequence[Result]) -> list[Result]:
 
 
 def outcomes(results: Sequence[Result]) -> str:
-    """What became of the runs of each kind and method."""
     rows = []
     for kind in dict.fromkeys(r.kind for r in results):
         mine = [r for r in results if r.kind == kind]
@@ -82,12 +78,10 @@ def _row(name: str, mine: Sequence[Result]) -> list[object]:
 
 
 def survival(results: Sequence[Result]) -> str:
-    """How often each method survives at each step."""
     return _by_step(runs(results), _percent)
 
 
 def errors(results: Sequence[Result]) -> str:
-    """How wrong each method is at each step where it survives: median and worst."""
     survived = [r for r in runs(results) if r.outcome == SURVIVED]
     return _by_step(survived, lambda some: _spread(r.error for r in some))
 
@@ -117,7 +111,6 @@ def wrong(results: Sequence[Result]) -> str:
 
 
 def line(r: Result) -> str:
-    """One run in words."""
     error = "" if r.error is None else f", off by {number(r.error, 2)}"
     within = "" if r.tolerance is None else f" to {r.tolerance:.1g}"
     return (
@@ -159,7 +152,6 @@ def _percent(some: Sequence[Result]) -> str:
 
 
 def _spread(values: Iterable[float | None]) -> str:
-    """Median and worst."""
     known = [value for value in values if value is not None]
     return f"{number(float(np.median(known)), 2)}, {number(max(known), 2)}" if known else "—"
 
@@ -174,11 +166,11 @@ def draw(results: Sequence[Result], path: Path) -> None:
         for mark, (key, name) in zip(MARKS, names.items(), strict=False):
             errors.plot(*_errors(groups[key]), marker=mark, label=name)
         errors.set(xscale="log", yscale="log", ylim=(ROUNDING / 2, 10), xlabel=STEP,
-                   title="median error", ylabel="position error / (1 + |position|)")  # fmt: skip
+                   title="median error of right runs", ylabel="position error / (1 + |position|)")  # fmt: skip
 
 
 def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:
-    """A table of the percentages of stable runs: methods as rows, steps as columns."""
+    """A table of the percentages of right runs: methods as rows, steps as columns."""
     steps = sorted({step for some in groups for step in some})
     if not steps:
         return
@@ -194,11 +186,10 @@ def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:
     axis.set_xticks(decades, [f"$10^{{{decade:.0f}}}$" for decade in decades])
     axis.set_yticks(rows, names)
     axis.grid(visible=False)
-    axis.set(xlabel=STEP, title="stable runs [%]")
+    axis.set(xlabel=STEP, title="right runs [%]")
 
 
 def _errors(groups: Groups) -> tuple[list[float], list[float]]:
-    """Steps, and medians of the errors of stable runs."""
     errors = {step: [r.error for r in some if r.outcome == SURVIVED and r.error is not None]
               for step, some in groups.items()}  # fmt: skip
     errors = {step: some for step, some in errors.items() if len(some) >= FEWEST}

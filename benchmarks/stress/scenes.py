@@ -7,9 +7,7 @@ the joint that carries them, over some decades. Sets of parts that statics does 
 drawn by ``held``.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +15,7 @@ import numpy as np
 
 from arm_dynamics import Dynamics, load_scene
 from arm_sim.integrators.methods import METHODS
+from benchmarks.robots.urdf import joint, link
 
 Vector = np.ndarray
 Settings = dict[str, Any]
@@ -50,7 +49,6 @@ class Way:
 
     @property
     def name(self) -> str:
-        """Method, and whether under error control."""
         return f"{self.method or 'default'}{'' if self.tolerance is None else ' controlled'}"
 
 
@@ -159,13 +157,19 @@ def _tree(rng: Draw, n: int, hard: dict[str, bool]) -> tuple[Settings, Vector]:
         # A rod along x from its joint on; inertia of an ellipsoid with axes 1, thin, thin / 2.
         a, b, c = (lengths[i] / 2 * part for part in (1.0, thin, thin / 2))
         moments = [masses[i] / 5 * s for s in (b * b + c * c, a * a + c * c, a * a + b * b)]
-        parts.append(link(f"link{i + 1}", masses[i], moments, (lengths[i] / 2, 0, 0)))
+        parts.append(link(f"link{i + 1}", masses[i], diagonal(moments), (lengths[i] / 2, 0, 0)))
         parts.append(joint(f"joint{i + 1}", str(kind), f"link{parent}", f"link{i + 1}", axis,
                            (shift, 0, 0), turn))  # fmt: skip
     scene: Settings = {"robot": {"urdf": "\n".join([*parts, "</robot>"])}, "joints": {}}
     if hard["weightless"]:
         scene["gravity"] = [0.0, 0.0, 0.0]
     return scene, kinds == "prismatic"
+
+
+def diagonal(moments: Sequence[float]) -> tuple[float, ...]:
+    """A tensor of inertia, as a URDF has it, of its principal moments."""
+    x, y, z = moments
+    return x, 0.0, 0.0, y, 0.0, z
 
 
 def _spread(rng: Draw, ends: tuple[float, float], n: int) -> Vector:
@@ -186,33 +190,6 @@ def _skew(rng: Draw) -> tuple[Vector, Vector]:
 def _square(rng: Draw) -> tuple[Vector, Vector]:
     axis = np.eye(3)[rng.choice(3, p=(0.125, 0.4375, 0.4375))]
     return axis, rng.integers(-1, 3, 3) * np.pi / 2
-
-
-def link(name: str, mass: float, moments: Any, com: Any = (0, 0, 0)) -> str:
-    """A link; its principal moments of inertia are along the axes."""
-    ixx, iyy, izz = (repr(float(moment)) for moment in moments)
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{_triple(com)}"/>'
-        f'<mass value="{float(mass)!r}"/><inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" '
-        'ixy="0" ixz="0" iyz="0"/></inertial></link>'
-    )
-
-
-def joint(
-    name: str, kind: str, parent: str, child: str, axis: Any, at: Any = (0, 0, 0),
-    turn: Any = (0, 0, 0), lower: float = -1e9,
-) -> str:  # fmt: skip
-    """A joint; ``lower`` is its lower end where it has one."""
-    limit = f'<limit lower="{lower!r}" upper="1e9" effort="0" velocity="0"/>'
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{_triple(at)}" rpy="{_triple(turn)}"/><axis xyz="{_triple(axis)}"/>'
-        f"{'' if kind == 'continuous' else limit}</joint>"
-    )
-
-
-def _triple(values: Any) -> str:
-    return " ".join(repr(float(x)) for x in values)
 
 
 # --- friction and features ---------------------------------------------------------------------
@@ -392,7 +369,11 @@ def _free(name: str, moves: str, mass: float, lowest: str = "") -> list[str]:
     parts, parent = [], "base"
     for axis in moves:
         child = name if axis == moves[-1] else f"{name}_{axis}_part"
-        own = link(child, mass, (0.3 * mass,) * 3) if child == name else f'<link name="{child}"/>'
+        own = (
+            link(child, mass, diagonal((0.3 * mass,) * 3))
+            if child == name
+            else f'<link name="{child}"/>'
+        )
         kind = "prismatic" if axis.islower() else "continuous"
         direction = np.eye(3)["xyz".index(axis.lower())]
         lower = 0.0 if axis == lowest else -1e9
@@ -430,7 +411,7 @@ def _loop(rng: Draw) -> tuple[list[str], Settings]:
     parts, names = [], [f"h{k}" for k in range(len(lengths))]
     for k, name in enumerate(names):
         parent, at = (f"bar{k - 1}", (lengths[k - 1], 0, 0)) if k else ("base", (0, 0, 0))
-        parts += [link(f"bar{k}", lengths[k], (0.1,) * 3),
+        parts += [link(f"bar{k}", lengths[k], diagonal((0.1,) * 3)),
                   joint(name, "continuous", parent, f"bar{k}", (0, -1, 0), at)]  # fmt: skip
     tip = [float(lengths[-1]), 0.0, 0.0]
     pin = {"type": "point", "frames": [f"bar{len(names) - 1}", "world"], "points": [tip, end]}
@@ -444,7 +425,7 @@ def _couplings(rng: Draw) -> tuple[list[str], Settings]:
     """Wheels coupled by gears, with friction at each; in half of them, two trains."""
     names = [f"w{k}" for k in range(int(rng.integers(3, 7)))]
     parts = [text for name in names for text in (
-        link(f"wheel_{name}", 1.0, (rng.uniform(0.05, 1.0),) * 3),
+        link(f"wheel_{name}", 1.0, diagonal((rng.uniform(0.05, 1.0),) * 3)),
         joint(name, "continuous", "base", f"wheel_{name}", (0, 0, 1)))]  # fmt: skip
     cut = len(names) // 2 if rng.random() < 0.5 and len(names) > 3 else 0
     gears = [

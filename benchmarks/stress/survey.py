@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many cases on all cores, each in its own process: that one hangs or crashes is a result."""
 
-from __future__ import annotations
-
 import logging
 import os
 import tempfile

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every study is given: who takes part, how carefully to measure, and how to say so."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -40,7 +38,6 @@ class Bench:
         return 3 if self.quick else 7
 
     def robots(self) -> list[Robot]:
-        """The robots whose motion is compared."""
         return [panda()] if self.quick else [panda(), ur10(), chain(6)]
 
     def time[Name: Hashable](
@@ -52,7 +49,6 @@ class Bench:
         return interleaved(jobs, rounds, self.noise, self.progress.advance)
 
     def once(self, label: str, call: Callable[[], Any]) -> Any:
-        """Do one piece of untimed work, with progress."""
         self.progress.stage(label, 1)
         done = call()
         self.progress.advance()

@@ -6,8 +6,6 @@ The peers are Pinocchio's ``constraintDynamics``, which integrates nothing, and 
 its one coordinate (test/reference/make_linkages.py).
 """
 
-from __future__ import annotations
-
 import json
 from importlib.util import find_spec
 from pathlib import Path

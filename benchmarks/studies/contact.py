@@ -6,8 +6,6 @@ runs with its default contact and with the stiffest that this step allows (solre
 cones. ``./arm python -m benchmarks.studies.contact`` prints the table of docs/concepts/contact.md.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 
@@ -28,7 +26,6 @@ MJCF = """<mujoco><option timestep="0.001" integrator="RK4" cone="elliptic" grav
 
 
 def ours(push: float, speed: float, seconds: float) -> np.ndarray:
-    """Positions (x, z) at the end of every tick."""
     contact = {"type": "contact", "frame": "body", "friction": MU}
     sim = Simulator({"robot": {"urdf": URDF}, "constraints": [contact]}, integrator="rk4", dt=DT)
     sim.reset(v=[speed, 0.0])
@@ -49,7 +46,6 @@ def mujoco_run(solref: float, push: float, speed: float, seconds: float) -> np.n
 
 
 def main() -> None:
-    """Print the table."""
     runs = {
         "here": ours,
         "MuJoCo, default": lambda *case: mujoco_run(0.02, *case),

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What one step and one evaluation cost, and how that grows with the number of joints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from importlib.util import find_spec
 
@@ -19,12 +17,10 @@ ROUNDS = 9  # short ones, from which the claims are computed
 STEPS = 500
 LINKS = (2, 3, 5, 7, 10, 15, 20, 30, 40, 50)
 QUICK_LINKS = (2, 7, 20)
-TOO_SLOW = ("Newton",)  # for chains of many links
 GROWTH = ("euler", "rk4", "Euler", "RK4")
 
 
 def run(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> Record:
-    """Cost tables."""
     rows: list[Record] = []
     for robot in bench.robots():
         jobs = _steps(bench, robot) | _evaluations(robot, extra)
@@ -50,10 +46,6 @@ def _evaluations(
         from benchmarks.peers import dynibo as dynibo_peer
 
         ways["dynibo from Python"] = dynibo_peer.interpreted
-    if find_spec("frax"):
-        from benchmarks.peers import frax as frax_peer
-
-        ways["frax, many at once"] = frax_peer.batched
     return {("evaluation", label): build(robot) for label, build in ways.items()}
 
 
@@ -68,7 +60,7 @@ def step_job(who: Contestant, robot: Robot) -> Job:
 def _growth(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> list[Record]:
     rows: list[Record] = []
     links = QUICK_LINKS if bench.quick else LINKS
-    chosen = [c for c in bench.contestants if c.method in GROWTH and c.family not in TOO_SLOW]
+    chosen = [c for c in bench.contestants if c.method in GROWTH]
     jobs: dict[tuple[int, str], Job] = {}
     for n in bench.each("building chains", list(links)):
         robot = chain(n)

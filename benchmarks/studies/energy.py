@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energy of a free, frictionless arm: it must not change, over 1, 10, 100 and 1000 s."""
 
-from __future__ import annotations
-
 import math
 import time
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a scene does not need costs nothing: operations and ns with each feature on or off."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -69,7 +67,6 @@ def scenes() -> dict[str, Scene]:
 
 
 def run(bench: Bench) -> Record:
-    """Time one RK4 step of each scene."""
     from arm_sim import Simulator
 
     jobs: dict[str, Job] = {}

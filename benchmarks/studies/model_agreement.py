@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Is it the same arm in every simulator? Forward dynamics against Pinocchio on random states."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

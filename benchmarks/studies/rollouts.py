@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many arms at once: arm-steps per second and core, against MuJoCo, Newton, Warp."""
-
-from __future__ import annotations
+"""Many arms at once: arm-steps per second and core, against MuJoCo."""
 
 import os
 import time
@@ -19,8 +17,6 @@ STEP = 1e-3
 STEPS = 50
 ARMS = (1, 8, 64, 1024)
 QUICK_ARMS = (8, 512)
-ON_WARP = ("MuJoCo Warp Euler", "Newton Euler")  # on one thread of the processor
-FEWEST_ON_WARP = 64  # a step of one arm takes nearly as long as one of as many
 
 
 class Fleet(Protocol):
@@ -34,18 +30,12 @@ Fleets = dict[str, Callable[[Robot, int], Fleet]]  # label -> (robot, threads) -
 
 
 def peers() -> Fleets:
-    """MuJoCo's rollout with its Euler and RK4 steps, and simulators on Warp, where installed."""
+    """MuJoCo's rollout with its Euler and RK4 steps, where it is installed."""
     fleets: Fleets = {}
     if find_spec("mujoco"):
         from benchmarks.peers import mujoco as mujoco_peer
 
         fleets |= {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
-    if find_spec("newton") and find_spec("mujoco_warp"):
-        from benchmarks.peers import mujoco_warp, newton, warp_fleet
-
-        worlds = mujoco_warp.World, newton.World
-        for who, world in zip(ON_WARP, worlds, strict=True):
-            fleets[who] = warp_fleet.fleet_maker(world, "cpu", STEP, STEPS)
     return fleets
 
 
@@ -97,11 +87,10 @@ def _samples(
 ) -> dict[tuple[str, int, int], Sample]:
     samples: dict[tuple[str, int, int], Sample] = {}
     for who, build in fleets.items():
-        for threads in (1,) if who in ON_WARP else sorted({1, cores}):
+        for threads in sorted({1, cores}):
             fleet = build(robot, threads)
             for arms in QUICK_ARMS if bench.quick else ARMS:
-                if who not in ON_WARP or arms >= FEWEST_ON_WARP:
-                    samples[who, threads, arms] = _sample(fleet, robot, arms)
+                samples[who, threads, arms] = _sample(fleet, robot, arms)
     return samples
 
 

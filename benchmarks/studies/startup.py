@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a scene to the first step: in an empty cache, and with the compiled code there already."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processor time against error in q, in free motion and under computed torque."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import covering, sampled
+from samples import sampled
 
 import models
 from arm_dynamics import load_scene
@@ -17,38 +17,18 @@ from arm_sim.integrators.methods import METHODS
 from models.linkages import body, inline, interpreted, scene, worst_gaps
 from tolerances import CLOSURE, CLOSURE_SPEED, ORDER, assert_close
 
-SCENES = ("slider_crank", "four_bar", "five_bar", "parallel_gripper", "panda_pen", "bricard")
+SCENES = ("slider_crank", "five_bar", "panda_pen", "bricard")
 STEPS = {1: (11, 12), 2: (8, 9), 4: (8, 9), 5: (8, 9), 8: (5, 6)}
-
-
-@cache
-def rk4(name: str) -> Simulator:
-    """The scene at 1 ms, to be reset."""
-    return Simulator(scene(name), integrator="rk4", dt=1e-3)
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_no_drift_in_a_minute(name: str) -> None:
     """At 1 ms, moving on its own or pushed."""
-    sim = rk4(name)
-    sim.reset()
-    push = 0.02 * np.cos(np.arange(sim.n)) if name in ("five_bar", "parallel_gripper") else None
+    sim = Simulator(scene(name), integrator="rk4", dt=1e-3)
+    push = 0.02 * np.cos(np.arange(sim.n)) if name == "five_bar" else None
     gap, speed = worst_gaps(sim, sim.run(60.0, push), 301)
     assert gap <= CLOSURE, f"open by {gap:.2e}"
     assert speed <= CLOSURE_SPEED, f"opening at {speed:.2e}"
-
-
-@pytest.mark.parametrize("name", ["slider_crank", "four_bar", "bricard"])
-def test_energy_drifts_no_more_than_without_constraints(name: str) -> None:
-    """At most twice that of the same links, cut open, from the same start, relative to what
-    moves."""
-    closed = rk4(name)
-    closed.reset()
-    cut = Simulator(scene(name, constraints=[]), integrator="rk4", dt=1e-3)
-    cut.reset(closed.state.q, closed.state.v)
-    runs = [sim.run(10.0) for sim in (closed, cut)]
-    drift = [np.ptp(run.energy) / np.ptp(run.kinetic) for run in runs]
-    assert drift[0] <= 2.0 * drift[1], f"{drift[0]:.2e} against {drift[1]:.2e}"
 
 
 @cache
@@ -59,7 +39,7 @@ def path(method: str, exponent: int) -> np.ndarray:
     return np.hstack([run.q, run.v])
 
 
-@pytest.mark.parametrize("method", sampled(METHODS, 4))
+@pytest.mark.parametrize("method", sampled(METHODS, 2))
 def test_every_method_keeps_its_order(method: str) -> None:
     """Against DOP853 at 1 ms, at all common times."""
     order, finest = METHODS[method].order, 10
@@ -72,7 +52,7 @@ def test_every_method_keeps_its_order(method: str) -> None:
     assert -ORDER <= measured - order <= (ORDER if order <= 4 else 1.2), f"order {measured:.2f}"
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
 def test_error_control_keeps_its_word(tolerance: float) -> None:
     exact = interpreted(scene("slider_crank"), integrator="dop853", dt=2.5e-4).run(1.0)
     run = interpreted(scene("slider_crank"), tolerance=tolerance, dt=1e-2).run(1.0)
@@ -177,18 +157,7 @@ def test_a_joint_that_a_rod_leaves_no_speed_at_first(coulomb: float) -> None:
     assert_close(kinetic, 0.5 * 15.0 * 0.6**2 - fallen - coulomb * slid, 1e-6)
 
 
-@pytest.mark.parametrize("dt", [2e-3, 1e-2])
-def test_a_linkage_with_dry_friction_comes_to_rest(dt: float) -> None:
-    """Where its speed ends, the correction of a long step is not small against it."""
-    rough = scene("four_bar", joints={"*": {"friction": {"coulomb": 0.5}}})
-    fine = Simulator(rough, tolerance=1e-10).run(0.2)
-    run = Simulator(rough, integrator="rk4", dt=dt).run(0.2)
-    assert not run.v[-1].any()
-    error = abs(run.q[-1] - fine.q[-1]).max()
-    assert error < 5e4 * dt**4, f"{error:.1e}"
-
-
-@pytest.mark.parametrize(("stopped", "coulomb"), covering([(0, 1), (0, 2), (0, 3)], [0.05, 0.0]))
+@pytest.mark.parametrize(("stopped", "coulomb"), [((0, 1), 0.05), ((0, 3), 0.0)])
 def test_a_linkage_between_two_stops_comes_to_rest(
     stopped: tuple[int, int], coulomb: float
 ) -> None:
@@ -202,7 +171,7 @@ def test_a_linkage_between_two_stops_comes_to_rest(
     joints[names[0]]["friction"] = {"coulomb": coulomb}
     start = {"position": dict(zip(names, q0.tolist(), strict=True))}
     sim = Simulator(scene("five_bar", joints=joints, initial=start), integrator="rk4", dt=1e-2)
-    for seed in range(4):
+    for seed in range(2):
         sim.reset()
         run = sim.run(2.0, np.random.default_rng(seed).normal(size=4))
         assert not run.v[-1].any()
@@ -210,10 +179,9 @@ def test_a_linkage_between_two_stops_comes_to_rest(
         assert gap <= CLOSURE and speed <= CLOSURE_SPEED
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.4])
-def test_doubled_constraints_change_nothing(turn: float) -> None:
+def test_doubled_constraints_change_nothing() -> None:
     """Nor does a planar loop in a tilted plane, whose third row depends on the other two."""
-    once = scene("four_bar")
+    once, turn = scene("four_bar"), 0.4
     urdf = once.robot.urdf.replace(
         '<origin xyz="0 0 0"/>', f'<origin xyz="0 0 0" rpy="{turn} 0 0"/>'
     )
@@ -232,9 +200,9 @@ def test_doubled_constraints_change_nothing(turn: float) -> None:
     assert_close(np.linalg.norm(shares.sum(0)), np.linalg.norm(one.multipliers()), 1e-6)
 
 
-@pytest.mark.parametrize("dt", [2e-3, 1e-2])
-def test_an_overconstrained_linkage_moves(dt: float) -> None:
+def test_an_overconstrained_linkage_moves() -> None:
     """Bricard's, at steps whose stages are far off the positions where its rows depend."""
+    dt = 1e-2
     fine = interpreted(scene("bricard"), tolerance=1e-10, dt=0.1).run(2.0)
     run = interpreted(scene("bricard"), integrator="rk4", dt=dt).run(2.0)
     error = abs(run.q[-1] - fine.q[-1]).max()
@@ -242,31 +210,11 @@ def test_an_overconstrained_linkage_moves(dt: float) -> None:
     assert np.ptp(fine.energy) < 1e-8
 
 
-def flat(**options: Any) -> Simulator:
-    """Two cranks and a coupler of 1 m, no weight: flat, they may go on parallel or crossed."""
+def test_torques_that_fight_in_a_singular_position_are_an_error() -> None:
+    """At two cranks and a coupler, flat: they tear at the hinges without end."""
     path = models.FOLDER.parent / "reference/parallelograms_1.yaml"
     plain = load_scene(path).model_dump(exclude_unset=True)
-    return interpreted(plain | {"gravity": [0, 0, 0]}, **options)
-
-
-@pytest.mark.parametrize(
-    ("speed", "options"),
-    covering([1e-6, 1e-3, 0.1, 3.0, 30.0], [{}, {"tolerance": 1e-7}, {"integrator": "midpoint"}]),
-    ids=str,
-)
-def test_the_branch_is_kept_through_flat(speed: float, options: dict[str, Any]) -> None:
-    """From half a second before it to half a second after, and through rest in it."""
-    sim = flat(**options)
-    start = 0.5003 * speed
-    sim.reset([start, -start, start], [-speed, speed, -speed])
-    run = sim.run(1.0)
-    assert_close(run.q[:, 0], start - speed * run.time, 1e-9)
-    assert_close(run.q[:, 2], run.q[:, 0], 1e-9)
-
-
-def test_torques_that_fight_in_a_singular_position_are_an_error() -> None:
-    """They tear at the hinges without end; no motion follows from them."""
-    sim = flat()
+    sim = interpreted(plain | {"gravity": [0, 0, 0]})
     sim.reset([0.005, -0.005, 0.005], [-0.01, 0.01, -0.01])
     with pytest.raises(SimulationDiverged, match="near a singular position") as error:
         sim.run(2.0, [10.0, 0.0, -10.0])

@@ -7,21 +7,11 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import ComputedTorque, PDGravity, Settings
+from arm_dynamics.control import ComputedTorque, Settings
 from arm_dynamics.exceptions import ControllerFailed
 from arm_dynamics.trajectory import Waypoint, quintic
-from arm_sim import ClosedLoop, Simulator
+from arm_sim import ClosedLoop
 from tolerances import assert_close
-
-
-def test_a_controller_stays_where_the_run_begins() -> None:
-    sim = models.simulator("two_link", dt=1e-3)
-    q = sim.state.q
-    motion = sim.run(0.2, control=ComputedTorque(sim.dynamics))
-    assert_close(motion.q, np.tile(q, (201, 1)), 1e-9)
-    sim.reset(q=q + 0.1)
-    motion = sim.run(0.2, control=own_controllers.Springs(sim.dynamics))
-    assert_close(motion.q[-1], q + 0.1, 1e-9)
 
 
 def test_a_controller_follows_a_motion_from_the_beginning_of_the_run() -> None:
@@ -45,29 +35,6 @@ def test_a_loop_says_that_a_motion_takes_longer_than_asked(
     caplog.clear()
     assert pair.follow([Waypoint(3.0, q + 0.5)]).stretch == 1.0
     assert not caplog.text
-
-
-def test_it_is_the_loop_that_a_function_closes_by_hand() -> None:
-    sim = models.simulator("two_link", dt=1e-3)
-    control, q = PDGravity(sim.dynamics, 50.0, 10.0), sim.state.q
-    way = quintic([Waypoint(0.0, q), Waypoint(0.5, q + 0.2)])
-    done = sim.run(0.3, control, way)
-    sim.reset()
-    by_hand = sim.run(0.3, lambda s: control.torque(s, way.sample(s.time)))
-    np.testing.assert_array_equal(done.q, by_hand.q)
-    np.testing.assert_array_equal(done.tau, by_hand.tau)
-
-
-def test_torques_become_what_the_drives_take() -> None:
-    """A voltage holds the pendulum: u = R τ / (N K_t), here against its weight at 30 degrees."""
-    sim = Simulator(models.scene("motor_pendulum"), dt=1e-4)
-    sim.reset(q=[np.pi / 6])
-    sim.run(1e-4, PDGravity(sim.dynamics, 0.0, 0.0))
-    motor = models.scene("motor_pendulum").joints["swing"].actuator
-    assert motor is not None and motor.resistance and motor.torque_constant
-    weight = sim.dynamics.gravity([np.pi / 6])[0]
-    volts = motor.resistance * weight / (motor.gear_ratio * motor.torque_constant)
-    assert_close(sim.arm.acted, [volts], 1e-9)
 
 
 def test_one_of_ones_own_leads_a_closed_loop_along_trajectories() -> None:

@@ -60,7 +60,7 @@ def test_ctrl_c_ends_what_takes_long(tmp_path: Path) -> None:
         assert process.stdout is not None
         try:
             for name in process.stdout:
-                time.sleep(0.5)
+                time.sleep(0.2)
                 while name == "record\n" and not (recorded.exists() and recorded.stat().st_size):
                     time.sleep(0.1)
                 begin = time.monotonic()
@@ -150,8 +150,8 @@ def alone(control: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    "make", [in_a_loop, alone(Springs), alone([0.1, -0.2]), alone(None)],
-    ids=["closed loop", "controller", "torques", "none"],
+    "make", [in_a_loop, alone(Springs), alone([0.1, -0.2])],
+    ids=["closed loop", "controller", "torques"],
 )  # fmt: skip
 def test_a_streamed_file_is_a_saved_one(
     make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

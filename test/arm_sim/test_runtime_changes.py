@@ -5,23 +5,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import sampled
 
 import models
-from arm_dynamics import ArmError, Dynamics, InvalidInput, SceneError, load_scene
+from arm_dynamics import ArmError, ArmModel, Dynamics, InvalidInput, SceneError, load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.simulation.runtime_changes import external_change, friction_change, payload_change
 from tolerances import ALGEBRA, BACKENDS, assert_close
 
+CORD = {"frames": ["forearm", "upper_arm"], "points": [[0.15, 0, 0.02], [0.2, 0, 0.1]],
+        "stiffness": 120.0, "rest_length": 0.25, "damping": 1.5}  # fmt: skip
 LOAD = {"frame": "tip", "mass": 0.5, "com": [0.0, 0.0, 0.05],
         "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3]}  # fmt: skip
 
 
 def tunable(*names: str, **more: Any) -> Any:
     base = models.scene("two_link").model_dump(exclude_unset=True)
-    return load_scene({**base, "tunable": names, **more})
+    return load_scene({**base, "tunable": names, "springs": [CORD], **more})
 
 
 def moved(sim: Simulator, ticks: int = 50) -> np.ndarray:
@@ -30,19 +31,11 @@ def moved(sim: Simulator, ticks: int = 50) -> np.ndarray:
     return np.concatenate([sim.state.q, sim.state.v])
 
 
-def settled(mass: float, viscous: float) -> Any:
-    """A scene that has a payload and friction from the start."""
-    return load_scene({
-        **models.scene("two_link").model_dump(exclude_unset=True),
-        "payloads": [{**LOAD, "mass": mass}],
-        "joints": {"*": {"friction": {"viscous": viscous}}},
-    })  # fmt: skip
-
-
 @pytest.fixture(scope="module")
 def other() -> Simulator:
     """The arm with 2 kg and 0.7 N m s/rad that was built so."""
-    return Simulator(settled(2.0, 0.7), integrator="rk4")
+    built = {"payloads": [{**LOAD, "mass": 2.0}], "joints": {"*": {"friction": {"viscous": 0.7}}}}
+    return Simulator(tunable(**built), integrator="rk4")
 
 
 CHANGES: dict[str, Any] = {
@@ -52,10 +45,7 @@ CHANGES: dict[str, Any] = {
 }
 
 
-ORDERS = ("drag push load", "load drag", "drag load", "load drag push", "push load drag")
-
-
-@pytest.mark.parametrize("order", sampled(ORDERS, 2))
+@pytest.mark.parametrize("order", ["drag push load", "push load drag"])
 def test_changes_add_up_in_any_order(order: str, other: Simulator) -> None:
     """What one change sets the others keep: motions, dynamics, rollouts, derivatives, energies."""
     sim = Simulator(tunable("payload", "friction", payloads=[LOAD]), integrator="rk4")
@@ -106,31 +96,17 @@ def test_a_push_stays_through_other_changes() -> None:
         (lambda s: friction_change(s, [-1.0] * 2), InvalidInput, "at least 0 is expected"),
         (lambda s: friction_change(s, [1.0]), InvalidInput, "shape"),
         (lambda s: payload_change(s, -1, 1.0, [0] * 3, [0] * 6), InvalidInput, "has 1, counted"),
+        (lambda s: s.set_parameter("friction", np.ones((3, 2))), InvalidInput, r"shape \(3, 2\)"),
+        (lambda s: s.set_parameter("gravity", [0.0] * 3), InvalidInput, "'gravity' is not tun"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Any, error: type[ArmError], said: str) -> None:
-    sim = Simulator(tunable("payload", "friction", payloads=[LOAD]), integrator="rk4")
+    sim = Simulator(tunable("payload", "friction", payloads=[LOAD]), backend="vm")
     with pytest.raises(error, match=said):
         make(sim)
 
 
-def test_one_simulator_has_one_set_of_parameters() -> None:
-    sim = Simulator(tunable("friction"), integrator="rk4")
-    before = sim.arm.parameters.copy()
-    with pytest.raises(InvalidInput, match=r"friction has shape \(3, 2\); expected one row"):
-        sim.set_parameter("friction", np.ones((3, 2)))
-    np.testing.assert_array_equal(sim.arm.parameters, before)
-
-
-def test_what_is_not_tunable_is_refused() -> None:
-    sim = models.simulator("two_link", integrator="rk4")
-    with pytest.raises(InvalidInput, match="'payload' is not tunable"):
-        payload_change(sim, 0, 1.0, [0] * 3, [0] * 6)
-    with pytest.raises(InvalidInput, match="'friction' is not tunable"):
-        friction_change(sim, np.ones(sim.n))
-
-
-@pytest.mark.parametrize("name", ["two_link", "gripper", "gantry"])
+@pytest.mark.parametrize("name", ["two_link", "gripper"])
 def test_a_push_is_a_torque_that_no_limit_cuts(name: str, rng: np.random.Generator) -> None:
     sim = Simulator(models.scene(name), integrator="rk4")
     sim.step(np.zeros(sim.n))
@@ -139,10 +115,9 @@ def test_a_push_is_a_torque_that_no_limit_cuts(name: str, rng: np.random.Generat
     assert sim.state is before
     push = rng.normal(scale=50.0, size=sim.n)
     sim.set_parameter("external", push)
-    free = load_scene({**models.scene(name).model_dump(exclude_unset=True)})
+    free = ArmModel(models.scene(name))
+    vars(free)["command_limit"] = np.full(sim.n, np.inf)
     other = Simulator(free, integrator="rk4")
-    vars(other.model)["command_limit"] = np.full(other.n, np.inf)
-    other = Simulator(other.model, integrator="rk4")
     other.step(np.zeros(sim.n))
     sim.step(np.zeros(sim.n))
     other.step(push)

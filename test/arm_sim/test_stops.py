@@ -22,23 +22,12 @@ DROP = 0.5
 def rail(stop: Any = None, lower: float = 0.0, **joint: Any) -> dict[str, Any]:
     """A mass on a vertical rail that ends at ``lower``; it starts at rest, ``DROP`` above zero."""
     limits = {"lower": lower, "upper": 2.0, **({} if stop is None else {"stop": stop})}
-    urdf = f"""<robot name="rail"><link name="base"/><link name="mass"><inertial>
-      <mass value="{MASS}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-      </inertial></link><joint name="rail" type="prismatic"><parent link="base"/>
-      <child link="mass"/><axis xyz="0 0 1"/>
-      <limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint></robot>"""
-    return {
-        "robot": {"urdf": urdf},
-        "joints": {"rail": {"limits": limits, **joint}},
-        "initial": {"position": {"rail": DROP}},
-    }
+    joints = {"z": {"limits": limits, **joint}}
+    return rails("z", MASS) | {"joints": joints, "initial": {"position": {"z": DROP}}}
 
 
-def two_link(stops: dict[str, Any], **scene: Any) -> dict[str, Any]:
-    return {
-        "robot": {"urdf": (models.FOLDER / "planar_3r.urdf").read_text()},
-        "joints": stops,
-    } | scene
+def planar(stops: dict[str, Any], **scene: Any) -> dict[str, Any]:
+    return {"robot": {"urdf": str(models.FOLDER / "planar_3r.urdf")}, "joints": stops} | scene
 
 
 def test_impacts_count_however_the_arm_is_driven() -> None:
@@ -53,6 +42,7 @@ def test_impacts_count_however_the_arm_is_driven() -> None:
 
 def test_a_mass_falls_on_a_rigid_stop_and_stays_there() -> None:
     sim = Simulator(rail())
+    assert not sim.stop_torque.any()
     run = sim.run(1.0)
     landing = np.sqrt(2 * DROP / G)
     falling = run.time < landing
@@ -62,12 +52,15 @@ def test_a_mass_falls_on_a_rigid_stop_and_stays_there() -> None:
     assert sim.impacts == 1
     assert_close(run.lost[-1], MASS * G * DROP, CLOSED_FORM)
     assert abs(run.balance).max() < 1e-11
+    assert_close(run.stop_torque, ~falling[:, None] * MASS * G, CLOSED_FORM)
+    assert_close(sim.stop_torque, [MASS * G], CLOSED_FORM)
 
 
 def test_it_rebounds_as_newton_says_and_comes_to_rest() -> None:
     e = 0.6
     sim = Simulator(rail({"restitution": e}))
     run = sim.run(2.0)
+    assert sim.impacts > 4
     hit, speed = np.sqrt(2 * DROP / G), np.sqrt(2 * G * DROP)
     for _ in range(4):  # bounce after bounce, each a parabola
         speed *= e
@@ -81,8 +74,9 @@ def test_it_rebounds_as_newton_says_and_comes_to_rest() -> None:
     assert abs(run.balance).max() < 1e-10
 
 
-@pytest.mark.parametrize("method", [{}, {"tolerance": 1e-10}], ids=["fixed", "controlled"])
-@pytest.mark.parametrize(("place", "way"), [(2e-3, -1.0), (2.0 - 2e-3, 1.0)])
+@pytest.mark.parametrize(
+    ("place", "way", "method"), [(2e-3, -1.0, {}), (2.0 - 2e-3, 1.0, {"tolerance": 1e-10})]
+)
 def test_a_blow_between_rest_and_rebound_is_accounted_for(
     place: float, way: float, method: dict[str, Any]
 ) -> None:
@@ -96,15 +90,6 @@ def test_a_blow_between_rest_and_rebound_is_accounted_for(
     assert abs(run.balance).max() < 1e-11
 
 
-def test_what_holds_a_joint_at_its_stop_is_reported() -> None:
-    sim = Simulator(rail())
-    assert not sim.stop_torque.any()
-    run = sim.run(1.0, [3.0])
-    assert_close(sim.stop_torque, [MASS * G - 3.0], CLOSED_FORM)
-    assert_close(run.stop_torque[-1], [MASS * G - 3.0], CLOSED_FORM)
-    assert not run.stop_torque[0].any()
-
-
 @pytest.mark.parametrize(
     ("q", "pushed"),
     [([-2.0, 0.3, 0.2], 0), ([0.1, 1.5, 0.2], 1), ([0.1, 0.3, -1.0], 2), ([3.0, -0.5, 0.9], -1)],
@@ -113,7 +98,7 @@ def test_every_stop_that_holds_is_reported_and_no_other(q: list[float], pushed: 
     """Either end of any joint, or of all of them at once."""
     ends = {"joint1": (-2.0, 3.0), "joint2": (-0.5, 1.5), "joint3": (-1.0, 0.9)}
     limits = {name: {"limits": {"lower": a, "upper": b}} for name, (a, b) in ends.items()}
-    sim = Simulator(two_link(limits, gravity=[0, 0, 0]))
+    sim = Simulator(planar(limits, gravity=[0, 0, 0]))
     lower, upper = np.transpose(list(ends.values()))
     out = np.where(q == lower, -1.0, np.where(q == upper, 1.0, 0.0))
     push = out * [5.0, 4.0, 3.0]
@@ -163,26 +148,20 @@ def test_a_compliant_stop_is_a_spring_and_a_damper_that_never_pull() -> None:
     assert abs(run.balance).max() < 1e-9
 
 
-@pytest.mark.parametrize("e", [0.0, 0.4])
-def test_a_blow_at_a_stop_reaches_all_joints_in_the_metric_of_inertia(e: float) -> None:
-    sim = Simulator(
-        two_link({"joint2": {"limits": {"lower": -1.0, "upper": 1.0, "stop": {"restitution": e}}}})
-    )
+def test_a_blow_at_a_stop_reaches_all_joints_in_the_metric_of_inertia() -> None:
+    limits = {"lower": -1.0, "upper": 1.0, "stop": {"restitution": 0.4}}
+    sim = Simulator(planar({"joint2": {"limits": limits}}), dt=1e-7)
     v = np.array([0.7, 2.0, -1.3])
     sim.reset(q=[0.3, 1.0, -0.2], v=v)
-    M, row = sim.dynamics.mass_matrix(sim.state.q), np.array([0.0, 1.0, 0.0])
-    column = np.linalg.solve(M, row)
-    expected = v - column * (1 + e) * v[1] / column[1]
-    after = Simulator(two_link({"joint2": sim.model.scene.joints["joint2"].model_dump()}), dt=1e-7)
-    after.reset(q=[0.3, 1.0, -0.2], v=v)
-    assert_close(after.step(np.zeros(3)).v, expected, 1e-4)
-    assert after.impacts == 1
+    column = np.linalg.inv(sim.dynamics.mass_matrix(sim.state.q))[1]
+    assert_close(sim.step(np.zeros(3)).v, v - column * 1.4 * v[1] / column[1], 1e-4)
+    assert sim.impacts == 1
 
 
 def test_a_joint_at_rest_at_its_stop_passes_a_blow_on() -> None:
     """Two joints at their stops, one hits: what both stops give is found together."""
     limits = {"limits": {"lower": -1.0, "upper": 1.0}}
-    sim = Simulator(two_link({"joint2": limits, "joint3": limits}), dt=1e-7)
+    sim = Simulator(planar({"joint2": limits, "joint3": limits}), dt=1e-7)
     v = np.array([0.0, 2.0, 0.0])
     sim.reset(q=[0.3, 1.0, 1.0], v=v)
     M = sim.dynamics.mass_matrix(sim.state.q)
@@ -194,15 +173,6 @@ def test_a_joint_at_rest_at_its_stop_passes_a_blow_on() -> None:
             found = after
     assert found is not None
     assert_close(sim.step(np.zeros(3)).v, found, 1e-4)
-
-
-def test_both_sides_of_a_short_range_hold() -> None:
-    sim = Simulator(rail({"restitution": 0.9}, lower=0.499))
-    sim.reset(q=[0.5], v=[-40.0])
-    run = sim.run(1.0)
-    assert run.q.min() >= 0.499
-    assert run.q.max() <= 2.0
-    assert abs(run.balance).max() < 1e-9
 
 
 def test_every_joint_meets_either_stop_at_its_instant() -> None:
@@ -219,15 +189,6 @@ def test_every_joint_meets_either_stop_at_its_instant() -> None:
         state = sim.step(np.zeros(3))
         assert_close(state.q, side * (far - 0.5 * (0.5 - far)), CLOSED_FORM)
         assert_close(state.v, np.full(3, -0.5 * side), CLOSED_FORM)
-
-
-def test_what_a_follower_may_do_stops_its_leader() -> None:
-    urdf = (models.FOLDER / "gripper.urdf").read_text()
-    sim = Simulator({"robot": {"urdf": urdf}})
-    assert sim.model.has_followers
-    upper = sim.model.stops.place[1]
-    run = sim.run(1.0, np.full(sim.n, 20.0))
-    assert (run.q <= upper).all()
 
 
 LEADING, FOLLOWING = 1.0, 0.5
@@ -247,10 +208,9 @@ def pair(ratio: float, **joints: Any) -> dict[str, Any]:
     return {"robot": {"urdf": f'<robot name="pair">{links}</robot>'}, "joints": settings}
 
 
-@pytest.mark.parametrize("ratio", [2.0, -3.0])
-def test_a_followers_soft_stop_acts_on_its_leader_by_the_square_of_the_ratio(ratio: float) -> None:
+def test_a_followers_soft_stop_acts_on_its_leader_by_the_square_of_the_ratio() -> None:
     """The leader arrives at 1 m/s and oscillates on the spring."""
-    stiffness, damping = 900.0, 4.0
+    ratio, stiffness, damping = -3.0, 900.0, 4.0
     soft = {"stop": {"stiffness": stiffness, "damping": damping}}
     sim = Simulator(pair(ratio, follower=soft), integrator="dop853", tolerance=1e-11)
     sim.reset(q=[1 / abs(ratio)], v=[1.0])
@@ -277,35 +237,22 @@ def test_each_side_has_the_restitution_of_the_joint_that_stops_there(
     assert_close(run.v[[0, -1], 0], [way, -e * way], CLOSED_FORM)
 
 
-def test_stops_can_be_left_out() -> None:
-    sim = Simulator(rail(False))
-    assert not sim.arm.plant.events
-    assert sim.run(1.0).q[-1, 0] == pytest.approx(DROP - 0.5 * G, abs=1e-9)
-
-
 def test_positions_beyond_a_stop_are_refused() -> None:
     sim = Simulator(rail())
-    with pytest.raises(InvalidInput, match=r"joint 'rail' at -0.1 is beyond its stops"):
+    with pytest.raises(InvalidInput, match=r"joint 'z' at -0.1 is beyond its stops"):
         sim.reset(q=[-0.1])
-    with pytest.raises(InvalidInput, match="arm 1: joint 'rail'"):
+    with pytest.raises(InvalidInput, match="arm 1: joint 'z'"):
         sim.rollout([[0.1], [2.5]], [[0.0], [0.0]], [0.0], 3)
     with pytest.raises(SceneError, match=r"initial.position.*beyond its stops"):
-        Simulator(rail() | {"initial": {"position": {"rail": 2.1}}})
+        Simulator(rail() | {"initial": {"position": {"z": 2.1}}})
+    zero = rail(lower=0.2) | {"initial": {}}  # a start that nobody asked for is at the nearer stop
+    assert Simulator(zero).state.q.tolist() == [0.2]
 
 
-@pytest.mark.parametrize("place", [1e4, -1e4])
-def test_a_locked_joint_is_not_put_beyond_its_limits(place: float) -> None:
-    urdf = (models.FOLDER / "gantry.urdf").read_text()
-    name = Simulator({"robot": {"urdf": urdf}}).joint_names[0]
-    scene = {"robot": {"urdf": urdf, "lock": [name]}, "initial": {"position": {name: place}}}
-    with pytest.raises(SceneError, match=f"locked joint '{name}' at {place:g} is beyond its"):
-        Simulator(scene)
-
-
-def test_a_start_at_zero_beyond_the_range_is_at_the_nearer_stop() -> None:
-    scene = rail(lower=0.2)
-    del scene["initial"]
-    assert Simulator(scene).state.q.tolist() == [0.2]
+def test_a_locked_joint_is_not_put_beyond_its_limits() -> None:
+    robot = {"urdf": str(models.FOLDER / "gantry.urdf"), "lock": ["x"]}
+    with pytest.raises(SceneError, match="locked joint 'x' at -10000 is beyond its limits"):
+        Simulator({"robot": robot, "initial": {"position": {"x": -1e4}}})
 
 
 def test_without_a_compiler_a_scene_runs_until_a_stop_is_met() -> None:
@@ -319,7 +266,7 @@ def test_without_a_compiler_a_scene_runs_until_a_stop_is_met() -> None:
 def test_accumulating_impacts_are_time_stepped_and_reported() -> None:
     """A million blows a tick, between stops a millimetre apart."""
     scene = rail({"restitution": 1.0}, lower=0.4995)
-    scene["joints"]["rail"]["limits"]["upper"] = 0.5005
+    scene["joints"]["z"]["limits"]["upper"] = 0.5005
     sim = Simulator(scene)
     sim.reset(q=[0.5], v=[1e6])
     run = sim.run(0.02)
@@ -346,31 +293,11 @@ def test_no_time_stepped_tick_ends_beyond_a_stop_or_inside_a_slope() -> None:
         assert 0.8 * state.q[0] + 0.6 * state.q[1] > -1e-12
 
 
-@pytest.mark.parametrize("method", ["euler", "rk4"])
-def test_what_flies_from_stop_to_stop_by_an_unstable_method_has_diverged(method: str) -> None:
+def test_what_flies_from_stop_to_stop_by_an_unstable_method_has_diverged() -> None:
     """Friction stops the mass in 2 µs, the tick has 10 ms: its speed grows; it is not at rest."""
     scene = rail({"restitution": 1.0}, friction={"viscous": 1e6})
-    sim = Simulator(scene, integrator=method, dt=1e-2)
+    sim = Simulator(scene, integrator="rk4", dt=1e-2)
     sim.reset(v=[1.0])
     with pytest.raises(SimulationDiverged, match="cannot be computed"):
         sim.run(0.1)
     assert 0.0 < sim.state.q[0] < 2.0 and sim.state.v[0] != 0.0
-
-
-def test_of_several_joints_beyond_their_stops_the_farthest_is_named() -> None:
-    sim = Simulator("panda")
-    q, (lower, upper) = sim.model.q0.copy(), sim.model.stops.bounds
-    q[1], q[3] = upper[1] + 0.1, lower[3] - 0.5
-    said = rf"joint 'panda_joint4' at {q[3]:.6g} is beyond its stops; allowed: {lower[3]:.6g} to"
-    with pytest.raises(InvalidInput, match=said):
-        sim.set_state(q, np.zeros(7))
-    q[3] = lower[3]
-    with pytest.raises(InvalidInput, match="joint 'panda_joint2' at"):
-        sim.set_state(q, np.zeros(7))
-
-
-def test_an_elastic_impact_is_counted_although_it_loses_nothing() -> None:
-    sim = Simulator(rail({"restitution": 1.0}))
-    run = sim.run(2.0)
-    assert sim.impacts == np.count_nonzero(np.diff(np.sign(run.v[:, 0])) > 0)
-    assert sim.impacts > 1

@@ -22,20 +22,23 @@ SMALL = replace(
     PENDULUM,
     expected={t: PENDULUM.expected[t] for t in (1.0, 2.0)},
     steps=(0.02, 0.01, 0.005, 0.001),
+    ticks=problems.TICKS[1:],
 )
 
 
 @cache
 def results() -> dict[str, Any]:
-    with patch.object(wheels, "STEPS", {"Euler": (1e-3,)}), patch.object(wheels, "REPEATS", 1):
+    few = {"STEPS": {"Euler": (1e-3,)}, "REPEATS": 1, "WHEELS": 1}
+    with patch.multiple(wheels, **few):
         return cli.run([SMALL], Console(file=StringIO()))
 
 
 def test_every_method_step_and_tolerance_is_there() -> None:
     found = results()
     assert len(found["fixed"]) == len(METHODS) * len(SMALL.steps)
-    assert len(found["fixed"]) + len(found["controlled"]) == sweep.count(SMALL)
-    assert len(found["scipy"]) == len(sweep.TOLERANCES)
+    assert len(found["controlled"]) == len(sweep.CONTROLLED) * len(SMALL.ticks) * len(
+        sweep.TOLERANCES
+    )
 
 
 @pytest.mark.parametrize("name", ["midpoint", "heun", "rk4"])

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark: its reference, its clocks and its report on a tiny problem."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from benchmarks.comparison.claims import MET, MISSED, MISSING, OPEN
 from benchmarks.comparison.report import markdown, summary, write
 from benchmarks.comparison.suite import judged
 from benchmarks.measurement.intervals import of_median
-from benchmarks.measurement.timing import Cost, Noise, interleaved
 from benchmarks.peers.base import OURS, Contestant, halvings
 from benchmarks.reference import solution
 from benchmarks.reference.closed_loop import Loop
@@ -75,15 +73,7 @@ def test_truth_knows_how_good_it_is(bench: Bench) -> None:
     assert max(held.halving, held.other) < 1e-12
 
 
-def test_every_job_runs_once_a_round_in_turn() -> None:
-    calls: list[str] = []
-    jobs = {name: (lambda name=name: float(calls.append(name) or len(calls))) for name in "ab"}
-    costs = interleaved(jobs, 3, Noise(), lambda: None)
-    assert calls == ["a", "b"] * 3
-    assert costs["a"] == Cost(median=3.0, low=2.0, high=4.0, samples=(1.0, 3.0, 5.0))
-
-
-@pytest.mark.parametrize(("count", "rank"), [(6, 1), (8, 1), (9, 2), (20, 6), (100, 40)])
+@pytest.mark.parametrize(("count", "rank"), [(6, 1), (9, 2), (100, 40)])
 def test_an_interval_holds_the_median_with_its_confidence(count: int, rank: int) -> None:
     """Ranks of tables, such as Conover, "Practical Nonparametric Statistics", and a simulation."""
     assert of_median(range(1, count + 1)) == (rank, count + 1 - rank)
@@ -98,8 +88,6 @@ def test_an_interval_holds_the_median_with_its_confidence(count: int, rank: int)
         ([0.5, 0.6, 0.5, 0.7, 0.6, 0.6], MET),  # the limit is 0.75
         ([0.9, 0.95, 1.0, 0.8, 0.9, 0.9], MISSED),
         ([0.5, 0.6, 0.5, 0.9, 0.6, 0.6], OPEN),  # of six, all count
-        ([0.5, 0.6, 0.5, 0.9, 0.6, 0.6, 0.5, 0.6, 0.6], MET),  # of nine, all but two
-        ([0.5, 0.5, 0.5, 0.5, 0.5], OPEN),  # five rounds decide nothing
     ],
 )
 def test_a_verdict_on_a_time_does_not_turn_with_the_host(
@@ -119,16 +107,10 @@ def test_a_verdict_on_a_time_does_not_turn_with_the_host(
     assert claim["value"] == pytest.approx(np.median(rounds))
 
 
-def test_an_error_is_judged_without_an_interval() -> None:
-    point = {"robot": "Panda", "scenario": "free motion", "family": OURS, "method": "rk4",
-             "setting": 1e-3, "error_rad": 1.0, "cpu_s": 1.0}  # fmt: skip
-    results = {"work_precision": {"points": [point]}}
-    [claim] = [c for c in claims.check(results) if "RK4 at 1 ms" in c["text"]]
-    assert claim["verdict"] == MISSED
-
-
 def test_steps_and_targets() -> None:
     assert halvings(8e-3, 1e-3) == (8e-3, 4e-3, 2e-3, 1e-3)
+    with pytest.raises(ValueError, match=r"0\.016 s does not divide 1\.0 s"):
+        Contestant(OURS, "leap", "step", (0.016,), (), LeapTrial)
     points = [
         {"method": "slow", "error_rad": e, "cpu_s": c}
         for e, c in ((1e-2, 1.0), (1e-4, 100.0), (None, 1e4))
@@ -138,11 +120,6 @@ def test_steps_and_targets() -> None:
     assert cost == pytest.approx(10.0)
     assert targets.cheapest(points, 1e-5) is None
     assert targets.cheapest(points, 1.0) == (1.0, "slow")
-
-
-def test_steps_that_miss_the_end_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"0\.016 s does not divide 1\.0 s"):
-        Contestant(OURS, "leap", "step", (0.016,), (), LeapTrial)
 
 
 def test_a_wrong_arm_is_noticed(bench: Bench) -> None:
@@ -157,14 +134,12 @@ def test_a_wrong_arm_is_noticed(bench: Bench) -> None:
 def test_report_has_figures_and_verdicts(bench: Bench) -> None:
     found = markdown(judged(full_results(bench)), {"cost:joints": "joints.png"})
     assert "![joints](joints.png)" in found
-    assert (
-        "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.50 to 0.50 | 0.75 | met |" in found
-    )
-    assert (
-        "| forward dynamics ÷ Pinocchio's ABA from C++ | 1/20 | 1/20 to 1/20 | 0.40 | met |"
-        in found
-    )
-    assert "| cold start of Panda | 6 s | too few rounds | 5 s | open |" in found
+    for row in (
+        "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.50 to 0.50 | 0.75 | met |",
+        "| forward dynamics ÷ Pinocchio's ABA from C++ | 1/20 | 1/20 to 1/20 | 0.40 | met |",
+        "| cold start of Panda | 6 s | too few rounds | 5 s | open |",
+    ):
+        assert row in found
 
 
 def full_results(bench: Bench) -> dict[str, Any]:
@@ -213,7 +188,6 @@ def test_report_of_a_tiny_run(bench: Bench, tmp_path: Path) -> None:
     assert all(p["cpu_s"] > 0 for p in found["points"])
     results = judged({"about": about(bench), "work_precision": found})
     report = write(results, tmp_path).read_text()
-    assert json.loads((tmp_path / "report.json").read_text())["work_precision"] == found
     assert "left out, not installed: Drake" in report
     assert "![work precision chain 2](work_precision_chain_2.png)" in report
     assert (tmp_path / "work_precision_chain_2.png").stat().st_size > 10_000

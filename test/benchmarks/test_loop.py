@@ -41,48 +41,17 @@ GOOD: dict[str, Any] = {
 }  # fmt: skip
 
 
-def broken(*path: Any, value: Any) -> dict[str, Any]:
-    record = copy.deepcopy(GOOD)
-    place = record
-    for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
-    return record
-
-
-def test_good_figures_keep_all_promises() -> None:
-    assert all(holds for *_, holds in promises(GOOD))
-
-
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        (("loop", "loop", "elapsed"), 10.01),
-        (("loop", "loop", "missed"), 7),
-        (("loop", "share", "sim"), 0.16),
-        (("loop", "round_trip", "p50"), 4e-4),
-        (("ping", "p50"), 7e-4),
-        (("services", "p50"), 6e-4),
-        (("services", "bare", "p50"), 7e-4),
-        (("services", "batches", "inverse", "100000"), 1e5),
-        (("services", "batches", "forward", "100000"), 1e5),
-        (("core", "inverse", "compiled"), 4e5),
-        (("core", "forward", "compiled"), 4e5),
-        (("lockstep", "across", 0), {"rate": 1999.0, "digest": "a"}),
-        (("lockstep", "compiled", 0), {"rate": 4e4, "digest": "b"}),
-        (("lockstep", "across", 1), {"rate": 2500.0, "digest": "c"}),
-        (("lockstep", "compiled", 1), {"rate": 1e5, "digest": "c"}),
-    ],
-)
-def test_each_promise_can_be_broken(path: tuple[Any, ...], value: Any) -> None:
-    assert [holds for *_, holds in promises(broken(*path, value=value))].count(False) == 1
-
-
 def test_the_loop_s_report_is_written(tmp_path: Path) -> None:
     text = write(copy.deepcopy(GOOD), tmp_path, None).read_text()
     assert "1000.000 Hz" in text
     assert "**no**" not in text
     assert (tmp_path / "figures/loop.png").stat().st_size > 1000
+    worse = copy.deepcopy(GOOD)
+    worse["loop"]["loop"]["missed"] = 7
+    worse["services"]["bare"]["p50"] = 7e-4
+    worse["core"]["inverse"]["compiled"] = 4e5
+    worse["lockstep"]["across"] = [{"rate": 1999.0, "digest": letter} for letter in "ac"]
+    assert [holds for *_, holds in promises(worse)].count(False) == 5
 
 
 def test_the_bare_thread_counts_what_began_too_late() -> None:

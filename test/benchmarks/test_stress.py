@@ -29,7 +29,7 @@ from benchmarks.stress.judge import (
     examine,
 )
 from benchmarks.stress.report import write
-from benchmarks.stress.scenes import FAMILIES, HARDSHIPS, PIECE, PIECES, Case, Way, draw
+from benchmarks.stress.scenes import HARDSHIPS, PIECE, PIECES, Case, Way, draw
 from models.rotor import rotor
 
 BLANK = Result("features", 0, "rk4", 1e-3, REFUSED)
@@ -60,18 +60,21 @@ def test_features_and_ways_are_all_drawn() -> None:
     tried = {(way.method, way.dt) for way in draw("arms", 2).ways}
     assert tried >= {*product(scenes.METHODS, scenes.TICKS)}
     assert all(len(case.commands(1e-3)) == 1e3 * PIECE * PIECES for case in cases)
+    again = draw("features", 7)
+    assert cases[7].scene == again.scene != cases[8].scene and cases[7].ways == again.ways
+    np.testing.assert_array_equal(cases[7].command, again.command)
 
 
-def test_a_seed_is_a_case() -> None:
-    once, again, other = draw("features", 7), draw("features", 7), draw("features", 8)
-    assert once.scene == again.scene != other.scene and once.ways == again.ways
-    np.testing.assert_array_equal(once.command, again.command)
-
-
-def test_a_light_case_survives_in_a_process_of_its_own() -> None:
+def test_cases_are_examined_in_processes_of_their_own(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     results = survey.apart(("features", 5, 3, 0.0), str(user_cache.folder().parent))
     assert len(results) == scenes.WAYS
     assert {r.outcome for r in results} <= {SURVIVED, SHOWN}
+    [died] = survey.apart(("arms", 2, 3, 0.0), None)  # type: ignore[arg-type]  no folder
+    monkeypatch.setattr(survey, "PATIENCE", 0.0)
+    [hung] = survey.apart(("arms", 2, 3, 0.0), str(tmp_path))
+    assert (hung.outcome, hung.seed, died.outcome) == (HUNG, 2, CRASHED)
 
 
 def test_two_truths_agree() -> None:
@@ -104,7 +107,13 @@ def truth_of(run: Recording, **other: Any) -> Truth:
 
 @pytest.mark.parametrize(
     ("doubt", "error", "outcome"),
-    [("", 0.0, SURVIVED), ("", 1e-3, UNDETECTED), ("said", 1e-3, SURVIVED), ("said", 1.0, SHOWN)],
+    [
+        ("", 0.0, SURVIVED),
+        ("", 1e-3, UNDETECTED),
+        ("said", 0.0, SURVIVED),
+        ("said", 1e-3, SURVIVED),
+        ("said", 1.0, SHOWN),
+    ],
 )
 def test_errors_have_to_be_told_of(
     run: Recording, doubt: str, error: float, outcome: str, monkeypatch: pytest.MonkeyPatch
@@ -112,20 +121,10 @@ def test_errors_have_to_be_told_of(
     monkeypatch.setattr(Recording, "doubt", doubt)
     truth = truth_of(run)
     far = replace(truth, q=truth.q + error * np.linspace(0, 1, PIECES + 1)[:, None])
-    assert judge.judged(BLANK, replace(run), far).outcome == outcome
-
-
-def test_a_doubt_without_a_cause_is_a_false_alarm(
-    run: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert not judge.judged(BLANK, replace(run), truth_of(run)).false_alarm
-    monkeypatch.setattr(Recording, "doubt", "said")
-    assert judge.judged(BLANK, replace(run), truth_of(run)).false_alarm
-
-
-def test_an_error_that_both_truths_do_not_share_counts(run: Recording) -> None:
-    truth = truth_of(run, second=truth_of(run).q + 1e-4)
-    assert judge.judged(BLANK, run, truth).error == pytest.approx(1e-4, rel=0.9)
+    found = judge.judged(BLANK, replace(run), far)
+    assert (found.outcome, found.false_alarm) == (outcome, bool(doubt) and not error)
+    second = judge.judged(BLANK, replace(run), replace(far, second=far.q + 1e-4))
+    assert second.error == pytest.approx(error + 1e-4, rel=0.9)
 
 
 def test_a_silent_nan_is_found(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,20 +138,7 @@ def test_a_silent_nan_is_found(run: Recording, monkeypatch: pytest.MonkeyPatch) 
     assert result.outcome == NAN
 
 
-def test_a_case_that_does_not_end_is_a_result(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(survey, "PATIENCE", 0.0)
-    [result] = survey.apart(("arms", 2, 3, 0.0), str(tmp_path))
-    assert result.outcome == HUNG and result.seed == 2
-
-
-def test_a_process_that_dies_is_a_result() -> None:
-    [result] = survey.apart(("arms", 2, 3, 0.0), None)  # type: ignore[arg-type]  no folder
-    assert result.outcome == CRASHED
-
-
-@pytest.mark.parametrize("seed", range(len(FAMILIES)))
+@pytest.mark.parametrize("seed", [0, 1, 3, 5])  # of all families
 def test_sets_let_go_where_a_linear_program_says(seed: int) -> None:
     found = next(measured(seed))
     assert found.good, found

@@ -45,8 +45,7 @@ def test_never_inside_never_pulled_never_more_energy(seed: int) -> None:
     assert (history.force[:, :, 2] >= 0.0).all()
 
 
-@pytest.mark.parametrize("method", sampled(["rk4", "nystrom4"], 1))
-def test_order_is_kept_through_touching_sliding_and_bouncing(method: str) -> None:
+def test_order_is_kept_through_touching_sliding_and_bouncing() -> None:
     """With events located to rounding: order 4 as without contact."""
     scene = {"constraints": [contact("tip", plane={"point": [0, 0, -0.2]}, friction=0.2,
                                      restitution=0.5)]}  # fmt: skip
@@ -55,7 +54,7 @@ def test_order_is_kept_through_touching_sliding_and_bouncing(method: str) -> Non
     impacts = exact.impacts
     errors = []
     for dt in (5e-3, 2.5e-3, 1.25e-3):
-        sim = Simulator({**TWO_LINK, **START, **scene}, integrator=method, dt=dt)
+        sim = Simulator({**TWO_LINK, **START, **scene}, integrator="rk4", dt=dt)
         errors.append(np.abs(sim.run(0.7).q[-1] - wanted).max())
         assert sim.impacts == impacts
     assert impacts >= 2

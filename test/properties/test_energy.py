@@ -12,7 +12,7 @@ from tolerances import DRY_BALANCE, ENERGY_DRIFT, assert_close
 # Light wrists on heavy arms flail when let go: the time is short, so that speeds stay those of a
 # robot.
 SECONDS = 0.3
-EACH = sampled(models.ROBOTS, 4)
+EACH = sampled(models.ROBOTS, 3)
 
 
 def energies(name: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -75,10 +75,9 @@ def test_friction_never_gives_and_the_recorded_balance_is_zero(
     assert np.abs(run.balance).max() / scale < allowed
 
 
-@pytest.mark.parametrize("name", ["double_pendulum", "ur10"])
-def test_drift_shrinks_with_the_fourth_power_or_better(name: str) -> None:
+def test_drift_shrinks_with_the_fourth_power_or_better() -> None:
     drifts = []
     for dt in (4e-3, 2e-3):
-        run = models.simulator(name, integrator="rk4", dt=dt).run(SECONDS)
+        run = models.simulator("ur10", integrator="rk4", dt=dt).run(SECONDS)
         drifts.append(abs(run.energy[-1] - run.energy[0]))
     assert drifts[1] < drifts[0] / 2**3.7

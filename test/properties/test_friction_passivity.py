@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import sampled
 
 import models
 from arm_dynamics.equations import friction, lugre
@@ -13,7 +12,7 @@ from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import assert_close
 
-RUNS = 60
+RUNS = 30
 SCENES: dict[str, dict[str, Any]] = {
     "viscous and dry by direction": {
         "viscous": {"positive": 0.4, "negative": 0.1},
@@ -31,10 +30,6 @@ SCENES: dict[str, dict[str, Any]] = {
         "position": {"at": [-2, -1, 0, 1], "factor": [1.0, 0.3, 2.0, 1.0]},
         "load": {"at": [0, 1], "factor": [1.0, 1.2]},
     },
-    "LuGre": {
-        "viscous": 0.1, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.02,
-        "lugre": {"sigma0": 1e4, "sigma1": 30.0, "sigma1_velocity": 0.1},
-    },
     "LuGre by direction": {
         "viscous": {"positive": 13.0, "negative": 0.0},
         "coulomb": {"positive": 0.5, "negative": 0.3},
@@ -47,14 +42,10 @@ SCENES: dict[str, dict[str, Any]] = {
         "load": {"at": [0, 1], "factor": [1.0, 1.2]},
         "lugre": {"sigma0": 1e4, "sigma1": 30.0, "sigma1_velocity": 0.03},
     },
-    "LuGre, viscous enough": {
-        "viscous": 13.0, "coulomb": 0.5, "static": 0.7, "stribeck_velocity": 0.02,
-        "lugre": {"sigma0": 1e4, "sigma1": 30.0},
-    },
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("law", sampled(SCENES.values(), 4), ids=SCENES)
+@pytest.mark.parametrize("law", SCENES.values(), ids=SCENES)
 def test_friction_never_gives_energy(law: dict[str, Any], rng: np.random.Generator) -> None:
     """Many random runs: heat only grows, and no motion outlives its torque."""
     sim = Simulator(rotor(0.05, **law), dt=2e-3)
@@ -96,28 +87,6 @@ def test_passive_is_what_the_test_says(rng: np.random.Generator) -> None:
     assert passed > 20 and refused > 20
 
 
-def test_passive_from_one_place_and_direction_to_another(rng: np.random.Generator) -> None:
-    """Bristles bent anywhere within their bound meet every other level: the power lost is not
-    negative.
-    """
-    v = np.geomspace(1e-6, 1e3, 400)[:, None]
-    for _ in range(30):
-        fc, rise, vs = rng.uniform(0.2, 2.0), rng.uniform(0.0, 1.0), 10 ** rng.uniform(-3, 0)
-        factors, s1 = rng.uniform(0.3, 2.0, 3), 10 ** rng.uniform(-1, 3)
-        lowest, highest = fc * factors.min(), (fc + rise) * factors.max()
-        z = np.linspace(-highest, highest, 201)[None, :] / 1e5
-        enough = 1.000001 * s1 * (highest - lowest) / lowest
-        fading = 0.999999 * lugre.FADING * lowest / s1
-        for s2, velocity in ((enough, None), (0.0, fading)):
-            assert lugre.is_passive(s1, s2, lowest, highest, velocity)
-            for factor in factors:
-                level = factor * friction.dry(v, 1.0, fc, rise, vs)
-                damping = lugre.faded(v, s1, velocity)
-                rate = lugre.bending(v, z, 1e5, level)
-                heat = lugre.heat(v, z, rate, 1e5, damping, level) + s2 * v**2
-                assert np.min(heat / (np.abs(v) * highest + v**2 * (s1 + s2))) >= -1e-12
-
-
 def holding(dt: float, factor: float = 1.0) -> Simulator:
     """Panda, each joint with dry friction of ``factor`` times what its weight needs there."""
     scene = models.scene("panda").model_dump(exclude_unset=True)
@@ -155,7 +124,7 @@ def test_breaks_away_at_the_right_torque() -> None:
                 assert bool(sim.state.v[joint]) is moves, (joint, sign, factor)
 
 
-@pytest.mark.parametrize("dt", [1e-5, 1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("dt", [1e-4, 1e-2])
 def test_nothing_chatters(dt: float) -> None:
     """A wheel coasts to rest, is held, is pushed the other way: each speed changes sign once."""
     sim = Simulator(rotor(0.05, **SCENES["viscous and dry by direction"]), dt=dt)

@@ -20,7 +20,7 @@ SLIDING = 1e-11
 
 
 @scales
-@pytest.mark.parametrize("robot", ["planar_3r", "skew_axes", "scara", "gantry", "panda"])
+@pytest.mark.parametrize("robot", ["skew_axes", "gantry", "panda"])
 def test_dynamics_are_similar_to_the_bit(
     robot: str, scale: Scale, rng: np.random.Generator
 ) -> None:
@@ -57,7 +57,7 @@ def test_motions_are_similar(robot: str, tolerance: float, scale: Scale) -> None
 
 
 @scales
-@pytest.mark.parametrize("linkage", ["slider_crank", "four_bar", "five_bar"])
+@pytest.mark.parametrize("linkage", ["slider_crank", "five_bar"])
 def test_linkages_close_at_the_same_place(linkage: str, scale: Scale) -> None:
     plain = models.dynamics(linkage)
     other = Dynamics(scale.scene(models.scene(linkage)))
@@ -74,7 +74,7 @@ def test_long_slides_close_from_afar(scale: Scale) -> None:
     assert Dynamics(scene).model.q0[2] < 0.56 * scale.length
 
 
-@pytest.mark.parametrize("scale", [Scale(1.0, 1.0), TINY, HUGE])
+@scales
 def test_inertias_are_compared_with_one_another(
     scale: Scale, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -84,11 +84,8 @@ def test_inertias_are_compared_with_one_another(
     with caplog.at_level(logging.WARNING):
         load_scene(scale.scene(load_scene(text)))
     assert "link 'link2': no body has principal moments" in caplog.text
-    negative = load_scene(text).model_copy(
-        update={
-            "robot": plain.robot.model_copy(update={"urdf": text.replace('"0.001"', '"-0.01"')})
-        }
-    )
+    robot = plain.robot.model_copy(update={"urdf": text.replace('"0.001"', '"-0.01"')})
+    negative = load_scene(text).model_copy(update={"robot": robot})
     with pytest.raises(ModelError, match="<inertia iyy='-.*'>: must not be negative"):
         load_scene(scale.scene(negative))
     moments = np.array([-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]) * scale.mass * scale.length**2

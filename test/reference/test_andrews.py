@@ -151,7 +151,7 @@ def test_the_published_solution() -> None:
             ("dop853", 1e-3, 1e-12, 1e-11),
             ("implicit", 1e-4, 1e-9, 1e-9),
         ],
-        3,
+        2,
     ),
 )
 def test_the_simulator(method: str, dt: float, tolerance: float | None, allowed: float) -> None:

@@ -1,19 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A gear with backlash inside a position loop hunts: its limit cycle against the describing
-function of the play, and every instant of it against SciPy with the contacts of the teeth located.
+"""A gear with backlash inside a position loop hunts: its limit cycle against SciPy with the
+contacts of the teeth located.
 
 The motor's torque is -P q of the link's position q, its shaft is damped by c, and the link by b:
 
     J_m θ'' + c θ' + T = -P q,   J_l q'' + b q' = T,   T = k D(θ - q), D a dead zone of width 2 δ.
-
-Describing function (Gelb, Vander Velde, Multiple-Input Describing Functions, 1968, section 2.3;
-Nordin, Gutman, Automatica 38(10), 2002): for a twist of amplitude A > δ a dead zone is a gain
-n(A) = 1 - (2/π) (asin(δ/A) + (δ/A) √(1 - (δ/A)²)). With κ = k n(A) the loop is linear and has
-roots ± i ω if its characteristic polynomial
-
-    J_m J_l s⁴ + (J_m b + c J_l) s³ + (κ (J_m + J_l) + c b) s² + κ (c + b) s + κ P
-
-vanishes there: two real equations for κ and ω.
 """
 
 from functools import cache
@@ -21,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from arm_sim import Recording, Simulator
 from models.driven import wheel
@@ -43,38 +33,6 @@ def hunting() -> Recording:
     sim = Simulator(scene, dt=DT)
     sim.reset(q=[0.04])
     return sim.run(3.0, lambda state: -P * state.q)
-
-
-def described() -> tuple[float, float]:
-    """Frequency in [rad/s] and amplitude of the twist in [rad] by the describing function."""
-    r = (C + B) / (J_M * B + C * J_L)  # ω² = κ r, of the odd powers
-    kappa = (P - C * B * r) / (r * (J_M + J_L) - J_M * J_L * r**2)
-    ratio = brentq(lambda x: gain(x) - kappa / K, 0.0, 1.0)
-    return float(np.sqrt(kappa * r)), DELTA / ratio
-
-
-def gain(x: float) -> float:
-    """n of the dead zone, x = δ/A."""
-    return 1.0 - 2.0 / np.pi * float(np.arcsin(x) + x * np.sqrt(1.0 - x * x))
-
-
-def test_the_cycle_is_near_that_of_the_describing_function() -> None:
-    """It leaves out the higher harmonics, so that some percent are all that can be had: the cycle
-    is slower by 2.3 % and 0.9 % wider.
-    """
-    run = hunting()
-    late = run.time > 2.0
-    twist, t = (run.z[:, 0] - run.q[:, 0])[late], run.time[late]
-    up = np.flatnonzero((twist[:-1] < 0.0) & (twist[1:] >= 0.0))
-    instants = t[up] - twist[up] * DT / (twist[up + 1] - twist[up])
-    periods = np.diff(instants)
-    assert len(periods) > 3 and np.ptp(periods) < 1e-3 * periods.mean()
-    omega, amplitude = described()
-    one = (t >= instants[0]) & (t < instants[-1])
-    phase = np.exp(-2j * np.pi * (t[one] - instants[0]) / periods.mean())
-    fundamental = 2.0 * abs(np.mean(twist[one] * phase))
-    assert_close(2.0 * np.pi / periods.mean() / omega, 1.0, 0.04)
-    assert_close(fundamental / amplitude, 1.0, 0.04)
 
 
 def test_every_instant_of_it_against_scipy() -> None:

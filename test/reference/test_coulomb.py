@@ -49,12 +49,7 @@ def test_mass_on_a_spring_turns_where_it_should() -> None:
     assert_close(run.q[[300, 600, 900], 0], TURNS, TRAJECTORY)
     moving = np.sign(run.v[run.v != 0.0])
     assert np.count_nonzero(np.diff(moving)) == len(TURNS) - 1
-
-
-def test_mass_stays_where_the_spring_is_weaker_than_friction() -> None:
-    run = oscillation(300)
-    np.testing.assert_array_equal(run.v[900:], np.zeros((601, 1)))
-    assert len(np.unique(run.q[900:])) == 1
+    assert not run.v[900:].any() and len(np.unique(run.q[900:])) == 1  # friction holds it there
 
 
 def test_speed_at_the_turning_points_vanishes_with_the_square_of_the_tick() -> None:

@@ -29,7 +29,7 @@ def known() -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("arm", "chosen"), sampled(solutions.jobs([*features.ARMS]), 3))
+@pytest.mark.parametrize(("arm", "chosen"), sampled(solutions.jobs(["panda", "planar"]), 4))
 def test_features_together(arm: str, chosen: tuple[str, ...]) -> None:
     """A second of a set under its command, under error control."""
     scene = features.scene(arm, chosen)

@@ -70,7 +70,7 @@ def test_reduced_inertia_and_weight_of_four_bars(N: int) -> None:
     assert_close(dyn.gravity(th), [9.81 * ((N + 1) / 2 + N) * np.cos(0.4)], CLOSED_FORM)
 
 
-@pytest.mark.parametrize("degrees", [1, 10, 30, 60, 90, 120, 150, 170, 179])
+@pytest.mark.parametrize("degrees", [1, 90, 179])
 def test_period_of_a_pendulum(degrees: int) -> None:
     """Relative to small swings it is 2 K(sin²(a/2))/π (Landau and Lifshitz, Mechanics, §11).
 

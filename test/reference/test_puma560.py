@@ -24,14 +24,6 @@ def test_inverse_dynamics(case: dict[str, Any]) -> None:
     )
 
 
-@pytest.mark.parametrize("case", DATA["torques"], ids=lambda case: case["name"])
-def test_forward_dynamics(case: dict[str, Any]) -> None:
-    dyn = models.dynamics("puma560")
-    v, way = np.full(6, case["v"]), np.full(6, np.sign(case["v"] or case["a"]))  # from rest too
-    found = dyn.forward(case["q"], v, np.array(case["tau"]) + dyn.friction(v, direction=way))
-    assert_close(found, np.full(6, case["a"]), PUMA)
-
-
 def test_inertia_seen_by_each_joint() -> None:
     case = DATA["inertia_diagonal"]
     assert_close(np.diag(models.dynamics("puma560").mass_matrix(case["q"])), case["M"], PUMA)

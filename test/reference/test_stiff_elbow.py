@@ -18,14 +18,15 @@ SCENE = HERE / "stiff_elbow.yaml"
 
 
 @pytest.mark.parametrize("dt", [1e-3, 1e-2])
-@pytest.mark.parametrize("t", DATA)
-def test_what_is_chosen_by_itself(t: str, dt: float) -> None:
+def test_what_is_chosen_by_itself(dt: float) -> None:
     sim = Simulator(SCENE, dt=dt)
     assert sim.plan.integrator == "implicit"
-    th1, th2, w1, w2 = (float(x) for x in DATA[t])
-    run = sim.run(float(t))
-    assert_close(run.q[-1], [th1, th2 - th1], TRAJECTORY)
-    assert_close(run.v[-1], [w1, w2 - w1], TRAJECTORY)
+    run = sim.run(1.0)
+    for t, state in DATA.items():
+        th1, th2, w1, w2 = (float(x) for x in state)
+        k = round(float(t) / dt)
+        assert_close(run.q[k], [th1, th2 - th1], TRAJECTORY)
+        assert_close(run.v[k], [w1, w2 - w1], TRAJECTORY)
 
 
 def test_rk4_at_1_ms_is_beyond_its_stability() -> None:

@@ -69,8 +69,9 @@ else:
 # %%
 # The run and an independent solution
 # -----------------------------------
-# The current goes up and down in triangles that grow: the shaft gives way by a few milliradians
-# and comes back, then it breaks away.
+# The current goes up and down in triangles that grow: the shaft gives way by up to 19 mrad, of
+# which a part stays, since bristles that bend also slide; then it breaks away. The ripples are
+# the rotor's oscillation on its bristles.
 
 sim = Simulator("motor_friction", tolerance=1e-11)
 phase = np.arange(600) * sim.dt / 0.4
@@ -134,7 +135,7 @@ for name, ylabel, values in (
     axes[name].plot(run.time, values)
     axes[name].set(xlabel="time [s]", ylabel=ylabel)
 axes["a"].plot(1e3 * run.q[small, 0], 1e3 * K * run.command[small, 0])
-axes["a"].set(xlabel="angle [mrad]", ylabel="torque [mN m]", title="Before it slips")
+axes["a"].set(xlabel="angle [mrad]", ylabel="torque [mN m]", title="Before it breaks away")
 bristles_rate = np.gradient(exact[:, 2], run.time)
 friction = s0 * run.z[:, 0] + s1 * bristles_rate + s2 * run.v[:, 0]
 axes["c"].plot(run.v[large, 0], 1e3 * friction[large], lw=1.0, label="in the run")

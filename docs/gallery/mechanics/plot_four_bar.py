@@ -40,7 +40,7 @@ assert error <= 1e-8 and np.ptp(run.energy) <= 1e-8
 figure, plane = plt.subplots(figsize=(4.6, 3.2))
 turn = crank < crank[0] + 2 * np.pi
 plane.plot(crank[turn], rocker[turn], label="simulated")
-plane.plot(crank[turn], psi[turn], "--", label="Freudenstein")
+plane.plot(crank[turn][::60], psi[turn][::60], "o", label="Freudenstein")
 plane.set(xlabel="angle of the crank [rad]", ylabel="angle of the rocker [rad]")
 plane.legend(loc="lower center")
 

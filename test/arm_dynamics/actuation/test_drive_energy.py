@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from samples import sampled
 
-import models
 from arm_sim import Simulator
 from models.driven import law, of_states, wheel
 from tolerances import ALGEBRA, assert_close
@@ -28,14 +27,10 @@ HARMONIC = {
 DRIVES: dict[str, Any] = {
     "torque": wheel(gear_ratio=30.0),
     "torque, limited": wheel(**WINDING, gear_ratio=30.0, current_limit=4.0, voltage_limit=24.0),
-    "current": wheel(**WINDING, command="current"),
     "voltage, no inductance": wheel(**WINDING, command="voltage", gear_ratio=10.0),
     "voltage, no inductance, limited": wheel(**WINDING, command="voltage", current_limit=3.0),
-    "voltage": wheel(**VOLTAGE),
     "voltage, limited": wheel(**VOLTAGE, current_limit=2.0),
-    "cogging": wheel(**COGGING, **VOLTAGE),
     "another back-EMF": wheel(**VOLTAGE, back_emf_constant=0.07),
-    "belt": wheel(0.1, {"stiffness": 300.0, "damping": 2.0}, **ROTOR),
     "belt under voltage": wheel(0.1, {"stiffness": 300.0, "damping": 2.0}, **VOLTAGE, **COGGING),
     "play": wheel(0.1, {"stiffness": 900.0, "damping": 2.0, "backlash": 0.6}, **VOLTAGE),
     "harmonic drive": wheel(0.1, HARMONIC, **VOLTAGE, **COGGING),
@@ -43,31 +38,24 @@ DRIVES: dict[str, Any] = {
 }
 
 
-def states(rng: np.random.Generator, nz: int, number: int = 200) -> Any:
+def states(rng: np.random.Generator, nz: int, number: int = 50) -> Any:
     """Positions, velocities, states and commands; a hysteresis stays below one."""
     for _ in range(number):
         q, z = rng.uniform(-1.0, 1.0), rng.uniform(-0.99, 0.99, nz)
         yield [q], rng.normal(0.0, 2.0, 1), q + z if nz in (2, 3) else z, rng.normal(0.0, 20.0, 1)
 
 
-@pytest.mark.parametrize("scene", DRIVES.values(), ids=DRIVES)
-def test_energy_is_accounted_for(scene: Any, rng: np.random.Generator) -> None:
-    drives = law(scene)
+@pytest.mark.parametrize("name", DRIVES)
+def test_energy_is_accounted_for_and_only_supplied(name: str, rng: np.random.Generator) -> None:
+    drives = law(DRIVES[name])
     of = of_states(drives, 1)
     for x in states(rng, len(drives.states)):
         now = {name: float(of[name](*x)) for name in of if name != "slope"}
         out = now["supplied"] - now["lost"] - now["torque"] * x[1][0]
         scale = abs(now["supplied"]) + abs(now["lost"]) + 1.0
         assert_close(now["rate"] / scale, out / scale, ALGEBRA)
-
-
-@pytest.mark.parametrize("name", [name for name in DRIVES if name != "another back-EMF"])
-def test_nothing_but_the_supply_gives_energy(name: str, rng: np.random.Generator) -> None:
-    drives = law(DRIVES[name])
-    of = of_states(drives, 1)
-    for x in states(rng, len(drives.states)):
-        assert float(of["lost"](*x)) >= -1e-12
-        assert float(of["stored"](*x)) >= 0.0
+        assert now["stored"] >= 0.0
+        assert now["lost"] >= -1e-12 or name == "another back-EMF"
 
 
 def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -> None:
@@ -86,12 +74,3 @@ def test_energy_of_a_run_is_balanced(scene: Any) -> None:
     recording = sim.run(0.05, 20.0 * np.cos(0.04 * np.arange(50))[:, None])
     assert recording.supplied[-1] > 1e-3
     assert abs(recording.balance).max() < 1e-8 * max(1.0, recording.supplied[-1])
-
-
-@pytest.mark.parametrize(("name", "amplitude"), [("motor_pendulum", 10.0), ("flexible_arm", 5.0)])
-def test_energy_of_the_ready_scenes(name: str, amplitude: float) -> None:
-    sim = models.simulator(name)
-    wave = amplitude * np.sin(0.005 * np.arange(1000))[:, None] * np.ones(sim.n)
-    recording = sim.run(1.0, wave)
-    assert recording.lost[-1] > 1.0
-    assert abs(recording.balance).max() < 1e-7

@@ -75,8 +75,7 @@ def test_harmonic_drive_with_everything() -> None:
     assert abs(x[5]) > 0.05  # the hysteresis has been through something
 
 
-@pytest.mark.parametrize("v", [0.0, -0.7])
-@pytest.mark.parametrize("q", np.linspace(-0.06, 0.06, 9))  # more than a period of the error
+@pytest.mark.parametrize(("q", "v"), [(-0.06, 0.0), (0.015, -0.7), (0.045, 0.7)])
 def test_it_starts_without_twist(q: float, v: float) -> None:
     sim = Simulator(SCENE)
     current, at_joint, speed, bent = sim.set_state([q], [v]).z

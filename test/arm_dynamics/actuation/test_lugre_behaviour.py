@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What LuGre friction is known for: springs before it slips, breaks away by the rate of the force,
-lags behind the Stribeck curve, and its numbers where they can be had in closed form.
+and its numbers where they can be had in closed form.
 
 Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40(3), 1995, section III;
 Åström, Canudas de Wit, IEEE Control Systems Magazine 28(6), 2008.
@@ -26,27 +26,10 @@ PAPER = {
     "viscous": 0.4,
     "lugre": {"sigma0": 1e5, "sigma1": np.sqrt(1e5), "sigma1_velocity": 0.02},
 }
-S0 = 1e5
 
 
 def wheel(J: float = 1.0, **changes: Any) -> Simulator:
     return Simulator(rotor(J, **(PAPER | changes)))
-
-
-def friction(run: Any) -> np.ndarray:
-    """J a + F = tau, with the acceleration from the recorded speeds: F in the middle of ticks."""
-    return run.tau[:-1, 0] - np.diff(run.v[:, 0]) / np.diff(run.time)
-
-
-def test_steady_sliding_is_the_stribeck_curve() -> None:
-    """Where it slides at constant speed the simulator's friction is Dynamics.friction."""
-    sim = wheel(lugre={"sigma0": 1e5, "sigma1": 1.0}, viscous=0.6, stribeck_velocity=0.1)
-    for v in (0.15, 0.3, 1.0, -0.3):
-        level = np.sign(v) * (1.0 + 0.5 * np.exp(-((v / 0.1) ** 2)))
-        F = float(sim.dynamics.friction([v])[0])
-        assert_close(F, level + 0.6 * v, ALGEBRA)
-        sim.reset(v=[v], z=[level / 1e5])
-        assert_close(sim.step([F]).v, [v], 1e-12)
 
 
 def test_a_wheel_on_its_bristles_is_a_spring_and_a_damper() -> None:
@@ -79,64 +62,14 @@ def test_hysteresis_before_it_slips() -> None:
 
 def test_breaks_away_at_a_lower_force_the_faster_it_grows() -> None:
     """Figure 3 of the paper: near Fs at slow rates, falling with the rate."""
-    forces = []
-    for rate in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0):
-        sim = wheel()
+    forces, sim = [], wheel()
+    for rate in (1.0, 5.0, 50.0):
+        sim.reset()
         ticks = int(2.0 / rate * 1e3) + 50
         run = sim.run(ticks * 1e-3, (rate * 1e-3 * (np.arange(ticks) + 1))[:, None])
-        force = S0 * run.z[:, 0]
-        forces.append(force.max())
+        forces.append((1e5 * run.z[:, 0]).max())
     assert (np.diff(forces) < 0.0).all(), forces
     assert 1.4 < forces[0] < 1.5 and 1.0 < forces[-1] < 1.3
-
-
-def test_friction_lags_behind_a_speed_that_varies() -> None:
-    """Figure 4 of the paper: more friction on the way up than down, and more so the faster.
-
-    The wheel is so heavy that its speed is what the torque makes it.
-    """
-    J, widths = 1e6, []
-    for omega in (5.0, 25.0):
-        sim = wheel(J)
-        sim.reset(v=[0.0005])
-        t = (np.arange(round(2 * np.pi / omega * 2e3)) + 0.5) * 1e-3
-        u = J * 0.0006 * omega * np.sin(omega * t)
-        run = sim.run(len(t) * 1e-3, u[:, None])
-        v, z = run.v[1:, 0], run.z[1:, 0]
-        F = S0 * z
-        period = slice(len(t) // 2, len(t))
-        rising = np.diff(run.v[:, 0])[period] > 0.0
-        at = 0.0011
-        gaps = [
-            np.interp(at, np.sort(v[period][way]), F[period][way][np.argsort(v[period][way])])
-            for way in (rising, ~rising)
-        ]
-        widths.append(gaps[0] - gaps[1])
-    assert 0.0 < widths[0] < widths[1], widths
-
-
-def test_joints_that_move_one_another_against_radau() -> None:
-    """Two links with bristles in both joints, let go, against SciPy on Pinocchio's dynamics."""
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    law = {"sigma0": 1e5, "sigma1": 300.0, "sigma1_velocity": 0.02}
-    levels = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01, "viscous": 0.5}
-    scene["joints"] = {"*": {"friction": levels | {"lugre": law}}}
-    sim = Simulator(scene)
-    still = {"*": {"friction": {"viscous": 0.5, "coulomb": 0.0}}}
-    rigid = Simulator(scene | {"joints": still}, backend="vm").dynamics
-    n, x0 = sim.n, np.concatenate([sim.state.q, sim.state.v, sim.state.z])
-
-    def slope(_: float, x: np.ndarray) -> np.ndarray:
-        q, v, z = np.split(x, 3)
-        bend = v - 1e5 * np.abs(v) * z / (1.0 + 0.5 * np.exp(-((v / 0.01) ** 2)))
-        tau = -(1e5 * z + 300.0 * np.exp(-((v / 0.02) ** 2)) * bend)
-        return np.concatenate([v, rigid.forward(q, v, tau), bend])
-
-    run = sim.run(0.2)
-    small = np.concatenate([np.full(2 * n, 1e-9), np.full(n, 1e-14)])
-    truth = solve_ivp(slope, (0.0, 0.2), x0, "Radau", rtol=1e-7, atol=small).y[:n, -1]
-    assert np.abs(truth - x0[:n]).max() > 0.05
-    assert np.abs(run.q[-1] - truth).max() < LUGRE
 
 
 def test_bristles_carry_what_a_table_does_not() -> None:
@@ -193,8 +126,7 @@ def steady_level(q: float, v: float, u: float) -> float:
     return wavy(q) * load * (fc + (fs - fc) * float(np.exp(-((v / 0.05) ** 2))))
 
 
-@pytest.mark.parametrize("v", [0.02, 0.3, -0.02, -0.3])
-@pytest.mark.parametrize("q", [-0.4, 0.3, 1.7])
+@pytest.mark.parametrize(("q", "v"), [(-0.4, 0.02), (0.3, -0.3), (1.7, -0.02)])
 def test_steady_sliding_by_direction_position_and_load(q: float, v: float) -> None:
     """A wheel at a speed at which bent bristles balance the torque keeps it, and
     Dynamics.friction says the same; they follow the level as the wheel turns on.
@@ -210,18 +142,6 @@ def test_steady_sliding_by_direction_position_and_load(q: float, v: float) -> No
     # Bristles are late by as much as g changes over the way g/σ0 on which they bend.
     late = abs(bent[0] - bent[1]) / abs(v * 1e-6) * bent[0] / 2e3
     assert abs(2e3 * abs(run.z[-1, 0]) - bent[0]) < 1.5 * late + 1e-7
-
-
-@pytest.mark.parametrize("v", [0.02, -0.02])
-def test_only_the_static_level_of_bristles_may_differ_by_direction(v: float) -> None:
-    """A torque that balances viscous friction and the level of its direction keeps the speed."""
-    static = {"positive": 1.5, "negative": 1.3}
-    sim = wheel(coulomb=1.0, static=static, stribeck_velocity=0.05, lugre=BRISTLES)
-    highest = static["positive" if v > 0.0 else "negative"]
-    level = np.sign(v) * (1.0 + (highest - 1.0) * np.exp(-((v / 0.05) ** 2)))
-    assert_close(sim.dynamics.friction([v]), [level + 0.4 * v], ALGEBRA)
-    sim.reset(v=[v], z=[level / 2e3])
-    assert_close(sim.step([level + 0.4 * v]).v, [v], 1e-12)
 
 
 def test_by_direction_position_and_load_against_radau() -> None:
@@ -265,20 +185,6 @@ def test_inverse_dynamics_with_bristles_by_load(rng: np.random.Generator) -> Non
         assert_close(dyn.forward(q, v, tau), a, 1e-9)
 
 
-def test_order_where_the_motion_is_smooth() -> None:
-    """At a fixed number of sub-steps the method of order 4 keeps its order through bristles."""
-    errors = []
-    law = {"sigma0": 1e3, "sigma1": 5.0}
-    scene = rotor(0.1, coulomb=1.0, viscous=0.4, lugre=law)
-    state = {"v": [1.0], "z": [5e-4]}
-    for tolerance in (1e-4, 1e-7, 1e-10, 1e-13):
-        sim = Simulator(scene, integrator="implicit", tolerance=tolerance, dt=0.02)
-        sim.reset(**state)
-        errors.append(sim.run(0.02, [2.0]).q[-1, 0])
-    gaps = np.abs(np.array(errors[:-1]) - errors[-1])
-    assert gaps[0] < 1e-4 and gaps[1] < 1e-7 and gaps[2] < 1e-10
-
-
 def test_a_reversal_in_the_last_moment_of_a_step_is_seen() -> None:
     """Found by a random search: 25 rad/s of change in a tick of 5 ms on bristles of 2e6 N m/rad.
 
@@ -294,62 +200,3 @@ def test_a_reversal_in_the_last_moment_of_a_step_is_seen() -> None:
         ends.append(run.q[-1, 0])
         assert np.abs(run.balance).max() < 1e-5 * np.abs(run.supplied).max()
     assert_close(ends, np.full(3, ends[-1]), LUGRE)
-
-
-@pytest.mark.parametrize("backend", ["native", "vm"])
-def test_replays_to_the_bit(backend: str) -> None:
-    u = np.concatenate([np.full(50, 2.0), np.full(50, -2.0)])[:, None]
-    runs = [Simulator(rotor(0.1, **PAPER), backend=backend).run(0.1, u) for _ in range(2)]
-    assert np.array_equal(runs[0].q, runs[1].q) and np.array_equal(runs[0].z, runs[1].z)
-
-
-def test_a_scene_without_bristles_has_no_states() -> None:
-    sim = Simulator(rotor(0.1, coulomb=1.0))
-    assert not sim.arm.plant.laws and sim.z_names == () and sim.state.z.shape == (0,)
-    named = Simulator(rotor(0.1, **PAPER), backend="vm")
-    assert named.z_names == ("axle bristle deflection [rad]",)
-
-
-def bristly(**options: Any) -> Simulator:
-    """A planar arm with bristles on both joints."""
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    law = {"sigma0": 1e4, "sigma1": 30.0}
-    levels = {"viscous": 0.2, "coulomb": 0.5, "lugre": law}
-    return Simulator(scene | {"joints": {"*": {"friction": levels}}}, **options)
-
-
-def test_many_arms_are_each_the_one(rng: np.random.Generator) -> None:
-    sim = bristly()
-    q0, v0 = rng.normal(size=(2, 3, 2))
-    out = sim.rollout(q0, v0, [1.0, 0.5], 30)
-    assert out.shape == (3, 31, 4)
-    for arm in range(3):
-        sim.reset(q0[arm], v0[arm])
-        run = sim.run(0.03, [1.0, 0.5])
-        assert np.array_equal(out[arm], np.hstack([run.q, run.v]))
-
-
-def test_derivatives_of_a_tick() -> None:
-    """Sliding, so that |v| has a slope; against differences of the same sub-steps."""
-    sim = bristly(tolerance=1e-8)
-    sim.reset(q=[0.3, 0.2], v=[1.0, -0.8])
-    sim.run(0.02, [1.0, -1.0])
-    state, u = sim.state, np.array([1.0, -1.0])
-    A, B = sim.linearize(state, u)
-    assert A.shape == (6, 6) and B.shape == (6, 2)
-    x, sizes = np.concatenate([state.q, state.v, state.z]), np.array([1, 1, 1, 1, 5e-5, 5e-5])
-
-    def after(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        sim.reset(x[:2], x[2:4], x[4:])
-        s = sim.step(u)
-        return np.concatenate([s.q, s.v, s.z])
-
-    for j in range(6):
-        e = 1e-5 * sizes * np.eye(6)[j]
-        column = (after(x + e, u) - after(x - e, u)) / (2e-5 * sizes[j])
-        # Bristles that are bent otherwise take other sub-steps; both forget it within the tick.
-        allowed = 1e-5 if j < 4 else 5e-3
-        assert_close(column * sizes[j] / sizes, A[:, j] * sizes[j] / sizes, allowed)
-    for j in range(2):
-        e = 1e-5 * np.eye(2)[j]
-        assert_close((after(x, u + e) - after(x, u - e)) / 2e-5, B[:, j], 1e-5)

@@ -7,9 +7,11 @@ import logging
 import os
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -17,6 +19,7 @@ import pytest
 
 from arm_dynamics import KernelError
 from arm_dynamics.codegen import Kernel, compiler, user_cache
+from arm_dynamics.codegen.compiled_scenes import make_folder
 
 HERE = str(Path(__file__).parent)
 IMPORT = f"import sys; sys.path.insert(0, {HERE!r}); import test_compiler as t; "
@@ -56,55 +59,38 @@ def test_folder_that_cannot_be_used_is_named_once(
     assert caplog.text.count("cannot be used: compiled code is kept for this process only") == 1
 
 
-def test_second_build_takes_the_entry(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    triple()
-    before = [(path, path.stat().st_mtime_ns) for path in entries(cache)]
-
-    def run(*args: object, **kwargs: object) -> None:
-        raise AssertionError("the compiler was called")
-
-    monkeypatch.setattr(subprocess, "Popen", run)
-    assert value(triple()) == 6.0
-    assert [(path, path.stat().st_mtime_ns) for path in entries(cache)] == before
-
-
 def test_other_code_is_another_entry(cache: Path) -> None:
     assert (value(triple(3.0)), value(triple(4.0))) == (6.0, 8.0)
     assert len(entries(cache)) == 2
 
 
-@pytest.mark.parametrize("header", ["scalar.h", "sincos.h"])
 def test_another_header_is_another_entry(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, header: str
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A change of a header only, included directly or by another one, is noticed."""
+    """A change of a header only, which another one includes, is noticed."""
     native = tmp_path / "native"
     shutil.copytree(compiler.NATIVE, native)
     monkeypatch.setattr(compiler, "NATIVE", native)
     triple()
     assert len(entries(cache)) == 1
-    with (native / header).open("a") as file:
+    with (native / "sincos.h").open("a") as file:
         file.write("#define SOMETHING_NEW\n")
     triple()
     assert len(entries(cache)) == 2
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "emptied", "replaced"])
-def test_damaged_entry_is_built_again(cache: Path, damage: str) -> None:
+def test_damaged_entry_is_built_again_and_a_good_one_is_not(cache: Path) -> None:
     triple()
     (entry,) = entries(cache)
-    good = entry.read_bytes()
+    good, when = entry.read_bytes(), entry.stat().st_mtime_ns
     flipped = bytearray(good)
     flipped[len(flipped) // 2] ^= 0xFF
-    changed = {
-        "cut": good[:-100], "flipped": bytes(flipped), "emptied": b"",
-        "replaced": b"\x7fELF rubbish",
-    }  # fmt: skip
-    entry.unlink()
-    entry.write_bytes(changed[damage])
-    assert value(triple()) == 6.0
-    assert entry.read_bytes() != changed[damage]
-    assert len(entry.read_bytes()) == len(good)
+    assert value(triple()) == 6.0 and entry.stat().st_mtime_ns == when
+    for changed in (good[:-100], bytes(flipped), b""):
+        entry.unlink()
+        entry.write_bytes(changed)
+        assert value(triple()) == 6.0
+        assert entry.read_bytes() != changed and len(entry.read_bytes()) == len(good)
 
 
 def test_a_link_in_the_cache_is_not_followed(cache: Path, tmp_path: Path) -> None:
@@ -143,18 +129,6 @@ def test_without_a_compiler(
         Kernel([function], backend="native")
 
 
-def test_compiler_that_fails(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Code that cannot be compiled raises the compiler's message and leaves no entry."""
-    with pytest.raises(KernelError, match="nonsense"):
-        compiler.build("this is nonsense;")
-    assert list(cache.iterdir()) == []
-
-
-def test_a_compiler_that_was_ended_is_named_with_the_signal() -> None:
-    with pytest.raises(KernelError, match="^sh was ended by SIGKILL before it had compiled"):
-        compiler._run(["true"], ["sh", "-c", "kill -KILL $$"])
-
-
 def test_an_interruption_ends_all_compilers(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[subprocess.Popen[str]] = []
     start = subprocess.Popen
@@ -182,3 +156,84 @@ def test_many_processes_at_once(cache: Path) -> None:
     ]
     assert [process.communicate(timeout=120)[0] for process in running] == [b"6.0\n"] * 3
     assert len(entries(cache)) == 1
+
+
+def outer(backend: str = "native") -> Kernel:
+    """x xᵀ and the sum of x for two numbers."""
+    x = ca.SX.sym("x", 2)
+    return Kernel([ca.Function("outer", [x], [x @ x.T, ca.sum1(x)])], backend)
+
+
+def test_a_kernel_is_recalled_without_its_expressions(cache: Path) -> None:
+    outer("vm").keep("outer of two")
+    assert Kernel.recalled("outer of two") is None
+    made = outer()
+    made.keep("outer of two")
+    assert Kernel.recalled("outer of three") is None
+    found = Kernel.recalled("outer of two")
+    assert found is not None
+    assert found.native
+    assert found.backend == made.backend
+    assert found.operations("outer") == made.operations("outer")
+    product, total = found.call("outer")(np.array([2.0, 3.0]))
+    np.testing.assert_array_equal(product, [[4.0, 6.0], [6.0, 9.0]])
+    assert total == 5.0
+
+
+@pytest.mark.parametrize(
+    ("suffix", "damage"),
+    [("json", lambda path: path.write_bytes(b"x" * 100)), ("so", Path.unlink)],
+)
+def test_what_is_gone_or_damaged_is_built_again(cache: Path, suffix: str, damage: object) -> None:
+    outer().keep("outer of two")
+    for path in cache.glob(f"*.{suffix}"):
+        damage(path)  # type: ignore[operator]
+    assert Kernel.recalled("outer of two") is None
+    outer().keep("outer of two")
+    assert Kernel.recalled("outer of two") is not None
+
+
+US = 1000
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Of a user who is not root, whoever runs the tests."""
+    monkeypatch.setattr(os, "getuid", lambda: US)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode", "owner", "said"),
+    [
+        (stat.S_IFDIR, 0o755, 0, ""),
+        (stat.S_IFDIR, 0o700, US, ""),
+        (stat.S_IFDIR, 0o755, 1, "belongs to user 1, neither to root nor to this one"),
+        (stat.S_IFDIR, 0o755, US + 1, f"belongs to user {US + 1}"),
+        (stat.S_IFDIR, 0o720, 0, r"can be written by others \(mode 720\)"),
+        (stat.S_IFDIR, 0o702, US, r"can be written by others \(mode 702\)"),
+        (stat.S_IFLNK, 0o755, US, "is not a plain file$"),
+        (stat.S_IFIFO, 0o755, US, "is not a plain file$"),
+    ],
+)
+def test_only_what_is_roots_or_ones_own_is_taken(
+    home: Path, monkeypatch: pytest.MonkeyPatch, kind: int, mode: int, owner: int, said: str
+) -> None:
+    """Whatever the system reports of every file."""
+    reported = SimpleNamespace(st_mode=kind | mode, st_uid=owner)
+    monkeypatch.setattr(Path, "lstat", lambda _: reported)
+    if said:
+        with pytest.raises(KernelError, match=said):
+            make_folder(home)
+    else:
+        make_folder(home)
+
+
+def test_a_new_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        make_folder(tmp_path / "a/b")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a/b").stat().st_mode) == 0o755
+    make_folder(tmp_path / "a/b")

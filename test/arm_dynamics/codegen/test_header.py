@@ -2,8 +2,7 @@
 """Structures that Python reads from headers are those that the compiler sees."""
 
 import ctypes
-from _ctypes import FUNCFLAG_PYTHONAPI
-from ctypes import Structure, c_double, c_int64, c_longlong, c_void_p
+from ctypes import Structure, c_double, c_int64
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ TEXT = """
 #pragma once
 #include <stdint.h>
 #define EXPORT __attribute__((visibility("default")))
-#define QUICK EXPORT
 enum { FEW = 3, SOME, LESS = -1 };
 typedef struct opaque opaque_t;
 typedef double (*function_t)(const double* x, int64_t n);
@@ -37,9 +35,6 @@ typedef struct outer {
   char letter;
 } outer_t;
 EXPORT int64_t count(const outer_t* outer, double x, long long y);
-EXPORT outer_t* find(void);
-QUICK void forget(opaque_t* other);
-int hidden(int64_t x);
 """
 LAYOUT = """
 #include "given.h"
@@ -64,34 +59,6 @@ def test_the_layout_is_that_of_the_compiler(tmp_path: Path) -> None:
     library = build(LAYOUT, "c", FLAGS, (f"-I{tmp_path}",)).library
     wanted = (c_int64 * (len(fields) + 1)).in_dll(library, "layout")
     assert [*places, ctypes.sizeof(outer)] == list(wanted)
-
-
-CODE = """
-#include "given.h"
-int64_t count(const outer_t* outer, double x, long long y) { return outer ? y : (int64_t)x; }
-outer_t* find(void) { return 0; }
-void forget(opaque_t* other) { (void)other; }
-"""
-
-
-def test_functions_get_their_types(tmp_path: Path) -> None:
-    header = Header(written(tmp_path, TEXT))
-    library = build(CODE, "c", FLAGS, (f"-I{tmp_path}",)).library
-    header.bind(library)
-    assert library.count.argtypes == [c_void_p, c_double, c_longlong]
-    assert (library.count.restype, library.find.restype) == (c_int64, c_void_p)
-    assert (library.find.argtypes, library.forget.restype) == ([], None)
-    assert library.count(None, 3.5, 0) == 3 and library.find() is None
-
-
-def test_quick_functions_are_called_with_the_interpreter_lock(tmp_path: Path) -> None:
-    header = Header(written(tmp_path, TEXT))
-    library = build(CODE, "c", FLAGS, (f"-I{tmp_path}",)).library
-    header.bind(library)
-    with_lock = ctypes.PyDLL._func_flags_ & FUNCFLAG_PYTHONAPI
-    assert with_lock
-    assert type(library.forget)._flags_ & with_lock
-    assert not type(library.count)._flags_ & with_lock
 
 
 def test_one_structure_of_a_file_with_other_code(tmp_path: Path) -> None:

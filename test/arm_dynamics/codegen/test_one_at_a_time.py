@@ -62,10 +62,6 @@ def test_a_thread_waits_for_another_that_builds(name: str) -> None:
     assert done == [name]
 
 
-def test_a_thread_may_build_within_a_build() -> None:
-    assert one_at_a_time(one_at_a_time(lambda: 1))() == 1
-
-
 def compile_after(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile after a command of the shell, with an empty cache."""
     compiler = folder / "cc"
@@ -109,24 +105,6 @@ def test_a_thread_builds_while_another_waits_for_the_compiler(
     threads[0].join(60.0)
     assert came
     assert found == [True]  # it is the first thread's turn again after its compiler
-
-
-def test_two_threads_that_want_the_same_compile_it_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    compile_after(f"echo . >> {tmp_path}/runs; sleep 0.2", tmp_path, monkeypatch)
-
-    @one_at_a_time
-    def build() -> None:
-        x = ca.SX.sym("x")
-        Kernel([ca.Function("f", [x], [x + 3.0])], "native")
-
-    threads = [Thread(target=build) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60.0)
-    assert (tmp_path / "runs").read_text().count(".") == 1
 
 
 def test_what_is_built_is_found_while_another_thread_builds() -> None:

@@ -33,9 +33,9 @@ DRY = {
 }  # fmt: skip
 
 
-def new(name: str) -> Dynamics:
+def new() -> Dynamics:
     """A model for which nothing has been built yet."""
-    return Dynamics(ArmModel(models.scene(name)))
+    return Dynamics(ArmModel(models.scene("two_link")))
 
 
 def built(model: ArmModel) -> bool:
@@ -71,29 +71,16 @@ def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
         assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
 
 
-@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 6))
+@pytest.mark.parametrize("robot", sampled((*models.ROBOTS, *models.DRIVEN), 4))
 def test_it_is_the_plain_law(robot: str, rng: np.random.Generator) -> None:
     dynamics = models.dynamics(robot)
-    agree(dynamics, rng)
     agree(dynamics, rng, rng.uniform(0.0, 40.0, dynamics.n), 0.7, 4e-3)
     agree(dynamics, rng, 10.0, 1.0, 0.0)
     assert built(dynamics.model)
 
 
-@pytest.mark.parametrize("name", models.DRIVEN)
-def test_it_is_the_plain_law_for_arms_with_motors(name: str, rng: np.random.Generator) -> None:
-    agree(models.dynamics(name), rng)
-
-
-def test_joints_at_rest_are_helped_to_where_they_are_to_slide(rng: np.random.Generator) -> None:
-    dynamics = rubbing()
-    assert dynamics.steady_friction.has_dry
-    agree(dynamics, rng)
-    assert built(dynamics.model)
-
-
 def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None:
-    dynamics = new("two_link")
+    dynamics = new()
     job = preparation(make_controller("computed_torque", dynamics))
     assert job is not None
     job()
@@ -107,18 +94,11 @@ def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None
         assert_close(fast.torque(state, still), control.torque(state, still), ALGEBRA)
 
 
-def test_nothing_is_built_unless_it_is_requested() -> None:
-    dynamics = new("two_link")
-    control = make_controller("computed_torque", dynamics)
-    assert preparation(control) is not None
-    assert preparation(control.law) is None, "not a controller that is to be compiled"
-
-
 def test_without_a_compiler_it_is_still_right(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
     monkeypatch.setenv("CC", "/no/such/compiler")
-    dynamics = new("two_link")
+    dynamics = new()
     agree(dynamics, rng)
     assert not built(dynamics.model)
 
@@ -137,11 +117,10 @@ def test_a_law_that_differs_is_not_used(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
     disturbed(monkeypatch, lambda tau: tau * (1.0 + 1e-9))
-    dynamics = new("two_link")
+    dynamics = new()
     agree(dynamics, rng)
     assert not built(dynamics.model)
     assert "differs" in caplog.text
-    assert "slower" in caplog.text
 
 
 @pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
@@ -152,15 +131,6 @@ def test_small_torques_are_compared_as_torques_of_one_and_large_ones_by_their_si
     for inertia, change in ((1e-7, lambda tau: tau + off), (1e3, lambda tau: tau * (1 + off))):
         disturbed(monkeypatch, change)
         assert built(ArmModel(load_scene(rotor(inertia, viscous=0.0, coulomb=0.0)))) == used
-
-
-def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:
-    law = compiled(models.dynamics("two_link"))
-    (state, reference), (other, goal), _ = states(rng, 2)
-    first = law.torque(state, reference)
-    kept = first.copy()
-    law.torque(other, goal)
-    np.testing.assert_array_equal(first, kept)
 
 
 @pytest.mark.parametrize("more", sampled([{"friction": True, "observer": 10.0}, {}], 1), ids=str)
@@ -178,7 +148,7 @@ def test_every_controller_is_the_plain_one(
     law = compiled_law.compiled_law(control)
     assert law is not None and law.call.entry is not None
     assert isinstance(control, Restartable) == bool(plain.memory)
-    for _ in range(3):
+    for _ in range(2):
         for state, reference in states(rng, dynamics.n):
             expected = plain.torque(state, reference)
             assert_close(control.torque(state, reference), expected, INVERSE_PAIR)
@@ -210,7 +180,7 @@ def test_where_code_has_no_answer_numbers_have(rng: np.random.Generator) -> None
 def test_a_task_that_is_singular_everywhere_is_not_compiled(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    control = make_controller("operational_space", new("two_link"), Settings(frame="tip"))
+    control = make_controller("operational_space", new(), Settings(frame="tip"))
     assert compiled_law.compiled_law(control) is None
     assert "singular wherever it was compared" in caplog.text
 
@@ -222,16 +192,16 @@ def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
         raise KernelError("it differs")
 
     monkeypatch.setattr(compiled_law, "compare", refuse)
-    control = make_controller("pid", new("two_link"))
+    control = make_controller("pid", new())
     assert compiled_law.compiled_law(control) is None
     np.testing.assert_array_equal(control.law.control.integral, np.zeros(2))
 
 
-@pytest.mark.parametrize("bad", [np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))])
-def test_bad_states_are_refused_as_by_the_plain_law(bad: np.ndarray) -> None:
+def test_bad_states_are_refused_as_by_the_plain_law() -> None:
     law, still = compiled(models.dynamics("two_link")), Reference(*np.zeros((3, 2)))
-    with pytest.raises(InvalidInput, match=r"state\.q"):
-        law.torque(Measured(bad, np.zeros(2)), still)
+    for bad in (np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))):
+        with pytest.raises(InvalidInput, match=r"state\.q"):
+            law.torque(Measured(bad, np.zeros(2)), still)
 
 
 def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Generator) -> None:
@@ -245,12 +215,3 @@ def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Genera
         law.call.inputs[0][:] = np.concatenate(moving)
         law.call.run()
         assert law.call.outputs[0].tobytes() == control.torque(state, reference).tobytes()
-
-
-def test_limits_around_it_are_reported() -> None:
-    dynamics = models.dynamics("two_link")
-    control = make_controller(
-        "computed_torque", dynamics, Settings(saturate=True, limit=[7.0, 3.0])
-    )
-    law = compiled_law.compiled_law(control)
-    assert law is not None and law.limit is not None and law.limit.tolist() == [7.0, 3.0]

@@ -14,7 +14,6 @@ from arm_dynamics.control import (
     DisturbanceObserver,
     FeedForwardPD,
     GravityCompensation,
-    HalfTickAhead,
     JointImpedance,
     Measured,
     OperationalSpace,
@@ -92,16 +91,6 @@ def test_frame_stays_at_its_target() -> None:
     assert_close(arm().forward(q, still, tau), still, INVERSE_PAIR)
 
 
-def test_springs_seen_from_a_frame(rng: np.random.Generator) -> None:
-    """f = Λ x'' + µ + p + s is what the torques of the motion are at the frame."""
-    q, v, a = state(rng)
-    task = TaskSpace(arm(), "tip", selection=("x", "z"))
-    seen = task.terms(q, v)
-    x = task.jacobian(q) @ a + seen.bias
-    f = seen.inertia @ x + seen.coriolis + seen.gravity + seen.spring
-    assert_close(seen.jacobian.T @ f, arm().inverse(q, v, a), INVERSE_PAIR)
-
-
 def test_observer_does_not_take_springs_for_a_disturbance() -> None:
     sim = Simulator(SCENE, dt=1e-3)
     observer = DisturbanceObserver(GravityCompensation(arm()), arm(), sim.dt, 50.0)
@@ -110,26 +99,6 @@ def test_observer_does_not_take_springs_for_a_disturbance() -> None:
         sim.step(observer.torque(sim.state, None))
     assert abs(observer.disturbance).max() < 0.02
     assert abs(arm().spring(sim.state.q)).max() > 1.0
-
-
-def test_state_half_a_tick_ahead_knows_springs(rng: np.random.Generator) -> None:
-    """The state that the inner controller sees is that of the motion, one step of Taylor's."""
-    sim, dt = Simulator(SCENE, dt=1e-3), 2e-3
-    q, v, _ = state(rng)
-    seen: list[Measured] = []
-
-    class Listener:
-        def torque(self, state: Measured, reference: object) -> np.ndarray:
-            seen.append(state)
-            return np.array([1.0, -1.0])
-
-    control = HalfTickAhead(Listener(), arm(), dt)
-    for _ in range(2):
-        control.torque(Measured(q, v), None)
-    sim.reset(q, v)
-    later = sim.step([1.0, -1.0])
-    np.testing.assert_allclose(seen[-1].q, later.q, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(seen[-1].v, later.v, rtol=0.0, atol=5e-3)
 
 
 def test_motion_is_slowed_for_what_springs_take() -> None:

@@ -21,8 +21,8 @@ from arm_dynamics.trajectory import Reference, TaskReference, joint_path, line, 
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 
-def panda(selection: object = "pose") -> TaskSpace:
-    return TaskSpace(models.dynamics("panda"), "panda_hand_tcp", selection=selection)
+def panda() -> TaskSpace:
+    return TaskSpace(models.dynamics("panda"), "panda_hand_tcp")
 
 
 def two_link() -> TaskSpace:
@@ -52,13 +52,12 @@ def test_operational_space_accelerates_the_hand_as_asked(rng: np.random.Generato
     """ẍ = ẍ_d + 2 ζ ω ė + ω² e by forward dynamics, whatever the posture does."""
     task = panda()
     for posture in (None, rng.uniform(-1, 1, 7)):
-        for _ in range(5):
-            state, reference = random_reference(task, rng)
-            tau = OperationalSpace(task, 12.0, 0.8, posture).torque(state, reference)
-            rate = reference.velocity - task.jacobian(state.q) @ state.v
-            wanted = reference.acceleration + 2 * 0.8 * 12 * rate
-            wanted = wanted + 144 * errors(task, state, reference)
-            assert_close(acceleration(task, state, tau), wanted, INVERSE_PAIR)
+        state, reference = random_reference(task, rng)
+        tau = OperationalSpace(task, 12.0, 0.8, posture).torque(state, reference)
+        rate = reference.velocity - task.jacobian(state.q) @ state.v
+        wanted = reference.acceleration + 2 * 0.8 * 12 * rate
+        wanted = wanted + 144 * errors(task, state, reference)
+        assert_close(acceleration(task, state, tau), wanted, INVERSE_PAIR)
 
 
 def test_operational_space_is_khatibs_formula(rng: np.random.Generator) -> None:
@@ -79,7 +78,7 @@ def test_impedance_gives_way_by_force_over_stiffness() -> None:
     reference, f = at_rest(task, sim.state.q), np.array([4.0, -6.0])
     control = CartesianImpedance(task, [300.0, 500.0], 1.0)
     start = task.pose(sim.state.q).position
-    for _ in range(4000):
+    for _ in range(2500):
         push = task.jacobian(sim.state.q).T @ f
         sim.step(control.torque(sim.state, reference) + push)
     moved = task.pose(sim.state.q).position - start
@@ -97,7 +96,7 @@ def test_force_on_a_table_is_the_one_asked_for() -> None:
         goal, start.rotation, reference.velocity, reference.acceleration, 15.0
     )
     height, stiffness, damping = start.position[2], 2e4, 200.0
-    for _ in range(3000):
+    for _ in range(2000):
         q, v = sim.state.q, sim.state.v
         J = task.jacobian(q)[2]
         depth = height - task.pose(q).position[2]
@@ -122,15 +121,14 @@ def test_along_the_force_the_hand_is_only_braked(rng: np.random.Generator) -> No
         assert_close(found, wanted, INVERSE_PAIR)
 
 
-@pytest.mark.parametrize("profile", ["quintic", "trapezoid"])
-def test_straight_line_at_half_a_metre_per_second(profile: str) -> None:
+def test_straight_line_at_half_a_metre_per_second() -> None:
     """Panda, within a tenth of a millimetre of where it should be, in both spaces."""
     sim, task = models.simulator("panda", dt=1e-3), panda()
     start = task.pose(sim.state.q)
     end = Pose(
         start.position + [0.1, 0.35, -0.15], pin.exp3(np.array([0.2, 0, 0.3])) @ start.rotation
     )
-    motion = timed(line(start, end), 0.5, 2.0, profile)
+    motion = timed(line(start, end), 0.5, 2.0, "trapezoid")
     path = joint_path(task, motion)
     laws = (
         (ComputedTorque(sim.dynamics, 20.0), path.sample),
@@ -149,18 +147,16 @@ def test_through_a_singularity_nothing_breaks(kind: str) -> None:
     """Asked to reach beyond the stretched arm and back, torques and speeds stay bounded."""
     sim, task = models.simulator("two_link", dt=1e-3), two_link()
     sim.reset([0.3, 0.4], [0.0, 0.0])
+    whole = TaskSpace(models.dynamics("two_link"), "tip", selection="position")
     control = {
         "operational": OperationalSpace(task, 10.0),
         "impedance": CartesianImpedance(task, 200.0, 1.0),
-        "force": None,
+        "force": MotionForce(whole, [0, 0, 1], 10.0),
     }[kind]
-    if control is None:
-        whole = TaskSpace(models.dynamics("two_link"), "tip", selection="position")
-        control = MotionForce(whole, [0, 0, 1], 10.0)
     near = at_rest(task, [0.3, 0.4], 2.0)
     direction = near.position / np.linalg.norm(near.position)
     largest, straightest = 0.0, 1.0
-    for k in range(3000):
+    for k in range(1500):
         radius = 0.85 + 0.15 * np.sin(2 * np.pi * k / 1000)
         wanted = TaskReference(
             radius * direction, near.rotation, near.velocity, near.acceleration, 2.0
@@ -176,16 +172,6 @@ def test_through_a_singularity_nothing_breaks(kind: str) -> None:
         assert straightest < 0.03
 
 
-@pytest.mark.parametrize("elbow", [0.0, 1e-15, 1e-9, 1e-5])
-def test_a_singular_start_is_answered(elbow: float) -> None:
-    task = two_link()
-    reference = at_rest(task, [0.3, 0.5])
-    state = Measured(np.array([0.3, elbow]), np.array([0.5, -0.5]))
-    for control in (OperationalSpace(task, 20.0), CartesianImpedance(task, 500.0)):
-        tau = control.torque(state, reference)
-        assert np.isfinite(tau).all() and abs(tau).max() < 500.0
-
-
 def test_joint_references_are_followed_by_task_controllers(rng: np.random.Generator) -> None:
     task = panda()
     q, v, a = 0.2 * rng.normal(size=(3, 7))
@@ -197,14 +183,6 @@ def test_joint_references_are_followed_by_task_controllers(rng: np.random.Genera
     state = Measured(q + 0.01, v)
     tau = AlongJoints(inner, task).torque(state, Reference(q, v, a))
     assert_close(tau, inner.torque(state, meant), INVERSE_PAIR)
-
-
-def test_along_joints_the_hand_presses_as_hard_as_asked() -> None:
-    task, dyn = two_link(), models.dynamics("two_link")
-    q = np.array([0.3, 0.8])
-    control = AlongJoints(MotionForce(task, [1, 0, 0]), task, force=10.0)
-    tau = control.torque(Measured(q, 0 * q), Reference(q, 0 * q, 0 * q))
-    assert_close(tau, dyn.gravity(q) + [10.0, 0.0] @ task.jacobian(q), ALGEBRA)
 
 
 def test_a_planar_task_presses_along_its_own_axes() -> None:
@@ -225,8 +203,6 @@ def test_bad_settings_and_states_are_refused() -> None:
         CartesianImpedance(task, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match=r"is not among the axes of the task, \('x', 'z'\)"):
         MotionForce(task, [0, 1, 1])
-    with pytest.raises(InvalidInput, match="a nonzero vector of shape"):
-        MotionForce(panda(), [0, 0, 0])
     with pytest.raises(InvalidInput, match=r"posture has shape \(3,\)"):
         OperationalSpace(task, posture=[0.0, 0.0, 0.0])
     with pytest.raises(InvalidInput, match=r"state.v\[0\] = nan"):

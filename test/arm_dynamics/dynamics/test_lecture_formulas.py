@@ -56,34 +56,6 @@ def test_mass_felt_at_the_tip(arm: Dynamics, rng: np.random.Generator) -> None:
         assert_close(tip @ felt @ tip, v @ M @ v, 100 * CLOSED_FORM)
 
 
-def test_weight_felt_at_the_tip(arm: Dynamics, rng: np.random.Generator) -> None:
-    for x in states(rng):
-        q = x[:2]
-        felt = np.linalg.solve(jacobian(q).T, arm.gravity(q))
-        s2, c1, s12, c12 = np.sin(q[1]), np.cos(q[0]), np.sin(q.sum()), np.cos(q.sum())
-        expected = [M1 * G * c1 / s2 + M2 * G * s12, M2 * G * c12]
-        assert_close(felt, expected, 100 * CLOSED_FORM)
-
-
-def test_multiplier_keeps_the_constraint(arm: Dynamics, rng: np.random.Generator) -> None:
-    """λ = (A M⁻¹ Aᵀ)⁻¹ (A M⁻¹ (τ - h) + Ȧ q̇) for M q̈ + h + Aᵀ λ = τ, A q̇ = 0.
-
-    The tip moves at constant height: A = ∂z/∂q with z = l₁ sin q₁ + l₂ sin(q₁ + q₂).
-    """
-    for x in states(rng):
-        (q, v), tau = np.split(x, 2), rng.normal(size=2)
-        c1, c12, s1, s12 = np.cos(q[0]), np.cos(q.sum()), np.sin(q[0]), np.sin(q.sum())
-        A = np.array([[L1 * c1 + L2 * c12, L2 * c12]])
-        v = v - A[0] * (A @ v) / (A @ A.T)[0, 0]
-        A_dot = -np.array([[L1 * s1 * v[0] + L2 * s12 * v.sum(), L2 * s12 * v.sum()]])
-        M, h = arm.mass_matrix(q), arm.inverse(q, v, np.zeros(2))
-        W = A @ np.linalg.inv(M)
-        multiplier = np.linalg.solve(W @ A.T, W @ (tau - h) + A_dot @ v)
-        a = np.linalg.solve(M, tau - h - A.T @ multiplier)
-        scale = 1.0 + abs(a).max()
-        np.testing.assert_allclose((A @ a + A_dot @ v) / scale, 0.0, atol=1e-11)
-
-
 def test_multiplier_needs_independent_rows(arm: Dynamics, rng: np.random.Generator) -> None:
     """A M⁻¹ Aᵀ has no inverse if a row repeats; its pseudo-inverse gives the same acceleration."""
     for x in states(rng):

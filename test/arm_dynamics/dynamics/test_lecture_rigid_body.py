@@ -7,7 +7,6 @@ The body is a cloud of point masses, so that every integral is a sum of its own.
 import numpy as np
 import pytest
 
-from arm_dynamics import Dynamics
 from tolerances import CLOSED_FORM, assert_close
 
 X, Y, Z = range(3)
@@ -184,18 +183,3 @@ def test_generalized_force_is_a_sum_over_particles(rng: np.random.Generator) -> 
     )
     assert_close(places @ forces @ across, moment, CLOSED_FORM)
     assert not np.isclose(places[0] * forces[0] @ across, moment, rtol=1e-3)
-
-
-def test_a_falling_mass_needs_its_weight_to_be_held() -> None:
-    """m q̈ + (0, 0, m g) = 0: at rest a mass needs +m g upwards."""
-    urdf = """<robot name="mass">
-      <link name="ground"/>
-      <link name="mass"><inertial>
-        <mass value="0.5"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>
-      </inertial></link>
-      <joint name="z" type="prismatic">
-        <parent link="ground"/><child link="mass"/><axis xyz="0 0 1"/>
-        <limit lower="-1" upper="1" effort="0" velocity="0"/>
-      </joint>
-    </robot>"""
-    assert_close(Dynamics(urdf).inverse([0.0], [0.0], [0.0]), [0.5 * 9.81], CLOSED_FORM)

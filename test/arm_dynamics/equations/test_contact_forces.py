@@ -19,8 +19,7 @@ def robot(contacts: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return A, np.linalg.inv(half @ half.T + np.eye(N)), A @ rng.normal(size=N)
 
 
-@pytest.mark.parametrize("contacts", [4, 8])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("contacts", "seed"), [(4, 0), (8, 1)])
 def test_forces_that_hold_are_the_least_ones(contacts: int, seed: int) -> None:
     A, M_inverse, free = robot(contacts, seed)
     rows = np.repeat(np.random.default_rng(seed).random(contacts) < 0.8, 3).astype(float)
@@ -35,7 +34,7 @@ def test_forces_that_hold_are_the_least_ones(contacts: int, seed: int) -> None:
     assert_close((moved + free)[held], np.zeros(held.sum()), ALGEBRA)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_sliding_contacts_bear_friction_against_their_directions(seed: int) -> None:
     A, M_inverse, free = robot(8, seed)
     angle = np.random.default_rng(seed).uniform(0, 6.28, 8)
@@ -50,8 +49,7 @@ def test_sliding_contacts_bear_friction_against_their_directions(seed: int) -> N
     assert_close(rate[::3], np.zeros(8), INVERSE_PAIR)
 
 
-@pytest.mark.parametrize("contacts", [2, 4])
-@pytest.mark.parametrize("light", [1e-9, 1e-4])
+@pytest.mark.parametrize(("contacts", "light"), [(2, 1e-9), (4, 1e-4)])
 def test_a_light_body_does_not_soften_the_contacts_of_a_heavy_one(
     contacts: int, light: float
 ) -> None:

@@ -11,10 +11,11 @@ import models
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.derivatives import IN_LINKS_AT_MOST, inverse_derivatives
+from arm_dynamics.equations.forward_dynamics import hybrid
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from models.large import mobile
-from models.random_tree import tree
-from tolerances import ALGEBRA, assert_close
+from models.random_tree import random_tree, tree
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 
 def derivatives(model: ArmModel) -> ca.Function:
@@ -60,3 +61,22 @@ def test_joints_on_different_branches_have_none(rng: np.random.Generator) -> Non
     )
     assert not pattern[np.ix_(left, right)].any() and not pattern[np.ix_(right, left)].any()
     assert pattern[np.ix_(left, left)].all() and pattern[np.ix_(base, right)].any(axis=0).all()
+
+
+@pytest.mark.parametrize("joints", [1, 2, 5, 20])
+@pytest.mark.parametrize("part", [0.0, 0.3, 1.0])
+def test_given_accelerations_take_the_torques_that_are_missing(
+    joints: int, part: float, rng: np.random.Generator
+) -> None:
+    scene = {"robot": {"urdf": random_tree(rng, joints)}, "joints": {"*": {"armature": 0.1}}}
+    model = ArmModel(load_scene(scene))
+    symbols = [ca.SX.sym(name, model.n) for name in ("q", "v", "tau", "free", "given")]
+    q, v, tau, *chosen = symbols
+    law = hybrid(tree_of(model), q, v, tau, gravity_of(model), *chosen)
+    free = (rng.uniform(size=model.n) >= part).astype(float)
+    state, given = rng.uniform(-1.0, 1.0, (3, model.n)), (1.0 - free) * rng.normal(size=model.n)
+    numbers = ca.Function("law", symbols, list(law))(*state, free, given)
+    a, taken = (np.array(x).ravel() for x in numbers)
+    np.testing.assert_array_equal(a[free == 0.0], given[free == 0.0])
+    np.testing.assert_array_equal(taken[free == 1.0], 0.0)
+    assert_close(Dynamics(model).inverse(state[0], state[1], a), state[2] - taken, INVERSE_PAIR)

@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.interpolate import PchipInterpolator
 
 import models
-from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.equations.interpolation import Curve
 from arm_sim import Simulator
 from models.rotor import rotor
@@ -49,14 +47,6 @@ def test_dry_friction_by_direction(options: dict[str, Any], sign: float) -> None
     assert run.v[-1, 0] == 0.0
 
 
-@pytest.mark.parametrize(("v", "level"), [(0.3, 0.9), (-0.3, 0.5)])
-def test_only_the_static_level_may_differ_by_direction(v: float, level: float) -> None:
-    """From its own level in each direction, friction falls to the same one in both."""
-    dyn = Dynamics(rotor(J, coulomb=0.2, static=HOLDS, stribeck_velocity=0.5))
-    fallen = 0.2 + (level - 0.2) * np.exp(-((v / 0.5) ** 2))
-    assert_close(dyn.friction([v]), [np.sign(v) * fallen], ALGEBRA)
-
-
 def test_dry_friction_by_position() -> None:
     """A joint under a constant torque stops where it has done its work against the table."""
     sim = wheel(coulomb=0.5, position=BY_PLACE)
@@ -70,7 +60,7 @@ def test_dry_friction_by_position() -> None:
     assert_close(work, 0.5 * J * 2.0**2, 1e-7)
 
 
-@pytest.mark.parametrize("place", [-1.5, -1.0, -0.3, 0.0, 1.1, 3.0])
+@pytest.mark.parametrize("place", [-1.5, -0.3, 1.1])
 def test_break_away_from_a_table(place: float) -> None:
     curve = Curve.through(np.array(BY_PLACE["at"]), np.array(BY_PLACE["factor"]))
     sim, level = wheel(coulomb=0.4, static=0.5, position=BY_PLACE), 0.5 * float(curve(place))
@@ -128,14 +118,6 @@ def test_curve_is_smooth_and_stays_between_its_points(rng: np.random.Generator) 
             assert_close(curve(x + period), y, 1e-9)
 
 
-def test_slopes_of_uneven_points_are_those_of_fritsch_and_butland() -> None:
-    """The library SciPy has the same curve between inner points; at the ends it differs."""
-    at, values = np.array([0.0, 1.0, 1.2, 4.0, 4.5, 6.0]), np.array([1.0, 1.1, 2.0, 2.2, 3.0, 3.5])
-    x = np.linspace(1.0, 4.5, 200)
-    wanted = PchipInterpolator(at, values)(x)
-    assert_close(Curve.through(at, values)(x), wanted, ALGEBRA)
-
-
 def test_the_direction_decides_where_a_joint_stands_still() -> None:
     """At rest the level that is about to act; in motion its sign is that of the direction."""
     dyn = wheel(coulomb=SIDES, static=HOLDS, stribeck_velocity=0.1, viscous=0.5).dynamics
@@ -147,10 +129,3 @@ def test_the_direction_decides_where_a_joint_stands_still() -> None:
     fall = np.exp(-0.01)
     wanted = [0.6 + 0.3 * fall + 0.005, -(0.4 + 0.1 * fall) + 0.005]
     assert_close(both.ravel(), wanted, ALGEBRA)
-
-
-def test_position_is_wanted_where_friction_depends_on_it() -> None:
-    dyn = wheel(coulomb=0.5, position=BY_PLACE).dynamics
-    with pytest.raises(InvalidInput, match="q is expected"):
-        dyn.friction([1.0])
-    assert_close(dyn.friction([1.0], q=[0.0]), [1.0], ALGEBRA)

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics import Dynamics
 from arm_dynamics.equations import motor
 from arm_sim import Simulator
 from models.driven import WINDING, B, J, K, L, R, law, linear, of_states, wheel
@@ -72,14 +72,6 @@ def test_rotor_is_pinocchios_armature(rng: np.random.Generator) -> None:
     assert_close(slope.full().ravel()[3:], wanted, ALGEBRA)
 
 
-def test_rotor_damping_is_viscous_friction_of_the_joint() -> None:
-    joints = {"joint2": {"actuator": {"rotor_damping": 1e-3, "gear_ratio": 30}}}
-    dyn = Dynamics({"robot": {"urdf": URDF}, "joints": joints})
-    v = np.array([1.0, 2.0, 3.0])
-    more = dyn.friction(v) - Dynamics(URDF).friction(v)
-    assert_close(more, np.array([0.0, 1e-3 * 900 * 2.0, 0.0]), PINOCCHIO)
-
-
 def test_torque_command_of_a_motor_without_limits_is_the_torque() -> None:
     """Bit for bit: a drop-in for an arm with armature."""
     urdf = models.scene("two_link").robot.urdf
@@ -90,26 +82,6 @@ def test_torque_command_of_a_motor_without_limits_is_the_torque() -> None:
         sim.run(0.2, [1.3, -0.4])
     np.testing.assert_array_equal(motors.state.q, plain.state.q)
     assert motors.state.z.size == 0
-
-
-def test_without_inductance_there_is_no_state_and_the_limit_is_reached_linearly() -> None:
-    """The error of leaving the inductance out falls in proportion to it."""
-    base = {"command": "voltage", "resistance": R, "torque_constant": K}
-    algebraic = run(wheel(J, **base), 0.03, 12.0, tolerance=1e-10)
-    assert algebraic.state.z.size == 0
-    errors = []
-    for inductance in (1e-4, 5e-5, 2.5e-5):
-        state = run(wheel(J, inductance=inductance, **base), 0.03, 12.0, tolerance=1e-10).state
-        errors.append(abs(state.v[0] - algebraic.state.v[0]))
-    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.1)
-
-
-def test_algebraic_motor_speeds_up_exponentially() -> None:
-    """J ω' = K (V - K ω) / R."""
-    t = 0.03
-    sim = run(wheel(J, command="voltage", resistance=R, torque_constant=K), t, 12.0)
-    wanted = 12.0 / K * (1.0 - np.exp(-(K**2) / (R * J) * t))
-    np.testing.assert_allclose(sim.state.v[0], wanted, rtol=1e-7)
 
 
 LIMITED = {"resistance": 1.0, "torque_constant": 0.05, "current_limit": 8.0, "voltage_limit": 12.0}
@@ -143,11 +115,6 @@ def test_a_motor_that_brakes_draws_more_than_its_stall_current(command: str) -> 
     np.testing.assert_allclose(sim.state.v, [wanted], rtol=1e-8)
 
 
-def test_torque_within_the_limits_is_the_command() -> None:
-    torque = of_states(law(wheel(gear_ratio=20.0, **LIMITED)), 1)["torque"]
-    assert_close(float(torque([0.0], [1.0], [], [3.5])), 3.5, PINOCCHIO)
-
-
 def test_amplifier_limits_the_current_under_voltage() -> None:
     """A blocked rotor: i = V/R (1 - exp(-t R/L)) up to the limit, and there it stays."""
     scene = wheel(1e6, command="voltage", current_limit=8.0, **WINDING)
@@ -174,29 +141,6 @@ def test_a_limited_amplifier_treats_both_directions_alike() -> None:
             assert given == (held if abs(current) >= 8.0 else voltage)
 
 
-def test_the_torque_limit_is_that_of_current_or_stall() -> None:
-    """N K_t I, or N K_t V / R where the voltage does not drive as much at rest."""
-    motors = {"resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0}
-    for more, amperes in (
-        ({"voltage_limit": 12.0, "current_limit": 8.0}, 6.0),
-        ({"voltage_limit": 12.0, "current_limit": 5.0}, 5.0),
-        ({"voltage_limit": 12.0}, 6.0),
-    ):
-        model = ArmModel(load_scene(wheel(command="current", **motors, **more)))
-        assert_close(model.effort_limit, [20.0 * 0.05 * amperes], PINOCCHIO)
-
-
-def test_no_load_speed_and_stall_torque() -> None:
-    flow = of_states(law(wheel(command="voltage", resistance=2.0, torque_constant=0.1)), 1)
-    assert_close(float(flow["torque"]([0], [0], [], [24.0])), 0.1 * 12.0, PINOCCHIO)
-    assert_close(float(flow["torque"]([0], [240.0], [], [24.0])), 0.0, PINOCCHIO)
-
-
-def test_back_emf_constant_of_its_own() -> None:
-    scene = wheel(command="voltage", resistance=2.0, torque_constant=0.1, back_emf_constant=0.12)
-    assert_close(float(of_states(law(scene), 1)["torque"]([0], [200.0], [], [24.0])), 0, PINOCCHIO)
-
-
 def test_poles_hold_the_rotor_and_take_no_energy() -> None:
     """Small swings about a stable position have the frequency √(A m / J)."""
     amplitude, order, inertia = 0.02, 12.0, 1e-3
@@ -215,32 +159,3 @@ def test_poles_turn_with_the_motor() -> None:
     flow = of_states(law(wheel(gear_ratio=-4.0, cogging={"amplitude": 0.3, "order": 2})), 1)
     got = float(flow["torque"]([0.2], [0.0], [], [0.0]))
     assert_close(got, -4.0 * -0.3 * np.sin(2 * -4.0 * 0.2), PINOCCHIO)
-
-
-def test_commands_have_units_and_limits() -> None:
-    drive = {"resistance": 1, "torque_constant": 0.1, "gear_ratio": -10}
-    joints = {
-        "joint1": {"actuator": drive | {"command": "voltage", "voltage_limit": 24}},
-        "joint2": {"actuator": drive | {"command": "current"}, "limits": {"effort": 5}},
-    }
-    model = ArmModel(load_scene({"robot": {"urdf": URDF}, "joints": joints}))
-    assert model.command_unit == ("V", "A", "N m")
-    np.testing.assert_array_equal(model.command_limit, [24.0, 5.0, model.effort_limit[2]])
-
-
-def test_a_command_beyond_its_limit_is_cut() -> None:
-    scene = wheel(J, command="voltage", resistance=R, torque_constant=K, voltage_limit=6.0)
-    sim = run(scene, 0.01, 100.0)
-    free = run(wheel(J, command="voltage", resistance=R, torque_constant=K), 0.01, 6.0)
-    np.testing.assert_array_equal(sim.state.v, free.state.v)
-
-
-def test_some_joints_with_motors_and_some_without() -> None:
-    """A joint without a drive takes its command as a torque."""
-    drive = {"command": "current", "torque_constant": 0.1, "gear_ratio": 10}
-    joints = {"joint2": {"actuator": drive}}
-    some = Simulator({"robot": {"urdf": URDF}, "joints": joints})
-    plain = Simulator({"robot": {"urdf": URDF}})
-    some.run(0.1, [1.0, 2.0, 0.5])
-    plain.run(0.1, [1.0, 2.0, 0.5])
-    assert_close(some.state.q, plain.state.q, 1e-12)

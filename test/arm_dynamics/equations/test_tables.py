@@ -6,12 +6,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
-from arm_dynamics.equations.interpolation import Curve
 from complex_step import EPSILON, evaluated, seeded
 from models.rotor import rotor
 from tolerances import ALGEBRA, CLOSED_FORM, FINITE_DIFF, INVERSE_PAIR, assert_close
@@ -55,7 +53,7 @@ def test_beyond_the_last_speed_it_rises_on_or_stays() -> None:
     assert_close(friction(falling, v), [0.5, 0.5], CLOSED_FORM)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_no_table_gives_out_energy(seed: int) -> None:
     """Whatever its sizes of friction, F v >= 0 at every speed and position."""
     rng = np.random.default_rng(seed)
@@ -106,24 +104,8 @@ def test_a_table_of_viscous_friction_is_viscous_friction() -> None:
     assert_close(friction(both, v), 0.4 * v, CLOSED_FORM)
 
 
-def test_a_sampled_stribeck_curve_is_reproduced_to_the_error_of_interpolation() -> None:
-    """Halving the distances leaves a quarter of the largest error, or less."""
-    law = {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.3}
-    exact, v = Dynamics(rotor(0.1, **law)), np.linspace(0.001, 1.99, 3001)
-
-    def error(points: int) -> float:
-        speed = np.linspace(0.0, 2.0, points)
-        sizes = np.append(1.5, friction(exact, speed[1:]))
-        dyn = wheel({"speed": speed.tolist(), "torque": sizes.tolist()})
-        return float(abs(friction(dyn, v) - friction(exact, v)).max())
-
-    coarse, fine = error(81), error(161)
-    assert coarse < 1e-3
-    assert fine < coarse / 3.9
-
-
-@pytest.mark.parametrize("v", [0.0, 0.05, 0.13, -0.2, 1.0, -3.0, 3.5])
-@pytest.mark.parametrize("q", [-1.0, 0.1, 2.0])
+@pytest.mark.parametrize("v", [0.0, 0.13, -0.2, 3.5])
+@pytest.mark.parametrize("q", [-1.0, 0.1])
 def test_derivatives_of_friction(q: float, v: float) -> None:
     """By complex numbers between the points; at a point the same from both sides, and there."""
     table = wheel(BY_PLACE).model.friction.tables[0]
@@ -184,20 +166,3 @@ def test_the_energy_of_a_spring_is_its_work() -> None:
             lambda x: float(dyn.spring([x])[0]), 0.3, q, points=breaks or None, epsabs=1e-12
         )[0]
         assert_close(dyn.energy([q], [0.0])[1], work, ALGEBRA)
-
-
-def test_a_straight_table_is_a_stiffness(rng: np.random.Generator) -> None:
-    table = {"deflection": [-0.2, 0.1, 0.4], "torque": [-8.0, 4.0, 16.0]}
-    tabulated, linear = spring(table=table, rest=0.2), spring(stiffness=40.0, rest=0.2)
-    for q in rng.uniform(-3.0, 3.0, (20, 1)):
-        assert_close(tabulated.spring(q), linear.spring(q), CLOSED_FORM)
-        assert_close(tabulated.energy(q, [0.0]), linear.energy(q, [0.0]), CLOSED_FORM)
-
-
-def test_an_integral_is_the_integral_of_each_cubic() -> None:
-    curve = Curve.through(np.array([0.0, 1.0]), np.array([1.0, 3.0]), ends=(1.0, 4.0))
-    cubic = Polynomial([1.0, 1.0, 0.0, 1.0])  # of these values and slopes at 0 and 1
-    assert_close(curve(0.3), cubic(0.3), CLOSED_FORM)
-    assert_close(curve.integral(0.3), cubic.integ()(0.3), CLOSED_FORM)
-    assert_close(curve.integral(3.0), cubic.integ()(1.0) + 3.0 * 2.0 + 4.0 * 2.0, CLOSED_FORM)
-    assert_close(curve.integral(-1.0), -1.0 + 0.5, CLOSED_FORM)

@@ -19,7 +19,7 @@ from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.tree_builder import linkage_of, tree_of
 from arm_dynamics.task_space import TaskSpace
 from models.linkages import scene
-from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, assert_close
+from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 TYPES: dict[str, dict[str, Any]] = {
     "point": {"type": "point"},
@@ -38,12 +38,10 @@ TYPES: dict[str, dict[str, Any]] = {
 # Near half a turn, where this is 2, the axis of a rotation is ill-determined.
 HALF_TURN = 1.9
 # Two frames that move against each other, and one against the world; a tree, skew axes, followers.
-FRAMES = {
-    "two_arms": [("left_lower", "right_slide"), ("right_rod", "world")],
-    "skew_axes": [("third", "first"), ("world", "third")],
-    "gripper": [("right_jaw", "world"), ("right_jaw", "left_jaw")],
-    "scara": [("spindle", "world")],
-}
+FRAMES = [
+    ("two_arms", ("left_lower", "right_slide")), ("skew_axes", ("world", "third")),
+    ("gripper", ("right_jaw", "left_jaw")),
+]  # fmt: skip
 
 
 def model_with(urdf: str, **given: Any) -> Robot:
@@ -60,11 +58,7 @@ def generated(model: Robot) -> ca.Function:
     return ca.Function("rows", [q, v], values)
 
 
-def frame_pairs() -> list[tuple[str, tuple[str, str]]]:
-    return [(urdf, pair) for urdf, pairs in FRAMES.items() for pair in pairs]
-
-
-@pytest.mark.parametrize(("urdf", "frames"), sampled(frame_pairs(), 3), ids=str)
+@pytest.mark.parametrize(("urdf", "frames"), sampled(FRAMES, 2), ids=str)
 @pytest.mark.parametrize("kind", TYPES)
 def test_generated_rows_are_pinocchios(
     kind: str, urdf: str, frames: tuple[str, str], rng: np.random.Generator
@@ -73,7 +67,7 @@ def test_generated_rows_are_pinocchios(
     points = [[0.1, 0.2, -0.3], [0.3, -0.1, 0.2]]
     model = model_with(urdf, **TYPES[kind], frames=list(frames), points=points)
     rows, law = ConstraintRows(model), generated(model)
-    for _ in range(10):
+    for _ in range(5):
         q, v = rng.uniform(-1.2, 1.2, model.n), rng.normal(size=model.n)
         wanted = rows.stacked(q, v, rows.names)
         if kind == "frame" and np.linalg.norm(wanted.residual[3:]) > HALF_TURN:
@@ -142,19 +136,6 @@ def test_accelerations_are_pinocchios(name: str, rng: np.random.Generator) -> No
         assert_close(a, wanted, 1e-9)
 
 
-@pytest.mark.parametrize("name", [*LOOPS, "bricard", "parallel_gripper"])
-def test_inverse_of_forward(name: str, rng: np.random.Generator) -> None:
-    dyn = Dynamics(models.SCENES / f"{name}.yaml")
-    closure = dyn.constrained.closure
-    q, v = closure.closed(dyn.model.q0, rng.normal(size=dyn.n))
-    tau = rng.normal(size=(4, dyn.n))
-    a, lam = dyn.constrained_forward(np.tile(q, (4, 1)), np.tile(v, (4, 1)), tau)
-    assert a.shape == (4, dyn.n)
-    assert lam.shape == (4, dyn.constrained.m)
-    assert_close(dyn.constrained_inverse([q] * 4, [v] * 4, a, lam), tau, INVERSE_PAIR)
-    np.testing.assert_array_equal(dyn.forward(q, v, tau[0]), a[0])
-
-
 @pytest.mark.parametrize("angle", [0.0, np.pi])
 def test_laid_flat_a_parallelogram_still_has_accelerations(angle: float) -> None:
     """There its rows hold no more than across the rods, to rounding: the rest is left out."""
@@ -186,19 +167,6 @@ def test_what_is_open_at_the_start_holds_where_it_is_closed() -> None:
         assert_close(ours, wanted, ALGEBRA)
 
 
-def test_gauss_principle(rng: np.random.Generator) -> None:
-    """No other admissible acceleration is nearer to the free one in the metric of M."""
-    dyn = Dynamics(models.SCENES / "five_bar.yaml")
-    q, v = dyn.constrained.closure.closed(dyn.model.q0, rng.normal(size=4))
-    a, _ = dyn.constrained_forward(q, v, np.ones(4))
-    A = dyn.constrained.closure.rows.stacked(q, v, ("tool",)).jacobian
-    M, bias = dyn.mass_matrix(q), dyn.inverse(q, v, np.zeros(4))
-    free = np.linalg.solve(M, 1.0 - bias)
-    for _ in range(20):
-        other = a + rng.normal(size=4) @ (np.eye(4) - np.linalg.pinv(A) @ A)
-        assert (other - free) @ M @ (other - free) >= (a - free) @ M @ (a - free) - 1e-12
-
-
 def test_pushing_takes_the_transposed_jacobian(rng: np.random.Generator) -> None:
     """A pen that rests on its sheet and pushes with f bears λ = f, and does not move."""
     dyn = Dynamics(models.SCENES / "panda_pen.yaml")
@@ -213,67 +181,37 @@ def test_pushing_takes_the_transposed_jacobian(rng: np.random.Generator) -> None
     assert_close(many, wrenches @ jacobian, ALGEBRA)
 
 
-def test_wrenches_of_a_batch_are_one_or_one_for_each() -> None:
-    dyn = Dynamics(models.SCENES / "panda_pen.yaml")
-    q, wrench = dyn.model.q0, np.array([1.0, 2.0, 3.0])
-    one = dyn.contact_torque(q, wrench)
-    assert_close(dyn.contact_torque([q] * 3, wrench), [one] * 3, ALGEBRA)
-    for rows in (1, 2, 4):
-        with pytest.raises(InvalidInput, match=rf"shape \({rows}, 3\); a row for each of 3 pos"):
-            dyn.contact_torque([q] * 3, [wrench] * rows)
-
-
-def test_only_a_contact_with_the_world_says_where_the_arm_pushes_it() -> None:
-    """Fingertips touch a box that is a link of the same scene: which frame pushes must be said."""
-    dyn = Dynamics(models.SCENES / "lifting_gripper.yaml")
-    with pytest.raises(InvalidInput, match="frame is expected: the scene has 0 places"):
-        dyn.contact_torque(dyn.model.q0, [0, 0, 1])
-
-
-def test_unknown_names_are_refused() -> None:
-    dyn = Dynamics(models.SCENES / "four_bar.yaml")
-    q, v = dyn.model.q0, dyn.model.v0
-    with pytest.raises(InvalidInput, match="no constraint 'lop'; allowed: loop"):
-        dyn.constrained_forward(q, v, v, active=["lop"])
-    with pytest.raises(InvalidInput, match="frame is expected"):
-        dyn.contact_torque(q, [0, 0, 1])
-
-
-def test_multipliers_belong_to_one_state_or_to_each_of_a_batch(rng: np.random.Generator) -> None:
-    """A single row of them serves every state."""
-    dyn = Dynamics(models.SCENES / "four_bar.yaml")
-    q, v, a = (np.tile(x, (4, 1)) for x in (dyn.model.q0, dyn.model.v0, rng.normal(size=dyn.n)))
-    one = [1, -2, 3]  # whole numbers too
-    many = rng.normal(size=(4, 3))
-    single = dyn.constrained_inverse(q[0], v[0], a[0], one)
-    assert_close(dyn.constrained_inverse(q, v, a, one), np.tile(single, (4, 1)), ALGEBRA)
-    rows = [dyn.constrained_inverse(q[0], v[0], a[0], lam) for lam in many]
-    assert_close(dyn.constrained_inverse(q, v, a, many), rows, ALGEBRA)
-
-
-@pytest.mark.parametrize(
-    ("lam", "said"),
-    [
-        ([1.0, 2.0], r"lam has shape \(2,\); {} is expected"),
-        (np.ones((3, 3)), r"lam has shape \(3, 3\); {} is expected"),
-        ([1.0, np.nan, 3.0], "lam holds numbers that are not finite"),
-        (["a", "b", "c"], "lam = .*: real numbers are expected"),
-    ],
-)
-@pytest.mark.parametrize("batch", [True, False])
-def test_other_multipliers_are_refused(lam: Any, said: str, *, batch: bool) -> None:
-    dyn = Dynamics(models.SCENES / "four_bar.yaml")
-    state = np.tile(dyn.model.q0, (4, 1)) if batch else dyn.model.q0
-    expected = said.format(r"\(3,\) or \(4, 3\)" if batch else r"\(3,\)")
-    with pytest.raises(InvalidInput, match=f"^{expected}$"):
-        dyn.constrained_inverse(state, 0.0 * state, 0.0 * state, lam)
-    if not batch:
-        with pytest.raises(InvalidInput, match="lam has shape"):
-            dyn.constrained_inverse(state, 0.0 * state, 0.0 * state, np.ones((4, 3)))
-
-
 def test_without_constraints_nothing_is_constrained() -> None:
     dyn = models.dynamics("two_link")
     a, lam = dyn.constrained_forward([0.1, 0.2], [1.0, 2.0], [3.0, 4.0])
     assert_close(a, dyn.forward([0.1, 0.2], [1.0, 2.0], [3.0, 4.0]), ALGEBRA)
     assert lam.shape == (0,)
+
+
+def test_multipliers_belong_to_one_state_or_to_each_of_a_batch(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("four_bar")
+    q, v, a = (np.tile(x, (4, 1)) for x in (dyn.model.q0, dyn.model.v0, rng.normal(size=dyn.n)))
+    one = [1, -2, 3]  # whole numbers too
+    single = dyn.constrained_inverse(q[0], v[0], a[0], one)
+    assert_close(dyn.constrained_inverse(q, v, a, one), np.tile(single, (4, 1)), ALGEBRA)
+    for state, lam in (
+        ((q, v, a), [1.0, 2.0]),
+        ((q, v, a), np.ones((3, 3))),
+        ((q[0], v[0], a[0]), np.ones((4, 3))),
+        ((q, v, a), [1.0, np.nan, 3.0]),
+        ((q, v, a), ["a", "b", "c"]),
+    ):
+        with pytest.raises(InvalidInput, match="^lam "):
+            dyn.constrained_inverse(*state, lam)
+
+
+def test_what_pushes_and_what_holds_must_be_said() -> None:
+    """Fingertips touch a box that is a link of the same scene: no frame touches the world."""
+    gripper, bar, pen = (models.dynamics(x) for x in ("lifting_gripper", "four_bar", "panda_pen"))
+    for dyn in (gripper, bar):
+        with pytest.raises(InvalidInput, match="frame is expected"):
+            dyn.contact_torque(dyn.model.q0, [0, 0, 1])
+    with pytest.raises(InvalidInput, match="no constraint 'lop'; allowed: loop"):
+        bar.constrained_forward(bar.model.q0, bar.model.v0, bar.model.v0, active=["lop"])
+    with pytest.raises(InvalidInput, match=r"shape \(2, 3\); a row for each of 3 pos"):
+        pen.contact_torque([pen.model.q0] * 3, np.ones((2, 3)))

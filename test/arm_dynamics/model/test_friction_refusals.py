@@ -37,44 +37,21 @@ def test_friction_by_load_must_not_lock_a_lossy_gear() -> None:
     assert "allowed: up to 0.25, half of the gear's efficiency 0.5" in said
 
 
-def test_bristles_carry_the_friction_of_the_gear_too() -> None:
-    said = refusal({"coulomb": 0.1, **LUGRE}, actuator={"efficiency": 0.9})
-    assert said.startswith("joint2.friction.lugre' and 'actuator.efficiency' = 0.9: the LuGre")
-    assert "friction.load" in said
-
-
 RISES = {"stribeck_velocity": 0.1}
-STATIC: dict[str, tuple[dict[str, Any], str | None]] = {
-    "equal": ({"coulomb": 0.5, "static": 0.5}, None),
-    "less": ({"coulomb": 0.5, "static": 0.499}, "static' = 0.499: at least coulomb, 0.5, is"),
-    "equal to the URDF's": ({"static": 0.2}, None),
-    "less than the URDF's": ({"static": 0.199}, "static' = 0.199: at least coulomb, 0.2, is"),
-    "less than the URDF's, which does not count": ({"coulomb": 0.1, "static": 0.15}, None),
-    "equal on both sides": ({"coulomb": UNEQUAL, "static": UNEQUAL}, None),
-    "a number above both sides": ({"coulomb": UNEQUAL, "static": 2.0}, None),
-    "a number below one side": ({"coulomb": UNEQUAL, "static": 1.9}, "static' = 1.9: at least"),
-    "sides above a number": ({"coulomb": 1.0, "static": UNEQUAL}, None),
-    "less in the positive direction": (
-        {"coulomb": 1.5, "static": {"positive": 1.25, "negative": 2}},
-        "static' = positive=1.25 negative=2.0: at least coulomb, 1.5, is",
-    ),
-    "less in the negative direction": (
-        {"coulomb": UNEQUAL, "static": {"positive": 3, "negative": 1.75}},
-        "at least coulomb, positive=1.0 negative=2.0, is",
-    ),
-    "less, from which friction rises": ({"coulomb": 0.5, "static": 0.1} | RISES, None),
-    "none, from which it rises": (
-        {"coulomb": 0.5, "static": 0.0} | RISES,
-        "static' = 0.0: more than 0 is expected, so that the joint can rest",
-    ),
-    "less, of bristles": (
-        {"coulomb": 0.5, "static": 0.4} | RISES | LUGRE,
-        "static' = 0.4: at least coulomb, 0.5, is expected with 'lugre'",
-    ),
-}
+STATIC: list[tuple[dict[str, Any], str | None]] = [
+    ({"coulomb": 0.5, "static": 0.5}, None),
+    ({"coulomb": 0.5, "static": 0.499}, "static' = 0.499: at least coulomb, 0.5, is"),
+    ({"static": 0.199}, "static' = 0.199: at least coulomb, 0.2, is"),  # that of the URDF
+    ({"coulomb": UNEQUAL, "static": UNEQUAL}, None),
+    ({"coulomb": UNEQUAL, "static": 1.9}, "static' = 1.9: at least"),
+    ({"coulomb": UNEQUAL, "static": {"positive": 3, "negative": 1.75}}, "at least coulomb, pos"),
+    ({"coulomb": 0.5, "static": 0.1} | RISES, None),
+    ({"coulomb": 0.5, "static": 0.0} | RISES, "static' = 0.0: more than 0 is expected"),
+    ({"coulomb": 0.5, "static": 0.4} | RISES | LUGRE, "static' = 0.4: at least coulomb, 0.5, is"),
+]
 
 
-@pytest.mark.parametrize(("friction", "said"), STATIC.values(), ids=STATIC)
+@pytest.mark.parametrize(("friction", "said"), STATIC)
 def test_levels_at_rest_and_in_motion_go_together(
     friction: dict[str, Any], said: str | None
 ) -> None:
@@ -90,69 +67,37 @@ OWN: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("key", OWN)
-def test_a_follower_has_no_law_of_its_own(key: str) -> None:
-    assert refusal({key: OWN[key]}, "right_slide", "gripper") == (
-        f"right_slide.friction.{key}': a mimic joint has none of its own"
-    )
-
-
-@pytest.mark.parametrize("key", ["viscous", "coulomb"])
-def test_a_follower_has_no_sides(key: str) -> None:
-    assert refusal({key: UNEQUAL}, "right_slide", "gripper") == (
-        f"right_slide.friction.{key}': a mimic joint has one number for both directions"
-    )
-    assert build({key: 1.0}, "right_slide", "gripper")
-    assert build({key: UNEQUAL}, "left_slide", "gripper")
+def test_a_follower_has_no_law_of_its_own_and_no_sides() -> None:
+    for key, law in OWN.items():
+        assert refusal({key: law}, "right_slide", "gripper") == (
+            f"right_slide.friction.{key}': a mimic joint has none of its own"
+        )
+    for key in ("viscous", "coulomb"):
+        assert f"right_slide.friction.{key}'" in refusal({key: UNEQUAL}, "right_slide", "gripper")
+        assert build({key: 1.0}, "right_slide", "gripper")
+        assert build({key: UNEQUAL}, "left_slide", "gripper")
 
 
 # What is said, how it is refused, and what makes it mean something.
-SILENT: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
-    "a fall without a level at rest": (
-        {"coulomb": 1.0, "stribeck_velocity": 0.1},
-        "stribeck_velocity' = 0.1 is without effect: friction falls from 'static' to 'coulomb'",
-        {"static": 1.1},
-    ),
-    "a fall between equal levels": (
-        {"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 0.1},
-        "stribeck_velocity' = 0.1 is without effect: friction falls from 'static' to 'coulomb': "
-        "another 'static' is expected",
-        {"static": 1.1},
-    ),
-    "a fall between levels that are equal on each side": (
-        {"coulomb": UNEQUAL, "static": UNEQUAL, "stribeck_velocity": 0.1},
-        "stribeck_velocity' = 0.1 is without effect",
-        {"static": 2.1},
-    ),
-    "a fall of bristles": (
-        {"coulomb": 1.0, "stribeck_velocity": 0.1} | LUGRE,
-        "stribeck_velocity' = 0.1 is without effect",
-        {"static": 1.1},
-    ),
-    "a factor of nothing by position": (
-        {"coulomb": 0.0} | WAVY,
-        "position' = {'at': (0.0, 1.0), 'factor': (1.0, 2.0)} is without effect: it multiplies",
-        {"coulomb": 0.1},
-    ),
-    "a factor of nothing by load": (
-        {"coulomb": 0.0} | LOAD,
-        "load' = {'at': (0.0, 10.0), 'factor': (1.0, 1.1)} is without effect: it multiplies",
-        {"coulomb": 0.1},
-    ),
-    "fading of no damping": (
+SILENT: list[tuple[dict[str, Any], str, dict[str, Any]]] = [
+    ({"coulomb": 1.0} | RISES, "stribeck_velocity' = 0.1", {"static": 1.1}),
+    ({"coulomb": UNEQUAL, "static": UNEQUAL} | RISES, "stribeck_velocity' = 0.1", {"static": 2.1}),
+    ({"coulomb": 0.0} | WAVY, "position' = {'at'", {"coulomb": 0.1}),
+    (
         {"coulomb": 1.0, "lugre": {"sigma0": 1e4, "sigma1_velocity": 0.1}},
-        "lugre.sigma1_velocity' = 0.1 is without effect: the damping that it fades, 'sigma1',",
+        "lugre.sigma1_velocity' = 0.1",
         {"lugre": {"sigma0": 1e4, "sigma1": 1.0, "sigma1_velocity": 0.1}},
     ),
-}
+]
 
 
-@pytest.mark.parametrize(("friction", "said", "more"), SILENT.values(), ids=SILENT)
+@pytest.mark.parametrize(("friction", "said", "more"), SILENT)
 def test_what_would_be_without_effect_is_refused(
     friction: dict[str, Any], said: str, more: dict[str, Any]
 ) -> None:
-    assert refusal(friction).startswith(f"joint2.friction.{said}")
-    assert refusal(friction, "*").startswith(f"*.friction.{said}")
+    for name in ("joint2", "*"):
+        refused = refusal(friction, name)
+        assert refused.startswith(f"{name}.friction.{said}") and "without effect" in refused
     assert build(friction | more)
     assert build(friction | more, "*")
 
@@ -172,64 +117,42 @@ def growing(slope: float) -> dict[str, Any]:
 @pytest.mark.parametrize(
     "levels",
     [
-        {"coulomb": 2.0},
         {"coulomb": 1.0, "static": 2.0},
         {"coulomb": {"positive": 1.0, "negative": 2.0}},
-        {"coulomb": {"positive": 2.0, "negative": 1.0}},
+        {"coulomb": 2.0} | LUGRE,
         {"coulomb": 1.0, "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]}},
     ],
 )
-@pytest.mark.parametrize("name", ["joint1", "joint3", "*"])
+@pytest.mark.parametrize("name", ["joint3", "*"])
 def test_friction_by_load_grows_by_less_than_half_of_the_load(
     levels: dict[str, Any], name: str
 ) -> None:
     """Of the largest level, 2 N m: 0.499 of the load may be, 0.501 not."""
-    assert build(levels | growing(0.2495), name).friction.by_load
+    model = build(levels | growing(0.2495), name)
+    assert model.friction.by_load or LugreFriction.of(model)
     first = "joint1" if name == "*" else name
-    assert refusal(levels | growing(0.2505), name) == (
-        f"{first}.friction.load': friction grows by 0.501 of the load that causes it; allowed: "
-        "up to 0.5; beyond, the joint could be self-locking"
+    assert f"{first}.friction.load': friction grows by 0.501 of the load" in refusal(
+        levels | growing(0.2505), name
     )
-
-
-def test_friction_may_fall_with_load() -> None:
-    assert build({"coulomb": 2.0, "load": {"at": [2, 5], "factor": [9, 1]}}).friction.by_load
-
-
-def test_the_steepest_part_of_a_table_counts() -> None:
-    """Rises 0.1 over 10 N m, then 3 over 3 N m, then nothing."""
-    table = {"load": {"at": [0, 10, 13, 50], "factor": [1, 1.1, 4.1, 4.1]}}
-    assert "friction grows by 1." in refusal({"coulomb": 1.0} | table)
-    assert build({"coulomb": 0.25} | table).friction.by_load
 
 
 # --- tables by speed -------------------------------------------------------------------------
 
 TWICE = {"speed": [0, 1], "torque": [[1, 2], [2, 3]], "position": [0, 1]}
-TABLES: dict[str, tuple[dict[str, Any], str]] = {
-    "no speed 0": ({"speed": [0.1, 1], "torque": [1, 2]}, "speed = (0.1, 1.0): 0 is expected"),
-    "no positive speed": ({"speed": [-1, 0], "torque": [1, 2]}, "with speeds above it"),
-    "speeds in no order": ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
-    "two speeds that are one": (
-        {"speed": [0, 1e-300, 1], "torque": [1, 2, 3]},
-        "a slope of 1e+300 between two points; less than 1e+100 is expected",
-    ),
-    "a torque too few": ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
-    "one row of two": (TWICE | {"torque": [[1, 2]]}, "positions = 2, rows of 'torque' = 1; one"),
-    "rows without positions": ({**FLAT, "torque": [[1, 2], [1, 2]]}, "positions = 1, rows of"),
-    "positions in no order": (TWICE | {"position": [1, 0]}, "'position' must increase"),
-    "a period too short": (TWICE | {"period": 1}, "period = 1.0: longer than 'position' is"),
-    "a period of nothing": (FLAT | {"period": 6.3}, "'position' is missing, which repeats"),
-    "no dry friction at one place": (
-        TWICE | {"torque": [[1, 2], [0, 3]]},
-        "torque at speed 0 = [1.0, 0.0]: more than 0 at every position, or 0 at all, is",
-    ),
-}
+TABLES: list[tuple[dict[str, Any], str]] = [
+    ({"speed": [0.1, 1], "torque": [1, 2]}, "speed = (0.1, 1.0): 0 is expected"),
+    ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
+    ({"speed": [0, 1e-300, 1], "torque": [1, 2, 3]}, "a slope of 1e+300 between two points"),
+    ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
+    ({**FLAT, "torque": [[1, 2], [1, 2]]}, "positions = 1, rows of"),
+    (TWICE | {"period": 1}, "period = 1.0: longer than 'position' is"),
+    (FLAT | {"period": 6.3}, "'position' is missing, which repeats"),
+    (TWICE | {"torque": [[1, 2], [0, 3]]}, "torque at speed 0 = [1.0, 0.0]: more than 0 at every"),
+]
 
 
-@pytest.mark.parametrize("case", TABLES)
-def test_a_table_by_speed(case: str) -> None:
-    table, why = TABLES[case]
+@pytest.mark.parametrize(("table", "why"), TABLES)
+def test_a_table_by_speed(table: dict[str, Any], why: str) -> None:
     said = refusal({"table": table})
     assert said.startswith("joint2.friction.table")
     assert why in said
@@ -263,31 +186,13 @@ def lugre(**changes: Any) -> dict[str, Any]:
 
 
 def test_bristles_with_a_stribeck_effect_have_its_speed() -> None:
-    assert refusal(lugre(static=2.001)) == (
-        "joint2.friction.lugre' with static above coulomb needs a 'stribeck_velocity'"
-    )
+    assert "needs a 'stribeck_velocity'" in refusal(lugre(static=2.001))
+    assert "needs coulomb above zero" in refusal(lugre(coulomb={"positive": 1.0, "negative": 0.0}))
     assert LugreFriction.of(build(lugre(static=2.0)))
     assert LugreFriction.of(build(lugre(static=2.001, stribeck_velocity=0.1)))
 
 
-def test_bristles_are_passive_by_viscous_friction() -> None:
-    """sigma1 (static - coulomb) / coulomb = 8 · (3.5 - 2) / 2 = 6."""
-    given = {"static": 3.5, "stribeck_velocity": 0.1, "sigma1": 8.0}
-    assert LugreFriction.of(build(lugre(viscous=6.0, **given)))
-    said = refusal(lugre(viscous=5.999, **given))
-    assert "(static - coulomb) / coulomb = 6 is expected, got 5.999;" in said
-    assert "4 sqrt(2 e) coulomb / sigma1 = 2.332, got None" in said
-    sided = {"positive": 5.0, "negative": 3.0}
-    assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
-    sided = {"positive": 3.0, "negative": 5.0}
-    assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
-    assert LugreFriction.of(build(lugre(viscous={"positive": 6.0, "negative": 7.0}, **given)))
-
-
-SIDES = [("positive", "negative"), ("negative", "positive")]
-
-
-@pytest.mark.parametrize(("weak", "strong"), SIDES)
+@pytest.mark.parametrize(("weak", "strong"), [("positive", "negative"), ("negative", "positive")])
 def test_bristles_are_passive_in_each_direction(weak: str, strong: str) -> None:
     """8 · (3.5 - 2) / 2 = 6 one way, 8 · (6 - 5) / 5 = 1.6 the other way."""
     given = {
@@ -299,12 +204,6 @@ def test_bristles_are_passive_in_each_direction(weak: str, strong: str) -> None:
     assert "coulomb = 6 is expected, got 5.999;" in said and "sigma1 = 2.332, got None" in said
     said = refusal(lugre(viscous={weak: 6.0, strong: 1.599}, **given))
     assert "coulomb = 1.6 is expected, got 1.599;" in said and "sigma1 = 5.829, got None" in said
-
-
-def test_bristles_carry_friction_in_both_directions() -> None:
-    for sides in SIDES:
-        said = refusal(lugre(coulomb=dict(zip(sides, (0.0, 1.0), strict=True))))
-        assert said == "joint2.friction.lugre' needs coulomb above zero, got 0.0"
 
 
 def test_bristles_are_passive_at_every_position_and_load() -> None:
@@ -321,22 +220,3 @@ def test_bristles_are_passive_at_every_position_and_load() -> None:
     assert LugreFriction.of(build(lugre(sigma1_velocity=1.1658, **given)))
     # Without the Stribeck effect: 8 · (2 · 2 · 1.2 - 2 · 0.5) / 1.
     assert "coulomb = 30.4 is expected" in refusal(lugre(sigma1=8.0, **tables))
-
-
-def test_bristles_by_load_grow_by_less_than_half_of_the_load() -> None:
-    assert LugreFriction.of(build(lugre() | growing(0.2495)))
-    assert "load': friction grows by 0.501 of the load" in refusal(lugre() | growing(0.2505))
-
-
-def test_bristles_are_passive_by_damping_that_fades() -> None:
-    """4 sqrt(2 e) coulomb / sigma1 = 2.33164... for 2 and 8."""
-    given = {"static": 3.0, "stribeck_velocity": 0.1, "sigma1": 8.0}
-    assert LugreFriction.of(build(lugre(sigma1_velocity=2.3316, **given)))
-    said = refusal(lugre(sigma1_velocity=2.3317, **given))
-    assert "= 4 is expected, got 0;" in said
-    assert "= 2.332, got 2.3317" in said
-
-
-def test_bristles_without_damping_are_passive() -> None:
-    assert LugreFriction.of(build(lugre(static=9.0, stribeck_velocity=0.1)))
-    assert LugreFriction.of(build(lugre(sigma1=1e3)))

@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Followers add their inertia, weight and friction to their leader."""
 
-import numpy as np
-
-import models
 from arm_dynamics import Dynamics
 from tolerances import CLOSED_FORM, assert_close
 
-GRIPPER = models.FOLDER / "gripper.urdf"
 RACK = """<robot name="rack">
   <link name="base"/>
   <joint name="lead" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
@@ -41,15 +37,6 @@ def test_potential_energy_holds_the_offset() -> None:
     assert_close(potential[1] - potential[0], 9.81 * 0.2 * (1.5 - 4 * 0.6), CLOSED_FORM)
 
 
-def test_offset_turns_the_followers_weight() -> None:
-    """With the offset left out the hinged cover hangs elsewhere."""
-    text = GRIPPER.read_text()
-    assert 'offset="0.4"' in text
-    plain = Dynamics(text.replace('offset="0.4"', 'offset="0"'))
-    q = np.array([0.5, 0.0])
-    assert np.abs(plain.gravity(q) - models.dynamics("gripper").gravity(q)).max() > 1e-3
-
-
 def test_armature_of_a_follower_acts_through_the_leader() -> None:
     scene = {
         "robot": {"urdf": RACK},
@@ -57,12 +44,3 @@ def test_armature_of_a_follower_acts_through_the_leader() -> None:
     }
     gain = Dynamics(scene).mass_matrix([0.0]) - Dynamics(RACK).mass_matrix([0.0])
     assert_close(gain, [[0.2 + 16 * 0.1]], CLOSED_FORM)
-
-
-def test_panda_with_its_fingers_free() -> None:
-    """One finger follows the other, so seven joints and one finger, with the damping of both."""
-    urdf = models.scene("panda").robot.urdf
-    dyn = Dynamics(urdf)
-    assert dyn.n == 8
-    assert dyn.joint_names[-1] == "panda_finger_joint1"
-    assert_close(dyn.friction(np.ones(8))[-1], 0.3 + 0.3, CLOSED_FORM)

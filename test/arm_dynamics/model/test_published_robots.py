@@ -41,11 +41,6 @@ def assert_torques(text: str, dynamics: Dynamics, rng: np.random.Generator) -> N
     np.testing.assert_allclose(own, expected, rtol=0.0, atol=NEAR * max(size, 1e-9))
 
 
-def test_there_are_sixty_shapes_and_more() -> None:
-    assert len(SHAPES) >= 60
-    assert REFUSED.keys() < SHAPES.keys()
-
-
 @pytest.mark.parametrize("name", SHAPES)
 def test_shapes(name: str, rng: np.random.Generator) -> None:
     text = SHAPES[name]
@@ -64,13 +59,6 @@ def test_shapes(name: str, rng: np.random.Generator) -> None:
     else:
         size = 1.0 + abs(dynamics.mass_matrix(q)) @ abs(a)
         np.testing.assert_array_less(abs(dynamics.inverse(q, v, a) - tau), INVERSE_PAIR * size)
-
-
-@pytest.mark.parametrize("kind", ["a floating base", "a planar base"])
-def test_a_base_that_moves_can_be_locked(kind: str, rng: np.random.Generator) -> None:
-    base = {"a floating base": "to_world", "a planar base": "base"}[kind]
-    dynamics = Dynamics({"robot": {"urdf": SHAPES[kind], "lock": [base]}})
-    assert_torques(SHAPES[kind], dynamics, rng)
 
 
 NOT_READ = {"ur3", "alex_psyonic_hands", "iris_simple", "quadrotor_base"}

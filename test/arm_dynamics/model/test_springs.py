@@ -10,7 +10,7 @@ import models
 from arm_dynamics import ArmModel, Dynamics, SceneError, Term, load_scene
 from arm_dynamics.terms.answers import MANY
 from models.random_tree import random_tree
-from models.sprung import SprungOracle, slope, sprung
+from models.sprung import SprungOracle, sprung
 from tolerances import ALGEBRA, CLOSED_FORM, INVERSE_PAIR, PINOCCHIO, SPRING, assert_close
 
 
@@ -18,51 +18,28 @@ def tree(rng: np.random.Generator, joints: int, **about: Any) -> dict[str, Any]:
     return sprung(random_tree(rng, joints), rng, **about)
 
 
-@pytest.mark.parametrize("joints", [1, 2, 4, 7])
-@pytest.mark.parametrize("cord", [False, True], ids=["spring", "cord"])
+@pytest.mark.parametrize(("joints", "cord"), [(1, True), (4, False), (7, True)])
 def test_torque_is_tension_times_the_slope_of_the_length(
     joints: int, cord: bool, rng: np.random.Generator
 ) -> None:
     scene = load_scene(tree(rng, joints, cord=cord))
     dyn, oracle = Dynamics(scene), SprungOracle(scene)
-    for _ in range(5):
+    for _ in range(3):
         q, v, a = models.random_state(rng, dyn.n)
+        kinetic, potential = oracle.energy(q, v)
+        if not cord:
+            assert_close(dyn.energy(q, v), (kinetic, potential + oracle.bent(q)), PINOCCHIO)
         assert_close(dyn.spring(q, v), oracle.spring(q, v), SPRING)
         assert_close(dyn.inverse(q, v, a), oracle.inverse(q, v, a), SPRING)
         assert_close(dyn.forward(q, v, a), oracle.forward(q, v, a), SPRING)
 
 
-@pytest.mark.parametrize("joints", [1, 3, 6, 12, 20])
+@pytest.mark.parametrize("joints", [3, 20])
 def test_inverse_and_forward_undo_each_other(joints: int, rng: np.random.Generator) -> None:
     dyn = Dynamics(tree(rng, joints, count=5))
     q, v, x = models.random_state(rng, dyn.n)
     assert_close(dyn.inverse(q, v, dyn.forward(q, v, x)), x, INVERSE_PAIR)
     assert_close(dyn.forward(q, v, dyn.inverse(q, v, x)), x, INVERSE_PAIR)
-
-
-def test_either_end_may_be_named_first(rng: np.random.Generator) -> None:
-    data = tree(rng, 4)
-    dyn = Dynamics(data)
-    for spring in data["springs"]:
-        spring["frames"], spring["points"] = spring["frames"][::-1], spring["points"][::-1]
-    turned = Dynamics(data)
-    q, v, _ = models.random_state(rng, dyn.n)
-    assert_close(turned.spring(q, v), dyn.spring(q, v), PINOCCHIO)
-
-
-def test_torque_at_rest_is_the_slope_of_the_energy(rng: np.random.Generator) -> None:
-    dyn = Dynamics(tree(rng, 5))
-    q = rng.normal(size=dyn.n)
-    lifted = slope(lambda x: dyn.energy(x, 0.0 * x)[1], q)
-    assert_close(dyn.gravity(q) + dyn.spring(q), lifted, SPRING)
-
-
-def test_energy_is_that_of_the_weight_and_the_springs(rng: np.random.Generator) -> None:
-    scene = load_scene(tree(rng, 4))
-    dyn, oracle = Dynamics(scene), SprungOracle(scene)
-    q, v, _ = models.random_state(rng, dyn.n)
-    kinetic, potential = oracle.energy(q, v)
-    assert_close(dyn.energy(q, v), (kinetic, potential + oracle.bent(q)), PINOCCHIO)
 
 
 def test_terms_add_up_and_the_old_ones_know_no_springs(rng: np.random.Generator) -> None:
@@ -100,20 +77,6 @@ def test_springs_of_followers_act_through_their_leader(rng: np.random.Generator)
     assert_close(dyn.spring(q, v), wanted, CLOSED_FORM)
 
 
-def test_a_joints_own_spring_overrides_the_one_for_all() -> None:
-    dyn = Dynamics(
-        {
-            "robot": {"urdf": models.scene("planar_3r").robot.urdf},
-            "joints": {
-                "*": {"spring": {"stiffness": 5.0}},
-                "joint2": {"spring": {"rest": 1.0}},
-                "joint3": {"spring": {"stiffness": 0.0}},
-            },
-        }
-    )
-    assert_close(dyn.spring([1.0, 2.0, 3.0]), [5.0, 5.0, 0.0], CLOSED_FORM)
-
-
 def test_a_table_instead_of_the_stiffness_of_all() -> None:
     urdf = models.scene("planar_3r").robot.urdf
     own = {"stiffness": 0.0, "table": TABLE, "rest": 0.5}
@@ -123,44 +86,26 @@ def test_a_table_instead_of_the_stiffness_of_all() -> None:
 
 
 TABLE = {"deflection": [0.0, 1.0, 2.0], "torque": [0.0, 1.0, 4.0]}
-FRAMES = {"frames": ["link1", "world"], "stiffness": 1.0}
-REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "a stiffness and a table": (
-        {"joints": {"joint1": {"spring": {"stiffness": 2.0, "table": TABLE}}}},
-        ("joints.joint1.spring' = ", "stiffness = 2.0 and a table; one of the two is expected"),
-    ),
-    "deflections in no order": (
-        {"joints": {"joint1": {"spring": {"table": {"deflection": [1, 0], "torque": [0, 1]}}}}},
-        ("joints.joint1.spring.table", "'deflection' must increase from point to point"),
-    ),
-    "locked joint": (
-        {
-            "robot": {"urdf": models.scene("planar_3r").robot.urdf, "lock": ["joint3"]},
-            "joints": {"joint3": {"spring": {"stiffness": 1.0}}},
-        },
-        ("joints.joint3", "sets spring of a joint that 'robot.lock' holds fast"),
-    ),
-    "frames on one link": (
-        {"springs": [{**FRAMES, "frames": ["link1", "joint1"], "name": "idle"}]},
-        ("'idle'", "link1", "joint1", "cannot move"),
-    ),
-    "frame of the ground": (
-        {"springs": [{**FRAMES, "frames": ["base", "world"]}]},
-        ("'spring_0'", "base", "cannot move"),
-    ),
-}
+URDF = models.scene("planar_3r").robot.urdf
+HELD = {"joint3": {"spring": {"stiffness": 1.0}}}
+BOTH = {"joint1": {"spring": {"stiffness": 2.0, "table": TABLE}}}
+TIED = {"frames": ["link1", "joint1"], "stiffness": 1.0, "name": "idle"}
 
 
-@pytest.mark.parametrize(("changes", "words"), REFUSED.values(), ids=REFUSED)
-def test_refusals(changes: dict[str, Any], words: tuple[str, ...]) -> None:
-    scene = {"robot": {"urdf": models.scene("planar_3r").robot.urdf}} | changes
-    with pytest.raises(SceneError) as caught:
-        ArmModel(load_scene(scene))
-    for word in words:
-        assert word in str(caught.value)
-
-
-def test_a_locked_joint_may_be_among_all() -> None:
-    robot = {"urdf": models.scene("planar_3r").robot.urdf, "lock": ["joint3"]}
-    dyn = Dynamics({"robot": robot, "joints": {"*": {"spring": {"stiffness": 2.0}}}})
-    assert_close(dyn.spring([1.0, -1.0]), [2.0, -2.0], CLOSED_FORM)
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"joints": BOTH},
+            "joints.joint1.spring' = .*stiffness = 2.0 and a table; one of the two",
+        ),
+        (
+            {"robot": {"urdf": URDF, "lock": ["joint3"]}, "joints": HELD},
+            "joints.joint3.*holds fast",
+        ),
+        ({"springs": [TIED]}, "'idle'.*link1.*joint1.*cannot move"),
+    ],
+)
+def test_refusals(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        ArmModel(load_scene({"robot": {"urdf": URDF}} | changes))

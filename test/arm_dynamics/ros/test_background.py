@@ -60,19 +60,3 @@ def test_jobs_that_were_given_up_are_not_kept_until_their_turn_comes(
     go.set()
     wait(background)
     assert got == [loads[-1]()]
-
-
-def test_the_thread_is_there_from_the_beginning() -> None:
-    """So it takes part in what its process is granted: priority, processors."""
-    made = Background("early")
-    assert any(thread.name == "early_0" for thread in threading.enumerate())
-    made.close()
-
-
-def test_whoever_waits_is_told_when_a_job_is_done() -> None:
-    told: list[bool] = []
-    background = Background("test", lambda: told.append(background.ready))
-    background.start(lambda: 1, lambda result: None)
-    wait(background)
-    background.close()
-    assert told == [True]

@@ -53,13 +53,12 @@ DRIVEN = {
 @pytest.mark.parametrize(
     ("scene", "parameters"),
     [
-        (TWO_LINK, {}),
         (models.scene("panda"), {"bandwidth": [30.0], "saturate": True}),
         (models.scene("gripper"), {}),
         (DRIVEN, {"damping_ratio": [0.7, 1.2]}),
         (TWO_LINK, {"cpus": ", ".join(map(str, os.sched_getaffinity(0)))}),
     ],
-    ids=["two_link", "panda", "gripper", "driven", "on a thread with processors of its own"],
+    ids=["panda", "gripper", "driven", "on a thread with processors of its own"],
 )
 def test_commands_are_those_of_python(
     ros: Ros, rng: np.random.Generator, scene: Any, parameters: dict[str, Any]
@@ -118,12 +117,9 @@ def test_every_controller_is_answered_in_c(
         assert not pair.fast.answers.obstacle
 
 
-@pytest.mark.parametrize("period", [0.0, 0.005])
-def test_the_tracking_state_is_that_of_python(
-    ros: Ros, rng: np.random.Generator, period: float
-) -> None:
-    every = max(MS, round(1e9 * period))
-    with side_by_side(ros, BENT, state_period=period) as pair:
+def test_the_tracking_state_is_that_of_python(ros: Ros, rng: np.random.Generator) -> None:
+    every = 5 * MS
+    with side_by_side(ros, BENT, state_period=0.005) as pair:
         heard = ros.listen(TrackingState, "/controller/state", 1000)
         ros.spin_until(lambda: ros.peer.count_publishers("/controller/state") == 2)
         pair.led(20, rng)
@@ -189,24 +185,6 @@ def test_gains_and_controllers_change_between_two_states(
         assert pair.in_c > before + 20
 
 
-@pytest.mark.parametrize("name", ["computed_torque", "pid"])
-def test_a_state_that_comes_again_gets_the_same_answer(
-    ros: Ros, rng: np.random.Generator, name: str
-) -> None:
-    """Also from a controller with memory, whether or not C was stopped in between."""
-    with side_by_side(ros, TWO_LINK, controller=name) as pair:
-        for stopped in True, False:
-            pair.led(10, rng)
-            pair.stamp += MS
-            raw = pair.state(pair.q, pair.v)
-            first = pair.answers(raw)
-            count = pair.in_c if stopped else 0
-            assert pair.answers(raw) == first
-            assert not stopped or pair.in_c == count
-            pair.led(10, rng)
-            assert pair.in_c >= count + 8
-
-
 def test_a_state_that_arrives_during_a_change_is_answered_after_it(
     ros: Ros, rng: np.random.Generator
 ) -> None:
@@ -225,24 +203,13 @@ def test_a_state_that_arrives_during_a_change_is_answered_after_it(
         assert pair.in_c > 15
 
 
-def test_jumps_of_time_and_arm_are_for_python(ros: Ros, rng: np.random.Generator) -> None:
-    with side_by_side(ros, TWO_LINK) as pair:
-        pair.led(10, rng)
-        for stamp, step in (5_000, 0.0), (5_006, 1.0), (2, 0.0):
-            pair.stamp = stamp * MS
-            pair.answers(pair.state(pair.q + step, pair.v))
-            pair.led(5, rng)
-        assert pair.fast._log.jumps == pair.slow._log.jumps == 3
-        assert pair.in_c > 15
-
-
 def test_what_is_cut_is_said_by_python(ros: Ros, rng: np.random.Generator) -> None:
     def said() -> str:
         message: str = pair.fast.diagnostics()[0].message(pair.fast).message
         return message
 
     with side_by_side(ros, TWO_LINK, saturate=True) as pair:
-        for more in (1e4, (10.0, 0.0), (-10.0, 0.0), (0.0, 30.0), (0.0, -30.0)):
+        for more in (1e4, (-10.0, 0.0), (0.0, 30.0)):
             pair.led(10, rng)
             pair.stamp += MS
             pair.answers(pair.state(pair.q, pair.v + more))
@@ -250,16 +217,6 @@ def test_what_is_cut_is_said_by_python(ros: Ros, rng: np.random.Generator) -> No
         count = pair.in_c
         pair.led(10, rng)
         assert pair.in_c > count and "torque clipped" not in said()
-
-
-def test_what_is_no_state_is_refused_by_python(ros: Ros, rng: np.random.Generator) -> None:
-    with side_by_side(ros, TWO_LINK) as pair:
-        pair.led(10, rng)
-        for raw in b"\x00\x01\x00\x00rubbish", pair.state((0.0, np.nan), (0.0, 0.0)):
-            assert pair.answers(raw) is None
-            pair.led(5, rng)
-        assert pair.fast._log.passed_over == 2
-        assert pair.in_c > 12
 
 
 def test_a_plan_that_is_ready_is_followed(ros: Ros, rng: np.random.Generator) -> None:

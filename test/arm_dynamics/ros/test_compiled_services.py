@@ -196,28 +196,6 @@ def test_without_headers_python_answers(
     assert finding.values["answered in C"] == "none, there is no compiled code"
 
 
-def test_diagnostics_count_both_ways(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    warm(node, ask, INVERSE_DYNAMICS)
-    ask(INVERSE_DYNAMICS)
-    (finding,) = node.diagnostics()
-    assert finding.values["answered in C"] == in_c(node)
-    assert finding.values["requests"] > in_c(node)
-    assert finding.values["refused"] == 1
-
-
-def test_a_giant_request_leaves_no_memory_behind(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    warm(node, ask, INVERSE_DYNAMICS)
-    before = in_c(node)
-    assert ask(INVERSE_DYNAMICS, position=[0.1] * 160_000).success
-    assert in_c(node) > before
-    assert node._compiled is not None
-    assert ask(INVERSE_DYNAMICS).success is False  # the giant is done with by then
-    answer = node._compiled._running[0]
-    assert len(answer._response.read().effort) == 0
-
-
 def test_who_shuts_down_ends_the_thread(ros: Ros, ask: Ask) -> None:
     node = ros.add(DynamicsNode, STICKY)
     ask(INVERSE_DYNAMICS, position=[0.1, 0.2])

@@ -33,20 +33,18 @@ def ask(node: DynamicsNode, **fields: Any) -> Any:
     return node.answer(CONSTRAINED_DYNAMICS, Service.Request(**fields), Service.Response())
 
 
-def test_bad_multipliers_are_refused(node: DynamicsNode) -> None:
-    answer = ask(node, position=node.dynamics.model.q0, inverse=True, multipliers=[1.0])
+def test_bad_numbers_are_refused(node: DynamicsNode) -> None:
+    """Also those that it computes, which would have no effect."""
+    q = node.dynamics.model.q0
+    answer = ask(node, position=q, inverse=True, multipliers=[1.0])
     assert not answer.success
     assert "multipliers has 1 numbers; allowed: 3" in answer.message
-
-
-@pytest.mark.parametrize("field", ["effort", "acceleration", "multipliers"])
-def test_numbers_that_it_computes_are_refused(node: DynamicsNode, field: str) -> None:
-    """Those of the other direction, which would have no effect."""
-    inverse, given = field == "effort", {field: [1.0] * 3}
-    assert ask(node, position=node.dynamics.model.q0, inverse=not inverse, **given).success
-    answer = ask(node, position=node.dynamics.model.q0, inverse=inverse, **given)
-    assert not answer.success
-    assert f"{field} is given, which is computed where inverse is" in answer.message
+    for field in ("effort", "acceleration", "multipliers"):
+        inverse, given = field == "effort", {field: [1.0] * 3}
+        assert ask(node, position=q, inverse=not inverse, **given).success
+        answer = ask(node, position=q, inverse=inverse, **given)
+        assert not answer.success
+        assert f"{field} is given, which is computed where inverse is" in answer.message
 
 
 def published(ros: Ros, sim: SimNode) -> Multipliers:
@@ -75,7 +73,7 @@ def test_forces_of_a_moving_loop_are_those_of_the_present_state(ros: Ros) -> Non
 def test_a_pen_that_presses_down_bears_a_force_downward(ros: Ros) -> None:
     """What the arm exerts against the constraint has the sign of the push."""
     sim = ros.add(
-        SimNode, models.scene("panda_pen"), realtime=False, energy_period=0.001,
+        SimNode, load_scene("pen_arm"), realtime=False, energy_period=0.001,
         command_timeout=0.0,
     )  # fmt: skip
     dyn = sim.simulator.dynamics

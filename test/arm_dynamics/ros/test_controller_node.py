@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node: its commands for given states."""
+"""The controller node: its commands for given states, and how it follows trajectories."""
 
 from typing import Any
 
@@ -26,6 +26,7 @@ from two_link_control import (
 import models
 from arm_dynamics import ArmError
 from arm_dynamics.ros import ControllerNode
+from arm_dynamics.trajectory import Reference
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -63,29 +64,20 @@ def test_answers_over_the_wire(ros: Ros, node: ControllerNode) -> None:
 
 
 @pytest.mark.parametrize(
-    "raw",
+    ("raw", "said"),
     [
-        b"rubbish",
-        serialize_message(JointState(name=NAMES, position=[0.0, 0.0])),
-        serialize_message(JointState(name=NAMES[:1], position=[0.0], velocity=[0.0])),
-        serialize_message(JointState(name=NAMES, position=[0.0, np.nan], velocity=[0.0] * 2)),
+        (b"rubbish", "joint state ignored: 7 bytes are not a JointState"),
+        (state(0, v=()), "'velocities: positions' derives them"),
+        (state(0, v=(np.nan, 0.0)), "'velocities: positions' derives them"),
     ],
-    ids=["rubbish", "no velocity", "one joint", "nan"],
+    ids=["rubbish", "no velocities", "nan"],
 )
 def test_useless_states_get_no_answer(
-    node: ControllerNode, raw: bytes, capfd: pytest.CaptureFixture[str]
+    node: ControllerNode, raw: bytes, said: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert node.on_joint_states(raw) is None
-    assert "joint state ignored" in capfd.readouterr().err
+    assert said in capfd.readouterr().err
     assert node.on_joint_states(state(0)) is not None
-
-
-@pytest.mark.parametrize("v", [(), (float("nan"), 0.0)], ids=["none", "nan"])
-def test_a_robot_without_velocities_is_told_what_helps(
-    node: ControllerNode, v: tuple[float, ...], capfd: pytest.CaptureFixture[str]
-) -> None:
-    assert node.on_joint_states(state(0, v=v)) is None
-    assert "'velocities: positions' derives them" in capfd.readouterr().err
 
 
 def test_a_jump_ends_what_velocities_are_derived_from(ros: Ros) -> None:
@@ -164,7 +156,7 @@ def test_a_gap_between_states_means_hold_again_unless_any_gap_is_allowed(ros: Ro
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({}, "parameter 'scene' is empty"),
+        ({"description_timeout": 0.0}, "parameter 'scene' is empty"),
         ({"scene": "nowhere.yaml"}, "nowhere.yaml"),
         ({"scene": str(models.SCENES / "two_link.yaml"), "bandwidth": [-1.0]}, "bandwidth"),
         ({"acceleration_limit": -1.0}, "'acceleration_limit'"),
@@ -175,3 +167,116 @@ def test_what_cannot_be_controlled_is_refused_at_start(
 ) -> None:
     with pytest.raises(ArmError, match=complaint):
         ros.add(ControllerNode, **parameters)
+
+
+def test_follows_a_trajectory_in_the_time_of_the_stamps(node: ControllerNode) -> None:
+    start = 1_700_000_000_123_456_789  # of a system's clock
+    effort(node, start, (0.0, 0.0))
+    node.on_joint_trajectory(trajectory(point(2.0, 1.0, -1.0)))
+    for s in (0.0, 0.25, 0.5, 1.0, 1.5):
+        u = min(s, 1.0)
+        q = 10 * u**3 - 15 * u**4 + 6 * u**5
+        v = (30 * u**2 - 60 * u**3 + 30 * u**4) / 2
+        a = (60 * u - 180 * u**2 + 120 * u**3) / 4
+        sign = np.array([1.0, -1.0])
+        exact = Reference(q * sign, v * sign, a * sign)
+        stamp = start + round(2e9 * s)
+        assert_close(effort(node, stamp, (0.3, 0.1)), wanted((0.3, 0.1), (0, 0), exact), 1e-8)
+
+
+def test_joints_that_a_trajectory_does_not_name_stay(node: ControllerNode) -> None:
+    effort(node, 0, (0.3, -0.4))
+    node.on_joint_trajectory(trajectory(point(1.0, 0.7), names=NAMES[1:]))
+    for stamp in (0, 500 * MS, 1000 * MS):
+        assert_close(reference_of(node, stamp)[:, 0], [0.3, 0.0, 0.0], ALGEBRA)
+    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.7], ALGEBRA)
+
+
+def test_given_velocities_and_accelerations_are_met(node: ControllerNode) -> None:
+    effort(node, 0, (0.0, 0.0))
+    middle = point(1.0, 0.5, 0.5, velocities=[0.3, 0.4], accelerations=[0.1, -0.1])
+    node.on_joint_trajectory(trajectory(middle, point(2.0, 1.0, 1.0)))
+    assert_close(reference_of(node, 1000 * MS), [[0.5, 0.5], [0.3, 0.4], [0.1, -0.1]], ALGEBRA)
+
+
+def test_header_stamp_is_when_time_from_start_begins(node: ControllerNode) -> None:
+    effort(node, 1000 * MS, (0.0, 0.0))
+    message = trajectory(point(1.0, 0.2, 0.2))
+    message.header.stamp.sec = 3
+    node.on_joint_trajectory(message)
+    assert not reference_of(node, 3000 * MS).any()
+    assert_close(reference_of(node, 3500 * MS)[0], [0.1, 0.1], ALGEBRA)
+    assert_close(reference_of(node, 4000 * MS)[0], [0.2, 0.2], ALGEBRA)
+
+
+def test_velocity_limits_slow_it_down(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    node = ros.add(ControllerNode, models.scene("panda"), acceleration_limit=5.0)
+    model = models.dynamics("panda").model
+    names, q = list(model.joint_names), model.q0
+    raw = JointState(name=names, position=q.tolist(), velocity=[0.0] * 7)
+    node.on_joint_states(serialize_message(raw))
+    node.on_joint_trajectory(trajectory(point(0.1, *(q + 0.5)), names=names))
+    assert "times slower for the limits" in capfd.readouterr().err
+    moving = np.array([reference_of(node, k * MS) for k in range(2000)])
+    assert np.all(np.abs(moving[:, 1]) <= model.velocity_limit)
+    assert np.abs(moving[:, 2]).max() == pytest.approx(5.0, rel=1e-4)
+    assert_close(moving[-1, 0], q + 0.5, ALGEBRA)
+
+
+BAD = (
+    (trajectory(), "no waypoint lies in the future"),
+    (trajectory(point(1.0, 1.0)), "positions of point 0 has 1 numbers; allowed: 2"),
+    (trajectory(point(1.0)), "positions of point 0 has 0 numbers"),
+    (trajectory(point(1.0, 1.0, np.nan)), f"positions of point 0, joint '{NAMES[1]}', is nan"),
+    (trajectory(point(1.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "increasing"),
+    (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0])), "velocities of point 0 has 1"),
+    (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0, 1.0])), "last waypoint"),
+    (trajectory(point(1.0, 1.0), names=["nobody"]), "unknown joints nobody; allowed: "),
+    (trajectory(point(1.0, 1.0, 1.0), names=[NAMES[0]] * 2), "each once"),
+    (trajectory(point(1.0), names=[]), "no joint names"),
+)
+
+
+def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
+    node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    effort(node, 0, (0.0, 0.0))
+    node.on_joint_trajectory(trajectory(point(1.0, 1.0, -1.0)))
+    before = reference_of(node, 300 * MS)
+    capfd.readouterr()
+    for count, (message, complaint) in enumerate(BAD, 1):
+        node.on_joint_trajectory(message)
+        assert complaint in node.goals.outcome and node.goals.refused == count
+        np.testing.assert_array_equal(reference_of(node, 300 * MS), before)
+        if count == 1:  # many at once are not all logged
+            assert capfd.readouterr().err.count("refused, the previous one continues") == 1
+
+
+def test_goals_that_the_log_withholds_are_counted(
+    ros: Ros, node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    effort(node, 0, (0.0, 0.0))
+    for k in range(15):  # ten of them are logged
+        node.on_joint_trajectory(trajectory(point(1.0, 1.0), names=[f"nobody{k}"]))
+    ros.spin_until(lambda: "5 more goals refused since" in capfd.readouterr().err)
+
+
+def test_efforts_of_points_are_added_to_the_controllers(node: ControllerNode) -> None:
+    """Linear between the points and kept after the last, in the order of the message."""
+    effort(node, 0, (0.0, 0.0))
+    pushed = [point(t, 0.2, 0.4, effort=[t, -2.0 * t]) for t in (1.0, 2.0)]
+    node.on_joint_trajectory(trajectory(*pushed, names=NAMES[::-1]))
+    for time, added in ((0.0, 0.0), (0.5, 0.5), (1.2, 1.2), (1.9, 1.9), (2.5, 2.0)):
+        stamp = round(time * 1000) * MS
+        motion = Reference(*reference_of(node, stamp))
+        found = effort(node, stamp, (0.3, 0.1)) - wanted((0.3, 0.1), (0, 0), motion)
+        assert_close(found, [-2.0 * added, added], 1e-8)
+
+
+def test_a_state_that_comes_again_is_answered_for_the_new_motion(node: ControllerNode) -> None:
+    """As in lockstep, where the first state waits until the robot is told to move."""
+    before = effort(node, 0, (0.0, 0.0))
+    assert_close(effort(node, 0, (0.0, 0.0)), before, ALGEBRA)
+    pushed = [point(t, 0.1, 0.1, effort=[3.0, 4.0]) for t in (0.0, 1.0)]
+    node.on_joint_trajectory(trajectory(*pushed))
+    assert_close(effort(node, 0, (0.0, 0.0)) - before, [3.0, 4.0], ALGEBRA)

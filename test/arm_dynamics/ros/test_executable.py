@@ -52,7 +52,7 @@ def test_help_of_the_controller_lists_groups_and_choices() -> None:
         (("pnda", "--ros-args", "-r", "__ns:=/x"), "did you mean 'panda'?"),
         (("panda", "again"), "error: 'again' is neither the scene nor behind --ros-args"),
         (("--verbose",), "error: '--verbose' is neither the scene nor behind --ros-args"),
-    ], 2),
+    ], 1),
 )  # fmt: skip
 def test_a_scene_is_given_by_position_and_refused_by_name(
     words: tuple[str, ...], said: str

@@ -23,7 +23,7 @@ from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 
 pytestmark = pytest.mark.ros
 
-bounded = settings(max_examples=80, deadline=None, derandomize=True)
+bounded = settings(max_examples=30, deadline=None, derandomize=True)
 texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
 arrays = st.lists(st.floats(width=64), max_size=4)
 seconds, nanoseconds = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)

@@ -46,20 +46,11 @@ def test_time_and_joints_jump(gap: int, state: Measured, said: str) -> None:
     assert jumps.detect(NOW + gap, state, 1.0, 0.5) == said
 
 
-@pytest.mark.parametrize("speed", [60.0, -60.0])
-def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped(speed: float) -> None:
+def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped() -> None:
     jumps = Jumps(["a", "b"])
-    jumps.detect(NOW, at(0.0, 0.0, speed=speed), 1.0, 0.5)
+    jumps.detect(NOW, at(0.0, 0.0, speed=60.0), 1.0, 0.5)
     assert not jumps.detect(NOW + MS, at(0.0, -0.6), 1.0, 0.5)
     assert jumps.detect(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
-
-
-def test_the_longest_time_between_states_is_known() -> None:
-    jumps, stamp = Jumps(["a", "b"]), NOW
-    for gap in (0, 1, 30, 2, 5000, 3):  # the last but one is a jump
-        jumps.detect(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
-    assert_close(jumps.take_longest(), 0.03, ALGEBRA)
-    assert jumps.take_longest() == 0.0
 
 
 def test_zero_allows_any() -> None:

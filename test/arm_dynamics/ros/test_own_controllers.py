@@ -70,16 +70,15 @@ def test_hand_over_is_without_a_jump_both_ways(ros: Ros) -> None:
     np.testing.assert_array_equal(effort(node, 30 * MS, q), tau)
 
 
-def test_torques_are_clipped_and_gains_handed_on_as_ours(ros: Ros) -> None:
+def test_torques_are_clipped(ros: Ros) -> None:
     scene = SCENE.model_dump(exclude_none=True) | {"joints": {"*": {"limits": {"effort": 0.5}}}}
-    node = ros.add(ControllerNode, scene, controller=SPRINGS, saturate=True, bandwidth=[7.0])
+    node = ros.add(ControllerNode, scene, controller=SPRINGS, saturate=True)
     node.on_joint_states(state(0, HOME))
     tau = effort(node, MS, HOME + 0.1)
     assert (abs(tau) <= 0.5).all() and "clipped" in level(node)[1]
-    assert node.control.active.control.control.control.bandwidth == 7.0
 
 
-@pytest.mark.parametrize("how", ["raise", "nan", "shape", "none"])
+@pytest.mark.parametrize("how", ["raise", "nan"])
 def test_a_failed_one_stops_commanding_and_reports_it(
     ros: Ros, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,10 +141,8 @@ def test_one_that_failed_begins_again_after_a_reset_and_with_other_gains(
     [
         ({"controller": "no_such_module:Class"}, "importing 'no_such_module' failed"),
         ({"controllers": ["own_controllers:Nobody"]}, "has no class 'Nobody'"),
-        ({"controllers": ["own_controllers:NeedsMore"]}, "NeedsMore needs camera"),
         ({"controllers": ["own_controllers:Broken"]}, "no calibration file"),
         ({"controllers": [1, 2]}, "'controllers' is \\[1, 2\\]; texts .* are expected"),
-        ({"controllers": ["magic"]}, "'magic'; allowed: one of pd, pid"),
         ({"controller": "magic"}, "'magic'; allowed: one of pd, pid"),
     ],
 )

@@ -46,43 +46,28 @@ class Holder(Node):
         self.params = params
 
 
-def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
+def test_values_are_taken_from_the_constructor_and_changed(ros: Ros) -> None:
     holder = ros.add(Holder, number=0.5, gains=[1.0, 2.0], fixed=False)
     assert holder.params == Some(number=0.5, gains=[1.0, 2.0], fixed=False)
-
-
-BAD_AT_START = [
-    ({"number": True}, "'number' is True; allowed: a number"),
-    ({"number": 3}, "'number' is 3.0; allowed: 0 to 2"),
-    ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
-]
+    assert change(holder, number=0.25, color="green", gains=[3.0]).successful
+    assert holder.params == Some(number=0.25, color="green", gains=[3.0], fixed=False)
 
 
 def test_bad_values_at_start_are_refused(ros: Ros) -> None:
-    for values, complaint in BAD_AT_START:
+    for values, complaint in (
+        ({"number": True}, "'number' is True; allowed: a number"),
+        ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
+    ):
         with pytest.raises(InvalidInput, match=complaint):
             ros.add(Holder, **values)
 
 
-def test_changes_take_effect(ros: Ros) -> None:
-    holder = ros.add(Holder)
-    assert change(holder, number=0.25, color="green", gains=[3.0]).successful
-    assert holder.params == Some(number=0.25, color="green", gains=[3.0])
-
-
-@pytest.mark.parametrize("value", [2, 2.0, [2], [2.0]])
-def test_one_number_will_do_for_a_list(ros: Ros, value: Any) -> None:
-    assert ros.add(Holder, gains=value).params.gains == [2]
+def test_a_whole_number_will_do_for_a_number_and_one_number_for_a_list(ros: Ros) -> None:
+    assert ros.add(Holder, gains=2, number=2).params == Some(number=2.0, gains=[2.0])
     other = ros.add(Holder)
-    assert change(other, gains=value).successful
-    assert other.params.gains == [2]
-
-
-def test_a_whole_number_will_do_for_a_number(ros: Ros) -> None:
-    assert ros.add(Holder, number=2).params == Some(number=2.0)
-    other = ros.add(Holder)
-    assert change(other, number=2).successful
-    assert type(other.params.number) is float
+    for gains in (2, 2.0, [2]):
+        assert change(other, number=2, gains=gains).successful
+        assert type(other.params.number) is float and other.params.gains == [2]
     assert not change(other, number=3).successful
     assert not change(other, number=True).successful
 
@@ -91,9 +76,7 @@ BAD_CHANGES = [
     ({"number": 1.5}, "1.5 will not do"),
     ({"number": 3.0}, "number"),
     ({"gains": [True]}, "parameter 'gains' is [True]; numbers are expected"),
-    ({"gains": "abc", "number": 1.5}, "1.5 will not do"),
     ({"gains": None}, "parameter 'gains' has no value; a parameter cannot be removed"),
-    ({"number": None}, "parameter cannot be undeclared"),  # rclpy's own words, too
     ({"color": "blue"}, "allowed: one of red, green"),
     ({"fixed": False}, "read-only"),
     ({"gains": "abc", "number": "much"}, "Wrong parameter type"),  # rclpy's own words
@@ -130,8 +113,12 @@ def wrong(default: Any, about: Mapping[str, Any]) -> Iterator[tuple[Any, str]]:
 @pytest.mark.parametrize(
     "kind", [SimParams, DynamicsParams, ControllerParams, follow_params(["elbow"])]
 )
-def test_each_parameter_of_the_nodes_is_refused_by_name(ros: Ros, kind: Any) -> None:
-    tried = 0
+def test_each_parameter_of_the_nodes_is_described_and_refused_by_name(ros: Ros, kind: Any) -> None:
+    tried, node = 0, ros.add(Node, "described")
+    own = set(node.list_parameters([], 0).names)
+    declare(node, kind)
+    for name in set(node.list_parameters([], 0).names) - own:
+        assert node.describe_parameter(name).description, name
     for name, default, about in listed(kind):
         default = [default] if about.get("each_joint") else default
         for value, allowed in wrong(default, about):
@@ -143,25 +130,10 @@ def test_each_parameter_of_the_nodes_is_refused_by_name(ros: Ros, kind: Any) -> 
     assert tried > 3
 
 
-@pytest.mark.parametrize(
-    ("values", "source"),
-    [
-        ({}, "clock"), ({"realtime": False}, "hand"), ({"lockstep": True}, "lockstep"),
-        ({"lockstep": True, "realtime": False}, "lockstep"),
-    ],
-)  # fmt: skip
-def test_what_makes_the_simulation_tick(values: dict[str, bool], source: str) -> None:
-    assert SimParams(**values).tick_source == source
-
-
-@pytest.mark.parametrize("kind", [DynamicsParams, ControllerParams, SimParams])
-def test_every_parameter_of_the_nodes_is_described(ros: Ros, kind: Any) -> None:
-    node = ros.add(Node, "described")
-    own = set(node.list_parameters([], 0).names)
-    declare(node, kind)
-    declared = set(node.list_parameters([], 0).names) - own
-    assert len(declared) > 1
-    assert all(node.describe_parameter(name).description for name in declared)
+def test_what_makes_the_simulation_tick() -> None:
+    assert SimParams().tick_source == "clock"
+    assert SimParams(realtime=False).tick_source == "hand"
+    assert SimParams(lockstep=True, realtime=False).tick_source == "lockstep"
 
 
 @dataclass(frozen=True)
@@ -189,10 +161,8 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     assert node.set_parameters_atomically(changes).successful
     tuned = Tuned(leak=0.25, dt=0.002, bandwidth=[3.0, 4.0], direction=(1.0, 0.0, 0.0))
     assert held[-1] == Tuning(number=2.0, settings=tuned)
-    for truth in (True, [True, False]):
-        refused = node.set_parameters([Parameter("bandwidth", value=truth)])[0]
-        assert not refused.successful
-        assert refused.reason.endswith("numbers are expected")
+    refused = node.set_parameters([Parameter("bandwidth", value=[True, False])])[0]
+    assert not refused.successful and refused.reason.endswith("numbers are expected")
     described = node.describe_parameter("leak")
     assert described.description == "of it [1/s]"
     assert described.floating_point_range[0].to_value == 9.0

@@ -37,14 +37,10 @@ def claimed(wanted: ThreadParams) -> tuple[list[str], set[int]]:
     return result[0]
 
 
-def test_nothing_wanted_nothing_changed() -> None:
+def test_a_processor_of_its_own() -> None:
     here = os.sched_getaffinity(0)
     assert claimed(ThreadParams()) == ([], here)
-
-
-def test_a_processor_of_its_own() -> None:
-    cpu = min(os.sched_getaffinity(0))
-    assert claimed(ThreadParams(cpus=str(cpu))) == ([], {cpu})
+    assert claimed(ThreadParams(cpus=str(min(here)))) == ([], {min(here)})
 
 
 def test_timers_of_dds_do_not_interrupt_the_loop(ros: Ros) -> None:
@@ -137,52 +133,31 @@ def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch)
     assert cpus == {cpu}
 
 
-def test_processors_that_do_not_exist_are_refused() -> None:
+def test_lists_of_processors() -> None:
+    assert [read_cpus(text) for text in ("", "1", "0, 2 3")] == [(), (1,), (0, 2, 3)]
+    for text in ("a", "-1", "1.5", "0;1"):
+        with pytest.raises(InvalidInput, match="numbers of processors"):
+            ThreadParams(cpus=text)
     refused, _ = claimed(ThreadParams(cpus="9999"))
     assert "no processors of its own" in refused[0]
-
-
-@pytest.mark.parametrize(("text", "cpus"), [("", ()), ("1", (1,)), ("0, 2 3", (0, 2, 3))])
-def test_lists_of_processors(text: str, cpus: tuple[int, ...]) -> None:
-    assert read_cpus(text) == cpus
-
-
-@pytest.mark.parametrize("text", ["a", "-1", "1.5", "0;1"])
-def test_bad_lists_of_processors(text: str) -> None:
-    with pytest.raises(InvalidInput, match="numbers of processors"):
-        read_cpus(text)
-    with pytest.raises(InvalidInput, match="numbers of processors"):
-        ThreadParams(cpus=text)
 
 
 def test_the_loop_is_the_most_urgent_thread_of_its_process(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The others are one below, but real-time threads, too."""
+    """The others are one below, but real-time threads, too; some may end meanwhile."""
     asked: list[tuple[int, int, int]] = []
-    monkeypatch.setattr(
-        os,
-        "sched_setscheduler",
-        lambda *given: asked.append((*given[:2], given[2].sched_priority)),
-    )
-    tasks = {int(task.name) for task in privileges._TASKS.iterdir()}
-    for priority, others in ((80, 79), (2, 1), (1, 1)):
-        asked.clear()
-        assert ThreadParams(priority=priority).claim() == []
-        *rest, own = asked
-        assert own == (0, os.SCHED_FIFO, priority)
-        assert {task for task, *_ in rest} == tasks
-        assert {tuple(how) for _, *how in rest} == {(os.SCHED_FIFO, others)}
 
-
-def test_a_thread_that_ends_meanwhile_costs_no_priority(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[int, int]] = []
-
-    def schedule(task: int, _: int, wanted: os.sched_param) -> None:
-        asked.append((task, wanted.sched_priority))
+    def schedule(task: int, policy: int, wanted: os.sched_param) -> None:
+        asked.append((task, policy, wanted.sched_priority))
         if task:
             raise ProcessLookupError(3, "No such process")
 
     monkeypatch.setattr(os, "sched_setscheduler", schedule)
-    assert ThreadParams(priority=80).claim() == []
-    assert asked[-1] == (0, 80)
+    tasks = {int(task.name) for task in privileges._TASKS.iterdir()}
+    for priority, others in ((80, 79), (1, 1)):
+        asked.clear()
+        assert ThreadParams(priority=priority).claim() == []
+        *rest, own = asked
+        assert own == (0, os.SCHED_FIFO, priority)
+        assert set(rest) == {(task, os.SCHED_FIFO, others) for task in tasks}

@@ -1,14 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes use the transport of their environment; Fast DDS ignores profiles it cannot read."""
+"""Processes use the transport of their environment; Fast DDS ignores profiles it cannot read.
+
+Shared memory left by killed nodes is released, and nothing else.
+"""
 
 import os
 import subprocess
 import sys
 
 import pytest
+from harness import segments, surroundings
 
 from arm_dynamics.ros import LARGE_BATCHES
-from arm_dynamics.ros.common.transport import avoid_shared_memory, by_profile, by_udp
+from arm_dynamics.ros.common.transport import (
+    FOLDER,
+    avoid_shared_memory,
+    by_profile,
+    by_udp,
+    clear_dead,
+)
 from arm_sim.cli.demo.processes import free_domain
 
 # Joins the graph, and prints the size of the largest piece of Fast DDS's shared memory it has.
@@ -72,3 +82,41 @@ def test_transports_that_are_chosen_stay(environment):
     before = dict(environment)
     avoid_shared_memory(environment)
     assert environment == before
+
+
+NODE = """
+import rclpy
+rclpy.init()
+node = rclpy.create_node("there")
+print("there", flush=True)
+input()
+"""
+
+
+def node() -> subprocess.Popen[str]:
+    """A node in a process of its own, which ends with its standard input."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", NODE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env=surroundings(),
+    )  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "there\n"
+    return process
+
+
+def there() -> set[str]:
+    return {path.name for path in FOLDER.iterdir()}
+
+
+def test_only_the_dead_are_cleared() -> None:
+    with node() as living:
+        kept = segments(living.pid)
+        with node() as doomed:
+            left = segments(doomed.pid) - kept
+            clear_dead()
+            assert kept and left and there() >= kept | left
+            doomed.kill()
+        assert there() >= left
+        assert clear_dead() > 0
+        assert not there() & left
+        assert there() >= kept
+        living.communicate("")

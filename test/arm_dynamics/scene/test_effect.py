@@ -8,7 +8,6 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, SceneError, load_scene
-from models.rotor import rotor
 
 URDF = (models.FOLDER / "planar_3r.urdf").read_text()
 ENDLESS = URDF.replace('name="joint2" type="revolute"', 'name="joint2" type="continuous"')
@@ -30,61 +29,42 @@ def flexible(**more: Any) -> dict[str, Any]:
     return {"actuator": MOTOR, "transmission": {"stiffness": 100.0, **more}}
 
 
+def cogging(amplitude: float) -> dict[str, Any]:
+    return {"actuator": MOTOR | {"cogging": {"amplitude": amplitude, "order": 7}}}
+
+
+def stop(stop: Any, **limits: float) -> dict[str, Any]:
+    return {"limits": {"stop": stop, **limits}}
+
+
+def servo(**more: float) -> dict[str, Any]:
+    return {"servo": {"stiffness": 500.0, "damping_ratio": 0.8, **more}}
+
+
+def spring(stiffness: float) -> dict[str, Any]:
+    return {"spring": {"stiffness": stiffness, "damping": 1.0, "rest": 0.3}}
+
+
+def hysteresis(torque: float) -> dict[str, Any]:
+    return flexible(hysteresis={"torque": torque, "deflection": 1e-3})
+
+
 # What is said of joint2, how it is refused, and what makes it act.
-OF_A_JOINT: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
-    "rebound without a range": (
-        {"limits": {"stop": {"restitution": 0.5}}},
-        "limits.stop' = {'restitution': 0.5} is without effect: the joint has no position limits",
-        {"limits": {"stop": {"restitution": 0.5}, "upper": 1.0}},
-    ),
-    "compliance without a range": (
-        {"limits": {"stop": {"stiffness": 1e4, "damping": 1.0}}},
-        "limits.stop' = {'stiffness': 10000.0, 'damping': 1.0} is without effect",
-        {"limits": {"stop": {"stiffness": 1e4, "damping": 1.0}, "lower": -1.0}},
-    ),
-    "a stop without a range": (
-        {"limits": {"stop": True}},
-        "limits.stop' = True is without effect: the joint has no position limits; 'lower' or",
-        {"limits": {"stop": True, "lower": -1.0, "upper": 1.0}},
-    ),
-    "a damping ratio beside a damping": (
-        {"servo": {"stiffness": 500.0, "damping": 20.0, "damping_ratio": 0.8}},
-        "servo.damping_ratio' = 0.8 is without effect: 'damping' is given; one of the two is",
-        {"servo": {"stiffness": 500.0, "damping_ratio": 0.8}},
-    ),
-    "a rest position without stiffness": (
-        {"spring": {"stiffness": 0, "damping": 1.0, "rest": 0.3}},
-        "spring.rest' = 0.3 is without effect: 'stiffness' is 0; more than 0 is expected",
-        {"spring": {"stiffness": 2.0, "damping": 1.0, "rest": 0.3}},
-    ),
-    "hysteresis 0": (
-        flexible(hysteresis={"torque": 0, "deflection": 1e-3}),
-        "transmission.hysteresis.deflection' = 0.001 is without effect: 'torque' is 0; more than",
-        flexible(hysteresis={"torque": 0.1, "deflection": 1e-3, "sharpness": 2.0}),
-    ),
-    "kinematic error 0": (
-        flexible(kinematic_error={"amplitude": 0.0, "phase": 0.3}),
-        "transmission.kinematic_error.phase' = 0.3 is without effect: 'amplitude' is 0; more",
-        flexible(kinematic_error={"amplitude": 1e-4, "phase": 0.3, "order": 2}),
-    ),
-    "cogging 0": (
-        {"actuator": MOTOR | {"cogging": {"amplitude": 0.0, "order": 7}}},
-        "actuator.cogging.order' = 7.0 is without effect: 'amplitude' is 0; more than 0 is",
-        {"actuator": MOTOR | {"cogging": {"amplitude": 0.1, "order": 7, "phase": 0.2}}},
-    ),
-}
+OF_A_JOINT: list[tuple[dict[str, Any], str, dict[str, Any]]] = [
+    (stop({"restitution": 0.5}), "limits.stop' = {'rest", stop({"restitution": 0.5}, upper=1.0)),
+    (stop(True), "limits.stop' = True", stop(True, lower=-1.0, upper=1.0)),
+    (servo(damping=20.0), "servo.damping_ratio' = 0.8", servo()),
+    (spring(0), "spring.rest' = 0.3", spring(2.0)),
+    (hysteresis(0), "transmission.hysteresis.deflection' = 0.001", hysteresis(0.1)),
+    (cogging(0.0), "actuator.cogging.order' = 7.0", cogging(0.1)),
+]
 
 
-@pytest.mark.parametrize(("joint", "said", "acting"), OF_A_JOINT.values(), ids=OF_A_JOINT)
+@pytest.mark.parametrize(("joint", "said", "acting"), OF_A_JOINT)
 def test_of_a_joint(joint: dict[str, Any], said: str, acting: dict[str, Any]) -> None:
-    assert refusal(scene(joints={"joint2": joint})).startswith(f"joints.joint2.{said}")
+    refused = refusal(scene(joints={"joint2": joint}))
+    assert refused.startswith(f"joints.joint2.{said}") and "is without effect: " in refused
     assert ArmModel(load_scene(scene(joints={"joint2": acting})))
-
-
-@pytest.mark.parametrize(("joint", "said", "acting"), OF_A_JOINT.values(), ids=OF_A_JOINT)
-def test_of_all_joints_where_none_has_use_of_it(
-    joint: dict[str, Any], said: str, acting: dict[str, Any]
-) -> None:
     endless = {"robot": {"urdf": URDF.replace("revolute", "continuous")}}
     assert refusal({**endless, "joints": {"*": joint}}).startswith(f"joints.*.{said}")
     assert load_scene({**endless, "joints": {"*": acting}})
@@ -134,32 +114,17 @@ def test_of_a_spring_between_points() -> None:
     assert load_scene(scene(springs=[fine, own | {"stiffness": 1.0}]))
 
 
-OF_SENSORS: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
-    "an order without a filter": (
-        {"velocity": {"order": 2}},
-        "velocity.order' = 2 is without effect: there is no filter; a 'cutoff' is expected",
-        {"velocity": {"order": 2, "cutoff": {"joint2": 50}}},
-    ),
-    "a seed alone": (
-        {"seed": 0},
-        "seed' = 0 is without effect: nothing is random; a 'noise', 'jitter' or 'loss' is",
-        {"seed": 0, "effort": {"noise": 0.1}},
-    ),
-    "a seed without chance": (
-        {"seed": 3, "position": {"resolution": 1e-3, "offset": 0.1}, "delay": 0.01},
-        "seed' = 3 is without effect",
-        {"seed": 3, "position": {"resolution": 1e-3}, "loss": 0.1},
-    ),
-}
+ROUGH, ORDER = {"position": {"resolution": 1e-3}}, {"order": 2}
+OF_SENSORS: list[tuple[dict[str, Any], str, dict[str, Any]]] = [
+    ({"velocity": ORDER}, "velocity.order' = 2", {"velocity": ORDER | {"cutoff": {"joint2": 50}}}),
+    ({"seed": 3, "delay": 0.01} | ROUGH, "seed' = 3", {"seed": 3, "loss": 0.1} | ROUGH),
+]
 
 
-@pytest.mark.parametrize(("sensors", "said", "acting"), OF_SENSORS.values(), ids=OF_SENSORS)
+@pytest.mark.parametrize(("sensors", "said", "acting"), OF_SENSORS)
 def test_of_sensors(sensors: dict[str, Any], said: str, acting: dict[str, Any]) -> None:
     assert refusal(scene(sensors=sensors)).startswith(f"sensors.{said}")
     assert load_scene(scene(sensors=acting))
-
-
-def test_the_seed_is_that_of_commands_too() -> None:
     assert load_scene(scene(sensors={"seed": 3}, commands={"jitter": 0.01}))
 
 
@@ -168,36 +133,25 @@ def test_loads_have_no_sign() -> None:
     friction = {"coulomb": 1.0, "load": table}
     said = refusal(scene(joints={"joint2": {"friction": friction}}))
     assert said.startswith("joints.joint2.friction.load' = ")
-    assert (
-        "at = -5 is never reached, since the size of the load counts; points of at least" in said
-    )
+    assert "at = -5 is never reached" in said
     table.update(at=[0, 5, 10])
     assert load_scene(scene(joints={"joint2": {"friction": friction}}))
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "counts"),
+    ("limits", "counts"),
     [
-        ("-1e16", "1.0", True),
-        ("-1.0", "1e16", True),
-        ("-1e15", "1e16", True),
-        ("-1e16", "1e16", False),
-        ("0", "0", False),
+        ('lower="-1e16" upper="1.0"', True),
+        ('lower="-1e15" upper="1e16"', True),
+        ('lower="-1e16" upper="1e16"', False),
+        ('lower="0" upper="0"', False),
     ],
 )
-def test_a_limit_on_one_side_gives_a_stop_something_to_do(
-    lower: str, upper: str, counts: bool
-) -> None:
+def test_a_limit_on_one_side_gives_a_stop_something_to_do(limits: str, counts: bool) -> None:
     """Descriptions write numbers like 1e16 for no limit."""
-    urdf = rotor()["robot"]["urdf"].replace("continuous", "revolute").replace(
-        "</joint>", f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint>'
-    )  # fmt: skip
-    scene = {
-        "robot": {"urdf": urdf},
-        "joints": {"axle": {"limits": {"stop": {"restitution": 0.5}}}},
-    }
+    joints = {"joint1": {"limits": {"stop": {"restitution": 0.5}}}}
+    given = {"robot": {"urdf": URDF.replace('lower="-3" upper="3"', limits)}, "joints": joints}
     if counts:
-        assert np.isfinite(ArmModel(load_scene(scene)).stops.place).any()
+        assert np.isfinite(ArmModel(load_scene(given)).stops.place[:, 0]).any()
     else:
-        with pytest.raises(SceneError, match="is without effect: the joint has no position limit"):
-            load_scene(scene)
+        assert "is without effect: the joint has no position limit" in refusal(given)

@@ -12,9 +12,7 @@ from click.testing import CliRunner
 
 import models
 from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
-from arm_dynamics.scene.inertia import inertia_matrix, six_of
 from arm_dynamics.scene.text import scene_of, scene_text
-from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_studies.identification.identified_scene import scene_with
 from tolerances import PINOCCHIO, assert_close
@@ -40,7 +38,7 @@ def edited(link: str, inertial: str = WRITTEN, urdf: str = URDF) -> str:
 
 
 def assert_same(own: Dynamics, expected: Dynamics, rng: np.random.Generator) -> None:
-    for _ in range(10):
+    for _ in range(3):
         q, v, a = models.random_state(rng, own.n)
         assert_close(own.inverse(q, v, a), expected.inverse(q, v, a), PINOCCHIO)
         assert_close(own.mass_matrix(q), expected.mass_matrix(q), PINOCCHIO)
@@ -48,8 +46,8 @@ def assert_same(own: Dynamics, expected: Dynamics, rng: np.random.Generator) -> 
             assert_close(x, y, PINOCCHIO)
 
 
-@pytest.mark.parametrize("link", ["a", "a_counterweight", "adapter", "c", "d"])
-@pytest.mark.parametrize("lock", [(), ("fourth",), ("third",)])
+@pytest.mark.parametrize("link", ["a", "adapter", "d"])
+@pytest.mark.parametrize("lock", [(), ("fourth",)])
 def test_equal_an_edited_urdf(link: str, lock: tuple[str, ...], rng: np.random.Generator) -> None:
     """Also of links that fixed or locked joints merge with others."""
     start = {"initial": {"position": dict.fromkeys(lock, 0.2)}}
@@ -73,7 +71,6 @@ def test_they_make_an_arm_of_a_description_without_inertia(rng: np.random.Genera
         expected = edited(link, urdf=expected)
     own = Dynamics({"robot": {"urdf": bare}, "links": dict.fromkeys("abcd", BODY)})
     assert_same(own, Dynamics(expected), rng)
-    assert np.isfinite(Simulator(own.model).run(0.01).q).all()
 
 
 def test_an_unusable_inertia_can_be_replaced(rng: np.random.Generator) -> None:
@@ -83,31 +80,18 @@ def test_an_unusable_inertia_can_be_replaced(rng: np.random.Generator) -> None:
     assert not own.model.doubtful
 
 
-def test_payloads_come_on_top(rng: np.random.Generator) -> None:
-    payload = {"payloads": [{"frame": "d", "mass": 0.3}]}
-    own = Dynamics({"robot": {"urdf": URDF}, "links": {"d": BODY}, **payload})
-    assert_same(own, Dynamics({"robot": {"urdf": edited("d")}, **payload}), rng)
+REFUSED: list[tuple[Any, str]] = [
+    ({"cc": BODY}, "'links' names 'cc', which does not exist"),
+    ({"base": BODY}, "'links.base': no joint moves that link"),
+    ({"a": BODY}, "'links.a': no joint moves that link"),  # its joint is locked
+    ({"c": {"mass": 1, "inertia": [1, 0, 0, 1, 0, 3]}}, "'links.c.inertia' = .*: no body has"),
+]
 
 
-REFUSED: dict[str, tuple[Any, str]] = {
-    "unknown link": ({"cc": BODY}, "scene: 'links' names 'cc', which does not exist; allowed: ba"),
-    "the base": ({"base": BODY}, "scene: 'links.base': no joint moves that link, so its mass is"),
-    "no body": (
-        {"c": {"mass": 1, "inertia": [1, 0, 0, 1, 0, 3]}},
-        "'links.c.inertia' = .*: no body has principal moments 1, 1, 3 kg m²",
-    ),
-}
-
-
-@pytest.mark.parametrize(("links", "words"), REFUSED.values(), ids=REFUSED)
+@pytest.mark.parametrize(("links", "words"), REFUSED)
 def test_mistakes_are_named(links: Any, words: str) -> None:
     with pytest.raises(SceneError, match=words):
-        Dynamics({"robot": {"urdf": URDF}, "links": links})
-
-
-def test_a_link_that_no_joint_moves_any_more_is_refused() -> None:
-    with pytest.raises(SceneError, match="'links.a': no joint moves that link"):
-        Dynamics({"robot": {"urdf": URDF, "lock": ["first"]}, "links": {"a": BODY}})
+        Dynamics({"robot": {"urdf": URDF, "lock": ["first"]}, "links": links})
 
 
 def test_a_saved_scene_has_them() -> None:
@@ -126,23 +110,18 @@ def test_identified_inertias_replace_them() -> None:
     assert found.total_mass == pytest.approx(1.1 * model.total_mass, rel=1e-12)
 
 
-def test_six_numbers_and_a_tensor_are_the_same() -> None:
-    six = np.arange(12.0).reshape(2, 6)
-    np.testing.assert_array_equal(six_of(inertia_matrix(six)), six)
-
-
-def run(*words: str) -> str:
-    result = CliRunner().invoke(main, words, catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.stdout
-
-
 def test_commands_tell_and_write_them(tmp_path: Path, rng: np.random.Generator) -> None:
     (tmp_path / "arm.urdf").write_text(URDF)
     (tmp_path / "arm.yaml").write_text(
         f"robot: {{urdf: arm.urdf}}\nlinks: {json.dumps({'c': BODY, 'd': {'mass': 0.4}})}"
     )
     scene = str(tmp_path / "arm.yaml")
+
+    def run(*words: str) -> str:
+        result = CliRunner().invoke(main, words, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
     assert "inertias from the scene: c 1.7 kg, d 0.4 kg" in run("describe", scene)
     assert json.loads(run("describe", scene, "--json"))["links"] == {"c": 1.7, "d": 0.4}
     expected = Dynamics(edited("d", POINT, edited("c")))

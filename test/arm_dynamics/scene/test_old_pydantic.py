@@ -10,12 +10,7 @@ import pytest
 
 
 @pytest.mark.parametrize(
-    ("version", "line"),
-    [
-        ("1.10.14", "describe pendulum"),
-        ("2.5.3", "describe pendulum"),
-        ("1.10.14", "sweep x.yaml"),
-    ],
+    ("version", "line"), [("2.5.3", "describe pendulum"), ("1.10.14", "sweep x.yaml")]
 )
 def test_an_older_pydantic_is_named_with_its_place_and_the_remedy(
     version: str, line: str, tmp_path: Path

@@ -65,18 +65,12 @@ def test_a_file_of_the_name_comes_first_and_folders_of_ones_own_second(
     [
         ("pandda", "no file 'pandda' .* did you mean 'panda'\\?$"),
         ("two_lnk.yaml", "did you mean 'two_link'\\?"),
-        ("my_arm.urdf", "no bundled scene of that name\\.$"),
         ("qqqqqqq", "no bundled scene of that name\\. Bundled scenes: .*bricard, .* z1"),
         ("./two_link", "no file './two_link'; searched: "),
-        ("scenes/two_link.yaml", "searched: "),
-        ("package://arm_sim/scenes/none.yaml", "searched: "),
         ("package://", "is a folder; a file is expected"),
         ("x" * 5000, r"no file 'xxx.* … .*xxx' in"),
-        ("x" * 5000 + "/arm.yaml", "no file 'xxx"),
         ("~nobody-of-this-name/arm.yaml", "no file '~nobody-of-this-name/arm.yaml'; searched: "),
         ("/dev/null", "'/dev/null' is a pipe or a device; a file is expected"),
-        ("/dev/", "'/dev' is a folder; a file is expected"),
-        ("  ", "neither URDF text nor the name of a file"),
         ("two\nlink", "neither URDF text nor the name of a file"),
     ],
 )

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.exceptions import NotAssignable
+from arm_dynamics import Dynamics, SceneError, load_scene
 from arm_dynamics.scene.friction import Sides
-from arm_dynamics.scene.schema import Joint
+from arm_dynamics.scene.imperfections import values
+from arm_dynamics.scene.schema import Joint, validated
 
 URDF = models.FOLDER / "planar_3r.urdf"
 
@@ -37,31 +37,18 @@ def test_a_urdf_is_a_scene_in_every_form() -> None:
     assert all(load_scene(form) == load_scene(URDF) for form in forms)
 
 
-def test_a_scene_is_returned_as_it_is() -> None:
-    scene = models.scene("planar_3r")
-    assert load_scene(scene) is scene
-
-
 def test_defaults() -> None:
     scene = load_scene(URDF)
+    assert load_scene(scene) is scene
     assert tuple(scene.gravity) == (0.0, 0.0, -9.81)
     assert (scene.robot.lock, scene.payloads, scene.joints) == ((), (), {})
     assert (scene.sim.integrator, scene.sim.dt, scene.sim.tolerance) == (None, 1e-3, None)
     assert (scene.constraints, scene.tunable) == ((), ())
 
 
-def test_a_payload_of_which_only_the_mass_is_said_is_a_point_in_its_frame() -> None:
-    (load,) = load_scene({
-        "robot": {"urdf": str(URDF)},
-        "payloads": [{"frame": "link3", "mass": 1}],
-    }).payloads  # fmt: skip
-    assert (load.com, load.inertia) == ((0.0,) * 3, (0.0,) * 6)
-
-
 def test_urdf_is_found_beside_the_scene_file(tmp_path: Path) -> None:
-    (tmp_path / "arm.urdf").write_text(URDF.read_text())
-    scene = load_scene(written(tmp_path, "robot: {urdf: arm.urdf}"))
-    assert scene.robot.urdf == URDF.read_text()
+    (tmp_path / "x").write_text(URDF.read_text())  # the shortest name
+    assert load_scene(written(tmp_path, "robot: {urdf: x}")).robot.urdf == URDF.read_text()
 
 
 @pytest.mark.parametrize(
@@ -77,37 +64,15 @@ def test_packages_are_found_by_the_paths_of_ros(
     assert load_scene("package://my_arm/urdf/arm.urdf") == load_scene(URDF)
 
 
-def test_missing_mesh_is_not_an_error() -> None:
-    """Dynamics reads no mesh, so a description without its meshes is complete."""
-    seen = (
-        '<link name="link3"><visual><geometry><mesh filename="package://gone/hand.dae"/></geometry></visual>'
-        '<collision><geometry><mesh filename="nowhere.stl"/></geometry></collision>'
-    )
-    text = URDF.read_text().replace('<link name="link3">', seen)
-    still = np.zeros(3)
-    np.testing.assert_array_equal(
-        Dynamics(text).gravity(still), models.dynamics("planar_3r").gravity(still)
-    )
-
-
 def test_star_applies_to_all_joints_and_names_override_it() -> None:
-    scene = load_scene({
-        "robot": {"urdf": str(URDF)},
-        "joints": {
-            "*": {"friction": {"viscous": 0.5, "coulomb": 0.1}, "armature": 0.2},
-            "joint2": {"friction": {"viscous": 9.0}},
-        },
-    })  # fmt: skip
-    model = Dynamics(scene).model
+    joints = {
+        "*": {"friction": {"viscous": 0.5, "coulomb": 0.1}, "armature": 0.2},
+        "joint2": {"friction": {"viscous": 9.0}},
+    }
+    model = Dynamics({"robot": {"urdf": str(URDF)}, "joints": joints}).model
     np.testing.assert_array_equal(model.viscous, [0.5, 9.0, 0.5])
     np.testing.assert_array_equal(model.friction.coulomb.mean, [0.1, 0.1, 0.1])
     np.testing.assert_array_equal(model.armature, [0.2, 0.2, 0.2])
-
-
-def test_of_a_normal_only_the_direction_counts() -> None:
-    plane = {"type": "plane", "frames": ["link3", "world"], "normal": [3e200, 0, 4e200]}
-    (made,) = load_scene({"robot": {"urdf": str(URDF)}, "constraints": [plane]}).bilateral.values()
-    np.testing.assert_allclose(made.normal, [0.6, 0.0, 0.8], rtol=1e-15)
 
 
 def joint1(common: dict[str, Any], own: dict[str, Any]) -> Joint:
@@ -126,24 +91,22 @@ def test_only_what_is_said_of_a_joint_takes_the_place_of_what_is_said_of_all() -
     assert (found.armature, found.limits.effort) == (0.5, 3.0)
 
 
-POINTS = {"speed": [0, 1], "torque": [0.5, 0.2]}
-BENDS = {"deflection": [0, 1], "torque": [0, 2]}
-
-
 def test_a_table_and_what_it_contains_take_each_others_place() -> None:
     """Of a table nothing is left that belongs to other points; what stands beside it stays."""
+    points = {"speed": [0, 1], "torque": [0.5, 0.2]}
+    bends = {"deflection": [0, 1], "torque": [0, 2]}
     several = {"speed": [0, 2], "torque": [[1, 1], [2, 2]], "position": [0, 1], "period": 7}
     dry = {"coulomb": 1.0, "stribeck_velocity": 0.1, "position": {"at": [0, 1], "factor": [1, 2]}}
     for common, own in (
-        ({"friction": {"table": several}}, {"friction": {"table": POINTS}}),
-        ({"friction": dry}, {"friction": {"table": POINTS}}),
-        ({"friction": {"table": POINTS}}, {"friction": dry}),
+        ({"friction": {"table": several}}, {"friction": {"table": points}}),
+        ({"friction": dry}, {"friction": {"table": points}}),
+        ({"friction": {"table": points}}, {"friction": dry}),
         ({"friction": {"position": dry["position"] | {"period": 7}}}, {"friction": dry}),
-        ({"spring": {"stiffness": 5.0}}, {"spring": {"table": BENDS}}),
-        ({"spring": {"table": BENDS}}, {"spring": {"stiffness": 0.0}}),
+        ({"spring": {"stiffness": 5.0}}, {"spring": {"table": bends}}),
+        ({"spring": {"table": bends}}, {"spring": {"stiffness": 0.0}}),
     ):
         assert joint1(common, own) == joint1({}, own)
-    found = joint1({"friction": {"viscous": 2.0} | dry}, {"friction": {"table": POINTS}}).friction
+    found = joint1({"friction": {"viscous": 2.0} | dry}, {"friction": {"table": points}}).friction
     assert (found.viscous, found.coulomb) == (2.0, None)
 
 
@@ -155,18 +118,6 @@ def test_a_number_and_a_pair_of_numbers_take_each_others_place() -> None:
         assert kept == own
 
 
-def test_joints_without_an_entry_are_as_in_the_urdf() -> None:
-    assert load_scene(URDF).joint("joint1") == Joint()
-    scene = load_scene({"robot": {"urdf": str(URDF)}, "joints": {"joint1": {"armature": 1.0}}})
-    assert scene.joint("joint2") == Joint()
-    assert scene.joint("joint1") == Joint(armature=1.0)
-
-
-def test_a_file_may_have_a_name_of_one_letter(tmp_path: Path) -> None:
-    (tmp_path / "x").write_text(URDF.read_text())
-    assert load_scene(written(tmp_path, "robot: {urdf: x}")).robot.urdf == URDF.read_text()
-
-
 def test_numbers_in_yaml_that_yaml_takes_for_text(tmp_path: Path) -> None:
     """YAML 1.1 reads 1e-3 as a string; people write it as a number."""
     path = written(
@@ -175,12 +126,6 @@ def test_numbers_in_yaml_that_yaml_takes_for_text(tmp_path: Path) -> None:
     )
     scene = load_scene(path)
     assert (scene.joint("joint1").armature, scene.sim.dt) == (1e-3, 2e-3)
-
-
-def test_a_scene_cannot_be_changed() -> None:
-    scene = models.scene("planar_3r")
-    with pytest.raises(NotAssignable, match="Scene.gravity cannot be set; build another one"):
-        scene.gravity = (0.0, 0.0, 0.0)  # type: ignore[misc]
 
 
 def test_gravity_of_the_scene_is_used(rng: np.random.Generator) -> None:
@@ -203,3 +148,38 @@ def test_initial_state_by_name() -> None:
     }).model  # fmt: skip
     np.testing.assert_array_equal(model.q0, [0.0, 0.0, 0.4])
     np.testing.assert_array_equal(model.v0, [-1.0, 0.0, 0.0])
+
+
+PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
+JOINTS = ("shoulder", "elbow")
+SLIDING = models.scene("slider_crank").model_dump(exclude_unset=True)
+
+
+def test_absent_they_are_absent() -> None:
+    scene = load_scene(PLAIN)
+    assert scene.sensors is None
+    assert scene.commands is None
+
+
+def test_one_number_is_for_all_joints_and_names_go_before() -> None:
+    given = {"noise": 1e-3, "offset": {"*": 1, "elbow": -2}, "resolution": {"shoulder": "1e-4"}}
+    position = load_scene({**PLAIN, "sensors": {"position": given}}).sensors.position
+    assert values(position.noise, JOINTS) == [1e-3, 1e-3]
+    assert values(position.offset, JOINTS) == [1.0, -2.0]
+    assert values(position.resolution, JOINTS) == [1e-4, 0.0]
+
+
+def test_a_scene_that_is_written_down_reads_the_same() -> None:
+    scene = load_scene({**PLAIN, "sensors": {"velocity": {"from": "position", "cutoff": 9}}})
+    assert validated(scene.model_dump(exclude_unset=True)) == scene
+
+
+def test_an_encoder_has_one_kind_of_step() -> None:
+    position = {"position": {"resolution": 1e-3, "counts": 10}}
+    with pytest.raises(SceneError, match=r"'\*' has resolution and counts; one of them is exp"):
+        load_scene({**PLAIN, "sensors": position})
+
+
+def test_a_sliding_joint_has_no_counts_in_a_turn() -> None:
+    with pytest.raises(SceneError, match="is prismatic, so it has no counts per revolution"):
+        load_scene({**SLIDING, "sensors": {"position": {"counts": 4096}}})

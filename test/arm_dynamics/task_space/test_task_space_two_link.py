@@ -49,16 +49,6 @@ def test_jacobian_and_its_rate(task: TaskSpace, states: list) -> None:
         assert_close(task.jacobian_rate(q, v), rate, ALGEBRA)
 
 
-def test_axes_are_those_of_the_second_link(task: TaskSpace, states: list) -> None:
-    """Not of the first one, as the index 1 of lecture notes says: there J is another matrix."""
-    for q, _ in states:
-        s2, c2 = np.sin(q[1]), np.cos(q[1])
-        in_second = np.array([[L1 * s2, 0], [L1 * c2 + L2, L2]])
-        in_first = np.array([[-L2 * s2, -L2 * s2], [L1 + L2 * c2, L2 * c2]])
-        assert_close(np.array([[c2, -s2], [s2, c2]]) @ task.jacobian(q), in_first, ALGEBRA)
-        assert not np.allclose(in_first, in_second, atol=0.05)
-
-
 def test_rates_of_the_components_are_no_acceleration(task: TaskSpace, states: list) -> None:
     """J θ̈ + J̇ θ̇ lacks ω × ẋ, since the axes turn with the second link."""
     fixed = TaskSpace(task.model, "tip", "local_world_aligned", ("x", "y"))
@@ -94,11 +84,3 @@ def test_gravity_terms(task: TaskSpace, states: list) -> None:
         far = q[0] + q[1]
         wanted = [M1 * G * c1 / s2 + M2 * G * np.sin(far), M2 * G * np.cos(far)]
         assert_close(task.terms(q).gravity, wanted, ALGEBRA)
-
-
-def test_effective_mass_by_direction(task: TaskSpace, states: list) -> None:
-    """Along the second link one pushes both masses, across it the outer one alone."""
-    for q, _ in states:
-        along, across = (task.effective_mass(q, u).mass for u in ([1, 0], [0, 1]))
-        assert_close(along, M2 + M1 / np.sin(q[1]) ** 2, ALGEBRA)
-        assert_close(across, M2, ALGEBRA)

@@ -20,6 +20,8 @@ def test_what_is_saved_is_the_same_motion_when_it_is_loaded(tmp_path: Path) -> N
     assert loaded.joint_names == NAMES
     assert loaded.start == {"shoulder": 0.0, 'el"bow': 1e-7}
     turned = loaded.motion(NAMES[::-1])
+    with pytest.raises(InvalidInput, match="the arm has wrist"):
+        loaded.motion(["wrist"])
     for t in np.linspace(0.0, 1.25, 41):
         there, here = MOTION.sample(t), turned.sample(t)
         for part in "qva":
@@ -38,18 +40,12 @@ def test_it_is_a_message_of_ros(tmp_path: Path) -> None:
             assert all(isinstance(x, float) for x in point[key])
 
 
-def test_turns_follow_one_another() -> None:
-    twice = JointTrajectory.of(MOTION, NAMES, turns=2)
-    motion = twice.motion(NAMES)
-    assert motion.duration == pytest.approx(2.5)
-    np.testing.assert_allclose(motion.sample(1.75).q, MOTION.sample(0.5).q)
-
-
 def test_added_torques_come_along_in_every_turn(tmp_path: Path) -> None:
     torques = {0.0: [1.0, -2.0], 0.5: [3.0, 5.0], 0.75: [-4.0, 0.5], 1.25: [1.0, -2.0]}
     motion = quintic([Waypoint(t, [t * (1.25 - t), 0], tau=tau) for t, tau in torques.items()])
     path = JointTrajectory.of(motion, NAMES, turns=2).save(tmp_path / "a.yaml")
     twice = JointTrajectory.load(path).motion(NAMES[::-1])
+    np.testing.assert_allclose(twice.sample(1.75).q, motion.sample(0.5).q[::-1], atol=1e-12)
     for turn in 0, 1:
         for t, tau in torques.items():
             np.testing.assert_allclose(twice.sample(1.25 * turn + t).tau, tau[::-1], atol=1e-12)
@@ -90,8 +86,3 @@ def test_other_files_are_refused_by_name(tmp_path: Path, text: str, told: str) -
     with pytest.raises(InvalidInput, match=told) as refused:
         JointTrajectory.load(path)
     assert "b.yaml" in str(refused.value)
-
-
-def test_other_joints_are_refused() -> None:
-    with pytest.raises(InvalidInput, match="the arm has wrist"):
-        JointTrajectory.of(MOTION, NAMES).motion(["wrist"])

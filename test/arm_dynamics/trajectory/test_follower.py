@@ -21,13 +21,9 @@ def follower() -> Follower:
     return Follower([0.0, 0.0])
 
 
-def test_stands_still_until_commanded(follower: Follower) -> None:
-    assert not triple(follower.reference(5 * SECOND)).any()
-    assert follower.remaining(5 * SECOND) == 0.0
-
-
 def test_goes_to_its_target_and_stays(follower: Follower) -> None:
     now = 7 * SECOND
+    assert not triple(follower.reference(now)).any() and follower.remaining(now) == 0.0
     follower.follow([Waypoint(2.0, [1.0, -1.0])], now)
     assert follower.remaining(now) == 2.0
     assert not triple(follower.reference(now)).any()
@@ -83,16 +79,8 @@ def test_torques_are_linear_between_points_and_stay(follower: Follower) -> None:
     assert_close(torques(follower, 99.0), [4, 6], ALGEBRA)
     follower.hold([0.2, 0.0])
     assert follower.reference(100 * SECOND).tau is None
-
-
-def test_torques_begin_where_the_points_say(follower: Follower) -> None:
-    points = [Waypoint(t, [0.1 * t, 0.0], tau=[1.0 + t, -t]) for t in (0.0, 1.0, 2.0)]
-    follower.follow(points, now=3 * SECOND)
-    assert_close(torques(follower, 3.0), [1.0, 0.0], ALGEBRA)
-    late = Follower([0.0, 0.0])
-    late.follow(points, now=SECOND // 2, start=0)
-    for time in (0.5, 0.75, 1.5):
-        assert_close(torques(late, time), [1.0 + time, -time], ALGEBRA)
+    follower.follow([Waypoint(0.0, [0.2, 0.0], tau=[7.0, 0.0]), *points], now=101 * SECOND)
+    assert_close(torques(follower, 101.0), [7.0, 0.0], ALGEBRA)
 
 
 def test_torques_fade_out_to_points_that_have_none(follower: Follower) -> None:
@@ -110,11 +98,13 @@ def test_torques_of_some_points_only_are_refused(follower: Follower) -> None:
         follower.follow([Waypoint(1.0, [0.1, 0.1], tau=[1.0])], 0)
 
 
-def test_torques_keep_the_times_given() -> None:
-    one = np.ones(2)
-    follower = Follower([0.0, 0.0], Limits(0.1 * one, np.inf * one, -9 * one, 9 * one))
+def test_limits_slow_a_trajectory_down_unless_its_times_carry_torques() -> None:
+    no = np.full(2, np.inf)
+    follower = Follower([0.0, 0.0], Limits(np.ones(2), no, -no, no))
+    trajectory = follower.follow([Waypoint(0.1, [1.0, 0.0])], 0)
+    assert_close(trajectory.duration, 15 / 8, 1e-9)
     with pytest.raises(InvalidInput, match="times slower for its limits"):
-        follower.follow([Waypoint(1.0, [1.0, 1.0], tau=[1.0, 1.0])], 0)
+        follower.follow([Waypoint(0.1, [-1.0, 1.0], tau=[1.0, 1.0])], 9 * SECOND)
 
 
 def test_points_that_are_over_are_left_out(follower: Follower) -> None:
@@ -129,13 +119,6 @@ def test_trajectory_of_the_past_is_refused(follower: Follower) -> None:
         follower.follow([Waypoint(1.0, [5.0, 5.0])], now=2 * SECOND, start=0)
     with pytest.raises(InvalidInput, match="no waypoint lies"):
         follower.follow([Waypoint(0.0, [5.0, 5.0])], now=0)
-
-
-def test_limits_hold_for_every_trajectory() -> None:
-    no = np.full(2, np.inf)
-    follower = Follower([0.0, 0.0], Limits(np.ones(2), no, -no, no))
-    trajectory = follower.follow([Waypoint(0.1, [1.0, 0.0])], 0)
-    assert_close(trajectory.duration, 15 / 8, 1e-9)
 
 
 def test_hold_forgets_trajectories(follower: Follower) -> None:

@@ -10,26 +10,22 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, Unreachable
 from arm_dynamics.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory import CartesianGoals, JointPath, Limits, Motion, Pace, Reference
+from arm_dynamics.trajectory import CartesianGoals, Limits, Motion, Pace, Reference
 from tolerances import ALGEBRA, assert_close
 
-FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "kinova": "j2s6s200_end_effector",
-          "z1": "gripperMover"}  # fmt: skip
-START = {"ur10": [0.3, -1.2, 1.5, -1.0, -1.2, 0.4], "kinova": [0.2, 2.6, 1.4, 0.4, 1.2, 0.3],
-         "z1": [0.2, 1.4, -1.2, 0.4, 0.5, 0.3]}  # fmt: skip
+FRAMES = {"panda": "panda_hand_tcp", "kinova": "j2s6s200_end_effector", "z1": "gripperMover"}
+START = {"kinova": [0.2, 2.6, 1.4, 0.4, 1.2, 0.3], "z1": [0.2, 1.4, -1.2, 0.4, 0.5, 0.3]}
 
 
 @cache
-def task(robot: str, axes: str = "pose") -> TaskSpace:
-    return TaskSpace(models.dynamics(robot), FRAMES[robot], selection=axes)
+def task(robot: str) -> TaskSpace:
+    return TaskSpace(models.dynamics(robot), FRAMES[robot])
 
 
-def goals(
-    robot: str, speed: float = 0.25, acceleration: float = 8.0, axes: str = "pose"
-) -> CartesianGoals:
+def goals(robot: str, speed: float = 0.25, acceleration: float = 8.0) -> CartesianGoals:
     dynamics = models.dynamics(robot)
     limits = Limits.of(dynamics.model, acceleration)
-    return CartesianGoals(task(robot, axes), dynamics, Pace(speed, 1.0, limits))
+    return CartesianGoals(task(robot), dynamics, Pace(speed, 1.0, limits))
 
 
 def resting(robot: str) -> Reference:
@@ -41,7 +37,7 @@ def moved(pose: Pose, step: list[float], turn: list[float] = [0.0, 0.0, 0.0]) ->
     return Pose(pose.position + step, pin.exp3(np.array(turn)) @ pose.rotation)
 
 
-def table(motion: Motion, count: int = 301) -> list[Reference]:
+def table(motion: Motion, count: int = 151) -> list[Reference]:
     return [motion.sample(t) for t in np.linspace(0.0, motion.duration, count)]
 
 
@@ -104,7 +100,7 @@ def test_through_poses_without_a_stop() -> None:
         for at in table(motion)
     ]
     assert_close(on_circle, np.full(len(on_circle), 0.1), 4e-4)  # chords: 0.31 mm inside
-    inner = [np.linalg.norm(at.v) for at in table(motion)[30:-30]]
+    inner = [np.linalg.norm(at.v) for at in table(motion)[15:-15]]
     assert min(inner) > 0.05
     assert_close(hand.pose(motion.sample(motion.duration).q).position, start.position, 1e-8)
 
@@ -132,9 +128,9 @@ def test_from_motion_it_stops_first_without_a_jump() -> None:
         for one, other in zip((first.q, first.v, first.a), (moving.q, moving.v, moving.a),
                               strict=True):  # fmt: skip
             assert_close(one, other, ALGEBRA)
-        path = np.array([at.q for at in table(motion, 2001)])
+        path = np.array([at.q for at in table(motion, 501)])
         fastest = max(abs(at.v).max() for at in table(motion))
-        step = motion.duration / 2000
+        step = motion.duration / 500
         assert abs(np.diff(path, axis=0)).max() <= 1.01 * fastest * step
         assert_close(hand.pose(motion.sample(motion.duration).q).position, goal.position, 1e-8)
 
@@ -145,14 +141,6 @@ def test_where_the_frame_is_already_nothing_moves() -> None:
     for motion in (goals("panda").line(here, pose), goals("panda").through(here, [pose, pose])):
         assert motion.duration == 0.0
         assert_close(motion.sample(1.0).q, here.q, ALGEBRA)
-
-
-def test_position_alone_leaves_the_rotation_free() -> None:
-    here, hand = resting("panda"), task("panda")
-    goal = moved(hand.pose(here.q), [0.0, 0.2, -0.1], [2.0, 0.0, 0.0])
-    motion = goals("panda", axes="position").line(here, goal)
-    assert_close(hand.pose(motion.sample(9.0).q).position, goal.position, 1e-8)
-    assert motion.duration < goals("panda").line(here, goal).duration
 
 
 @pytest.mark.parametrize(
@@ -189,18 +177,3 @@ def test_an_arm_beyond_its_limits_is_not_made_to_jump() -> None:
     goal = moved(task("panda").pose(q), [0.0, 0.02, 0.0])
     with pytest.raises(Unreachable, match="panda_joint4"):
         goals("panda").line(Reference(q, here.v, here.a), goal)
-
-
-def test_motions_may_be_brought_within_limits_by_another_rule() -> None:
-    here, asked = resting("panda"), []
-
-    def within(path: JointPath, dynamics: object, acceleration: np.ndarray) -> JointPath:
-        asked.append(acceleration)
-        return path.slower(3.0)
-
-    pace = Pace(0.25, 1.0, Limits.of(models.dynamics("panda").model, 8.0))
-    planner = CartesianGoals(task("panda"), models.dynamics("panda"), pace, within)
-    goal = moved(task("panda").pose(here.q), [0.0, 0.1, 0.0])
-    plain = goals("panda").line(here, goal)
-    assert planner.line(here, goal).duration == pytest.approx(3.0 * plain.duration)
-    assert_close(asked[0], np.full(7, 8.0), ALGEBRA)

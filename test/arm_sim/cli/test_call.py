@@ -9,7 +9,6 @@ from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from forging import running
 from typist import Typist, answer
@@ -65,7 +64,6 @@ def test_forward_dynamics_terms_and_model(arm: Any) -> None:
     np.testing.assert_allclose(said["acceleration"], expected, atol=1e-12)
     terms = answer(arm("dynamics-terms", "--position", "0.3 -0.7", "--json"))
     np.testing.assert_allclose(terms["mass_matrix"], dynamics.mass_matrix([0.3, -0.7]), atol=1e-12)
-    assert "kinetic energy [J]: 0" in arm("dynamics-terms", "--position", "0.3 -0.7").output
     info = answer(arm("model-info", "--json"))
     assert info["effort_limits"] == [60.0, 25.0]
     assert re.search(r"shoulder +revolute +-3\.1 +3\.1 +6 +60", arm("model-info").output)
@@ -90,19 +88,6 @@ def test_task_space(arm: Any) -> None:
     assert "near a singularity" not in shown.split("point 1")[0]
     mass = task.effective_mass(q[0], [1, 0]).mass
     assert f"effective mass [kg, kg m²]: {mass:.6g}" in shown
-
-
-def test_pose(arm: Any) -> None:
-    words = ("pose", "--frame", "tip", "--position", "[[0.3, -0.7], [0.3, 0.0]]")
-    said = answer(arm(*words, "--json"))
-    assert said.keys() == {"success", "joint_names", "pose"}
-    T = models.dynamics("two_link").pose([[0.3, -0.7], [0.3, 0.0]], "tip")
-    for row, expected in zip(said["pose"], T, strict=True):
-        np.testing.assert_allclose(row[:3], expected[:3, 3], atol=1e-12)
-        rotation = pin.Quaternion(np.array(row[3:])).matrix()
-        np.testing.assert_allclose(rotation, expected[:3, :3], atol=1e-12)
-    shown = arm("pose", "--frame", "tip", "--position", "0.3 -0.7").output
-    assert re.search(r"pose \(.*quaternion x y z w.*\): ", shown)
 
 
 @pytest.mark.parametrize(

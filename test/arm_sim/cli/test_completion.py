@@ -31,19 +31,9 @@ def offered(line: str, **environment: str) -> list[str]:
     return [entry.partition(",")[2] for entry in done.stdout.splitlines()]
 
 
-def test_commands_and_those_of_the_script() -> None:
-    assert offered("arm des") == ["describe"]
+def test_commands_those_of_the_script_and_options() -> None:
     assert offered("./arm te", ARM_COMMANDS="test lint") == ["test"]
     assert offered("arm call inv") == ["inverse-dynamics", "inverse-kinematics"]
-
-
-def test_commands_of_the_script_are_named_where_there_is_none() -> None:
-    (own,) = re.findall(r'ARM_COMMANDS="(.+)"', SCRIPT)
-    assert {*own.split()} - {"help"} == {*OF_CLONE.split()}
-    assert "needs a clone of the repository: ./arm docs" in CliRunner().invoke(main, "docs").output
-
-
-def test_options() -> None:
     assert offered("arm describe panda --to") == ["--tolerance"]
 
 
@@ -98,4 +88,5 @@ def test_the_script_names_its_own_commands() -> None:
     labels = re.findall(r"^    ([a-z-]+)(?: \| [-\w| ]+)?\)$", SCRIPT, re.MULTILINE)
     own = set(labels) - set(main.commands) - {"view"}
     (named,) = re.findall(r'^export ARM_COMMANDS="(.*)"$', SCRIPT, re.MULTILINE)
-    assert set(named.split()) == own
+    assert set(named.split()) == own == {*OF_CLONE.split(), "help"}
+    assert "needs a clone of the repository: ./arm docs" in CliRunner().invoke(main, "docs").output

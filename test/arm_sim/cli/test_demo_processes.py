@@ -56,7 +56,7 @@ def children(
     script.write_text(CHILD)
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setattr(sys, "executable", str(script))
-    monkeypatch.setattr(processes, "_PATIENCE", 1.5)
+    monkeypatch.setattr(processes, "_PATIENCE", 0.8)
     return Processes(tmp_path)
 
 

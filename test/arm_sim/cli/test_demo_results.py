@@ -1,26 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and figure of a demo run, from what was observed."""
+"""Numbers of a demo run, from what was observed, and what is complained of."""
 
-import io
-import json
-import os
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from pictures import written
-from rich.console import Console
 
 import models
-from arm_sim.cli.demo.course import _follow, _report
 from arm_sim.cli.demo.observer import Observations, Observer, _Query
-from arm_sim.cli.demo.processes import DemoFailed
-from arm_sim.cli.demo.report import complaints, draw, numbers, remarks
+from arm_sim.cli.demo.report import complaints, numbers, remarks
 
 TIME = np.linspace(0.0, 2.0, 201)
-NAMES = ("left_shoulder", "left_elbow")
 TORQUE = np.column_stack([np.sin(TIME), -3.0 * np.cos(TIME)])
 CLOCK: dict[str, Any] = {
     "loop": {
@@ -68,9 +59,6 @@ def test_numbers_are_those_of_the_motion() -> None:
     assert n.error_rms == pytest.approx(4e-3 / 2, rel=0.05)  # of a sine, in one of two joints
     assert n.goal_distance == pytest.approx(0.1)  # it ended at -1.1
     assert (n.energy_moved, n.energy_dissipated, n.energy_balance) == (7.0, 2.0, 2e-6)
-
-
-def test_without_answers_there_are_no_numbers_of_the_service() -> None:
     nothing = np.zeros((0, 2))
     unasked = seen(query_effort=nothing, query_command=nothing, latencies=np.zeros(0))
     n = SimpleNamespace(**told(unasked))
@@ -78,55 +66,28 @@ def test_without_answers_there_are_no_numbers_of_the_service() -> None:
     assert np.isnan([n.service_p50, n.service_p99, n.service_max, n.torque_difference]).all()
 
 
-def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> None:
-    observed, file = seen(), tmp_path / "demo.png"
-    with written() as figures:
-        draw(file, observed, NAMES, ("revolute", "revolute"), told(observed) | {"duration": 3.0})
-    (figure,) = figures
-    assert file.stat().st_size > 10_000
-    position, error, torque = figure.axes
-    for k in range(2):
-        np.testing.assert_array_equal(position.lines[k].get_ydata(), observed.position[:, k])
-        np.testing.assert_array_equal(position.lines[2 + k].get_ydata(), observed.reference[:, k])
-        np.testing.assert_array_equal(error.lines[k].get_ydata(), 1e3 * observed.error[:, k])
-        curve, circles = torque.lines[2 * k : 2 * k + 2]
-        np.testing.assert_array_equal(curve.get_ydata(), observed.effort[:, k])
-        assert set(circles.get_ydata()) < set(observed.query_effort[:, k])
-        assert 30 <= len(circles.get_xdata()) < 2 * 30 + 1
-        colors = {line.get_color() for line in (position.lines[k], error.lines[k], curve)}
-        assert colors == {circles.get_markeredgecolor()}  # of one joint
-    assert position.get_ylabel() == "position [rad]"
-    assert position.get_title(loc="left").endswith("at 1000 Hz, tracking error 2 mrad RMS")
-    assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
-    assert position.lines[2].get_zorder() < position.lines[0].get_zorder()
-    assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
-    assert [text.get_text() for text in figure.legends[0].texts][:2] == ["shoulder", "elbow"]
-
-
-@pytest.mark.parametrize(
-    ("changed", "complaint"),
-    [
+def test_a_loop_is_closed_within_limits() -> None:
+    good = told(seen()) | {"goal_distance": 0.0}
+    cases: tuple[tuple[dict[str, Any], str | None], ...] = (
         ({}, None),
         ({"rate": 800.0}, None),
-        ({"rate": 799.0}, "the simulator executed 799.0 time steps per second instead of 1000"),
+        ({"rate": 799.0}, "799.0 time steps per second instead of 1000"),
         ({"missed": 39}, None),
         ({"missed": 40}, None),
         ({"commands": 150}, None),
-        ({"commands": 149}, "only 149 of 1990 states were answered by a command"),
-        ({"questions": 0}, "the dynamics node answered no torque query"),
+        ({"commands": 149}, "only 149 of 1990 states were answered"),
+        ({"questions": 0}, "no torque query"),
         ({"error_rms": 0.02, "goal_distance": 0.02}, None),
         ({"error_rms": 0.0201}, "tracking error 0.0201 rad RMS; allowed: 0.02"),
         ({"error_rms": float("nan")}, "tracking error nan rad RMS"),
-        ({"goal_distance": 0.03}, "the arm stopped 0.03 rad from its goal; allowed: 0.02"),
-    ],
-)
-def test_a_loop_is_closed_within_limits(changed: dict[str, Any], complaint: str | None) -> None:
-    good = told(seen()) | {"goal_distance": 0.0}
-    found = complaints(good | changed)
-    assert found == [] if complaint is None else len(found) == 1 and complaint in found[0]
-    slow, late = "rate" in changed, changed.get("missed", 0) == 40
-    assert bool(remarks(good | changed)) == (slow or late)
-    assert not late or "too busy: load " in remarks(good | changed)[0]
+        ({"goal_distance": 0.03}, "0.03 rad from its goal; allowed: 0.02"),
+    )
+    for changed, complaint in cases:
+        found = complaints(good | changed)
+        assert found == [] if complaint is None else len(found) == 1 and complaint in found[0]
+        slow, late = "rate" in changed, changed.get("missed", 0) == 40
+        assert bool(remarks(good | changed)) == (slow or late)
+        assert not late or "too busy: load " in remarks(good | changed)[0]
 
 
 def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
@@ -162,62 +123,3 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     assert observer.now() == pytest.approx(1.25)
     observer._energies = []
     assert np.isnan(told(observer.observations())["energy_balance"])
-
-
-class Watched:
-    """An observer of a motion that comes as far as is said, and processes with logs."""
-
-    def __init__(self, sends: bool, ends: float) -> None:
-        self.sends, self.ends, self.patience = sends, ends, 0.0
-
-    def send(self, waypoints: Any) -> bool:
-        return self.sends
-
-    def now(self) -> float:
-        return self.ends
-
-    def until(self, condition: Any, timeout: float) -> bool:
-        self.patience = timeout
-        return bool(condition())
-
-    def tail(self, name: str) -> str:
-        return f"the log of {name}"
-
-
-def test_a_motion_is_waited_for_half_as_long_again_and_ten_seconds() -> None:
-    motion: Any = SimpleNamespace(trajectory=SimpleNamespace(duration=4.0), waypoints=[])
-    for ends, arrives in ((4.3, True), (4.29, False)):
-        both: Any = Watched(True, ends)
-        if arrives:
-            _follow(motion, both, both)
-        else:
-            with pytest.raises(
-                DemoFailed, match=r"only 4.29 s of the motion of 4 s .* 16 s \(load "
-            ):
-                _follow(motion, both, both)
-        assert both.patience == 16.0
-    neither: Any = Watched(False, 0.0)
-    with pytest.raises(DemoFailed, match="did not follow .*\n.*the log of controller"):
-        _follow(motion, neither, neither)
-
-
-def test_a_report_is_written_before_it_is_complained_of(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
-    motion: Any = SimpleNamespace(model=models.dynamics("two_link").model)
-    console = Console(width=120, record=True, file=io.StringIO())
-    good = told(seen()) | {"goal_distance": 0.0, "rate": 1003.6}
-    _report(tmp_path, motion, seen(), good, "", console)
-    assert "1000 Hz expected, catching up" in console.export_text()
-    good["rate"] = 985.0
-    _report(tmp_path, motion, seen(), good, "accurate to 1e-9 rad", console)
-    said = console.export_text()
-    assert "note: the simulator executed 985.0 time steps per second instead of 1000" in said
-    assert f"figure:  {tmp_path / 'demo.png'}" in said and "torque queries" in said
-    kept = json.loads((tmp_path / "demo.json").read_text())
-    assert kept.pop("time").startswith("20") and kept == good
-    (tmp_path / "demo.json").unlink()
-    with pytest.raises(DemoFailed, match="the loop was not closed:\n  the arm stopped 0.5 rad"):
-        _report(tmp_path, motion, seen(), good | {"goal_distance": 0.5}, "", console)
-    assert (tmp_path / "demo.json").exists()

@@ -5,7 +5,6 @@ The table is ``mistakes.yaml``: scenes, robot descriptions, commands and calls f
 key of a scene is checked in ``arm_dynamics/scene``, every option in ``arm_studies/cli``.
 """
 
-import copy
 import pickle
 import re
 import shlex
@@ -20,15 +19,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-import arm_sim
 import models
-from arm_dynamics import ArmError, Dynamics, load_scene
+from arm_dynamics import ArmError
 from arm_dynamics.control import ComputedTorque, Settings, make_controller
 from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from arm_sim import ClosedLoop, Recording, Simulator
-from arm_sim.export import export
-from arm_studies.autodiff import JaxSimulator
 from arm_studies.cli.main import main
 from arm_studies.identification import identify
 from arm_studies.sweeps import sweep
@@ -111,12 +106,9 @@ def of_python(call: str) -> str:
     sim = Simulator("two_link", backend="vm")
     names: dict[str, Any] = {
         "ClosedLoop": ClosedLoop, "ComputedTorque": ComputedTorque, "Recording": Recording,
-        "Reference": Reference, "Settings": Settings, "Simulator": Simulator, "Waypoint": Waypoint,
-        "TaskSpace": TaskSpace, "arm_sim": arm_sim, "load_scene": load_scene,
-        "make_controller": make_controller, "np": np, "quintic": quintic, "sim": sim,
-        "dynamics": sim.dynamics, "control": ComputedTorque(sim.dynamics), "Dynamics": Dynamics,
-        "copy": copy, "pickle": pickle, "identify": identify, "sweep": sweep, "export": export,
-        "JaxSimulator": JaxSimulator,
+        "Settings": Settings, "Simulator": Simulator, "TaskSpace": TaskSpace, "np": np, "sim": sim,
+        "make_controller": make_controller, "dynamics": sim.dynamics, "pickle": pickle,
+        "identify": identify, "sweep": sweep,
     }  # fmt: skip
     if "motion" in call:
         names["motion"] = sim.run(0.005)

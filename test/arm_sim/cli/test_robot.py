@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm go``, ``set``, ``get`` and ``watch`` with a simulator and a controller that run."""
 
-import io
 import json
 import math
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
@@ -17,7 +16,6 @@ from builtin_interfaces.msg import Time
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from forging import running
-from rich.console import Console
 from sensor_msgs.msg import JointState
 from typist import Result
 
@@ -30,8 +28,7 @@ from arm_sim.cli.robot import go
 from arm_sim.cli.robot.controller import Controller
 from arm_sim.cli.robot.go import LEAST, parse, targets, unhurried
 from arm_sim.cli.robot.listener import Listener
-from arm_sim.cli.robot.reports import Reports
-from arm_sim.cli.robot.watch import WatchedArm, _json, _line, _picture
+from arm_sim.cli.robot.watch import WatchedArm
 
 SCENE = str(models.SCENES / "two_link.yaml")
 Shell = Callable[..., Result]
@@ -41,25 +38,18 @@ Shell = Callable[..., Result]
 
 
 def test_goals_are_positions_or_distances() -> None:
-    goals = parse(["elbow=-0.5", "a+=1e-1", "b-=.2", "slash/joint=3"])
+    """Of joints without a reference the controller decides; they may follow others."""
+    goals = parse(["elbow=-0.5", "a+=1e-1", "b-=.2", "slash/joint=3", "hand+=0.2"])
     here = {"elbow": 1.0, "a": 2.0, "b": 3.0, "slash/joint": 4.0, "other": 5.0}
     there = targets(goals, here)
-    assert there == {"elbow": -0.5, "a": 2.1, "b": 2.8, "slash/joint": 3.0}
-
-
-def test_the_controller_decides_about_joints_without_a_reference() -> None:
-    """They may follow others, of which it knows."""
-    goals, here = parse(["left=0.03", "right=-0.01", "hand+=0.2"]), {"left": 0.01}
-    there = targets(goals, here)
-    assert there == {"left": 0.03, "right": -0.01, "hand": 0.2}
-    assert unhurried(there, here) == unhurried({"right": 1.0}, here) == LEAST
+    assert there == {"elbow": -0.5, "a": 2.1, "b": 2.8, "slash/joint": 3.0, "hand": 0.2}
 
 
 def test_no_joint_hurries_when_no_duration_is_given() -> None:
     """A quintic from rest to rest is fastest in its middle, at 15/8 of its mean speed."""
     seconds = unhurried({"a": 2.0, "b": 0.0}, {"a": -1.0, "b": 0.5})
     assert 15.0 / 8.0 * 3.0 / seconds == pytest.approx(1.0)
-    assert unhurried({"a": 1e-6}, {"a": 0.0}) == 1.0
+    assert unhurried({"a": 1e-6, "b": 1.0}, {"a": 0.0}) == LEAST
 
 
 # --- with nodes --------------------------------------------------------------------------------
@@ -136,7 +126,6 @@ def test_what_the_arm_cannot_do_is_refused(shell: Shell, domain: int) -> None:
 
 @ros
 def test_a_frame_goes_to_a_pose(shell: Shell, domain: int) -> None:
-    shell(domain, "go", "shoulder=-0.5", "elbow=0.9", "--duration", "0.3")
     done = shell(domain, "go", "--pose", "0.7 0 0 0 0 0 1")
     assert done.exit_code == 1 and "no task_frame; set one with --frame" in done.output
     assert shell(domain, "set", "controller", "task_axes", "x z").exit_code == 0
@@ -160,18 +149,14 @@ def test_parameters_are_shown_and_set(shell: Shell, domain: int) -> None:
     assert "bandwidth: [20.0] → 30.0\n" in done.output
     values = json.loads(shell(domain, "get", "controller", "observer", "--json").output)
     assert values == {"observer": 10.0}
-    assert shell(domain, "set", "controller", "bandwidth", "much").exit_code == 1
     assert shell(domain, "set", "controller", "observer", "0", "bandwidth", "20").exit_code == 0
 
 
 REFUSED = {
     ("set", "controller", "bandwith", "30"): "did you mean 'bandwidth'?",
     ("set", "controller", "bandwidth", "-1", "observer", "3"): "refused: .*bandwidth",
-    ("set", "controller", "controller", "os:system"): "refused: .*when the node is started",
     ("set", "controller", "switch_time", "1"): "restart controller with --ros-args -p switch_ti",
-    ("set", "controller", "switch_time", "-1"): r"switch_time is -1\S*; allowed: 0 to 60",
     ("set", "controller", "bandwidth", "{a: 1}"): "not a parameter value",
-    ("get", "controller", "q"): "has no parameter 'q'",
     ("get", "controller", "kp"): "'kp'; did you mean 'bandwidth'[?] allowed: ",
 }
 
@@ -219,42 +204,15 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     ]
 
 
-def test_states_are_shown_as_a_table_a_line_or_json(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [10.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    seen = WatchedArm("/joint_states")
-    for k in range(60):
-        assert seen.measured == (k >= 50)
-        now[0] += 0.002
-        state = JointState(name=["a", "b"], position=[1.0, -1e-7], velocity=[-2.5, 0.25])
-        state.header.stamp.sec, state.header.stamp.nanosec = 3, 250_000_000
-        seen.on_state(state)
-    status = DiagnosticStatus(level=DiagnosticStatus.OK, name="sim: x", message="all is well")
-    status.values = [KeyValue(key="held", value="b"), KeyValue(key="at stops", value="none")]
-    seen.reports.on_diagnostics(DiagnosticArray(status=[status]))
-    assert _line(seen) == "3.250 a=1.00000 b=0.00000; sim: x: held: b"
-    assert json.loads(_json(seen)) == {
-        "time": 3.25, "rate": pytest.approx(500.0), "remarks": ["sim: x: held: b"],
-        "names": ["a", "b"], "position": [1.0, -1e-7], "velocity": [-2.5, 0.25],
-        "effort": [None, None],
-    }  # fmt: skip
-    console = Console(width=80, record=True, file=io.StringIO())
-    console.print(_picture(seen))
-    lines = console.export_text().splitlines()
-    assert [line.split() for line in lines if line.startswith((" a", " b"))] == [
-        ["a", "1.00000", "-2.50000", "-"], ["b", "0.00000", "0.25000", "-"]
-    ]  # fmt: skip
-    assert " t = 3.250 s, 500 joint states/s" in lines and lines[-1] == " sim: x: held: b"
+class Answering:
+    """A controller whose motion ends as its name says, for ``go``."""
 
-
-class Interrupted:
-    """A controller whose motion ends elsewhere, for ``go``."""
-
-    reference, remaining, replaced, send_trajectory = {"elbow": 0.0}, 0.0, True, print
+    reference, remaining, send_trajectory = {"elbow": 0.0}, 0.0, print
     errors = ["controller: controller: two nodes publish /joint_states"]
 
     def __init__(self, node: str, timeout: float) -> None:
-        self.outcome = node  # which is here the cause
+        self.outcome = node
+        self.replaced = not node.startswith("off by ")
 
     def __enter__(self) -> Self:
         return self
@@ -270,24 +228,30 @@ class Interrupted:
         return iter(())
 
     def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
-        return "elbow", 0.0
+        return "elbow", 0.0 if self.replaced else float(self.outcome.removeprefix("off by "))
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("outcome", "code", "said"),
     [
-        ("the motion ended, time went backwards; the arm is held where it is", "reached: the mot"),
-        ("following 2 points for 3.000 s", "reached: another goal has replaced it, following 2"),
-        ("planning Cartesian goal: a straight line", "another goal has replaced it, planning Car"),
-        ("", "not reached: the controller holds the arm"),
+        ("the motion ended, time went backwards; the arm is held", 1, "reached: the motion ended"),
+        ("following 2 points for 3.000 s", 1, "reached: another goal has replaced it, following"),
+        ("planning Cartesian goal: a straight line", 1, "another goal has replaced it, planning"),
+        ("", 1, "not reached: the controller holds the arm"),
+        ("off by 0.01", 0, "arrived"),
+        ("off by 0.011", 1, "stopped short: elbow is off by"),
+        ("off by nan", 1, "stopped short: elbow is off by"),
     ],
 )
-def test_the_one_reason_why_a_motion_ended_elsewhere_is_given(
-    monkeypatch: pytest.MonkeyPatch, words: str, said: str
+def test_only_an_arm_that_ends_where_it_was_sent_has_arrived(
+    monkeypatch: pytest.MonkeyPatch, outcome: str, code: int, said: str
 ) -> None:
-    monkeypatch.setattr("arm_sim.cli.robot.controller.Controller", Interrupted)
-    done = CliRunner().invoke(go, ["elbow=1", "--controller", words])
-    assert done.exit_code == 1 and said in done.output
+    """Else the one reason is given."""
+    monkeypatch.setattr("arm_sim.cli.robot.controller.Controller", Answering)
+    done = CliRunner().invoke(go, ["elbow=1", "--controller", outcome])
+    assert done.exit_code == code and said in done.output
+    if outcome.startswith("off by"):
+        assert Answering.errors[0] in done.output
 
 
 class Told(Controller):
@@ -314,30 +278,24 @@ def told(goal: str = "", remaining: float = 0.0, at: int = 0, **numbers: Any) ->
     )
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_an_arm_has_settled_when_no_joint_is_off_or_moves(joint: int, sign: float) -> None:
-    one = [sign * (i == joint) for i in range(2)]
-    off, moves = told(position_error=one), told(velocity_error=one)
-    near = told(position_error=[1e-3 * x for x in one])
-    listener = Told(off, moves, near, told())
-    name = near.joint_names[joint]
-    assert listener.settle(0.01, 1.0) == (name, pytest.approx(1e-3))
-    assert len(listener.states) == 1
-    assert Told(moves, off).settle(0.01, 1.0) == (name, 1.0)
+def test_an_arm_has_settled_when_no_joint_is_off_or_moves() -> None:
+    for joint, sign in (0, 1.0), (1, -1.0):
+        one = [sign * (i == joint) for i in range(2)]
+        off, moves = told(position_error=one), told(velocity_error=one)
+        near = told(position_error=[1e-3 * x for x in one])
+        listener = Told(off, moves, near, told())
+        name = near.joint_names[joint]
+        assert listener.settle(0.01, 1.0) == (name, pytest.approx(1e-3))
+        assert len(listener.states) == 1
+        assert Told(moves, off).settle(0.01, 1.0) == (name, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("reference", "replaced"),
-    [((0.1, 0.2), False), ((0.1, 0.3), True), ((0.0, 0.2), True), ((0.0, 0.0), True)],
-)
-def test_a_motion_is_replaced_when_any_joint_ends_elsewhere(
-    reference: tuple[float, float], replaced: bool
-) -> None:
-    controller = Told(told(reference_position=reference))
-    assert not controller.replaced
-    controller._target = {"shoulder": 0.1, "elbow": 0.2}
-    assert controller.replaced is replaced
+def test_a_motion_is_replaced_when_any_joint_ends_elsewhere() -> None:
+    for reference, replaced in ((0.1, 0.2), False), ((0.1, 0.3), True), ((0.0, 0.2), True):
+        controller = Told(told(reference_position=reference))
+        assert not controller.replaced
+        controller._target = {"shoulder": 0.1, "elbow": 0.2}
+        assert controller.replaced is replaced
 
 
 OLD = "following 1 points for 3.000 s"
@@ -367,25 +325,11 @@ def test_a_goal_has_begun_when_another_motion_is_followed(
     assert sent == [True] and not listener.states
 
 
-@pytest.fixture
-def sent(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Messages that a client sends."""
-    messages: list[Any] = []
-    monkeypatch.setattr(Controller, "_send", lambda _, topic, message: messages.append(message))
-    return messages
-
-
-def test_goals_are_sent_by_name_with_their_times(sent: list[Any]) -> None:
-    controller = Told(told())
-    controller.send_trajectory(("elbow", "shoulder"), [Waypoint(2.000000001, [0.5, -1.0])])
-    (message,) = sent
-    (point,) = message.points
-    assert (message.joint_names, list(point.positions)) == (["elbow", "shoulder"], [0.5, -1.0])
-    assert (point.time_from_start.sec, point.time_from_start.nanosec) == (2, 1)
-    assert controller._target == {"elbow": 0.5, "shoulder": -1.0}
-
-
-def test_points_after_the_first_are_sent_with_all_that_they_have(sent: list[Any]) -> None:
+def test_points_after_the_first_are_sent_with_all_that_they_have(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sent = list[Any]()
+    monkeypatch.setattr(Controller, "_send", lambda _, topic, message: sent.append(message))
     points = (
         Waypoint(0.0, [0.0, 0.0]),
         Waypoint(1.5, [0.1, 0.2], [0.3, 0.4], [0.5, 0.6], [0.7, 0.8]),
@@ -402,32 +346,6 @@ def test_points_after_the_first_are_sent_with_all_that_they_have(sent: list[Any]
     assert list(whole.effort) == [0.7, 0.8] and not len(bare.effort) + len(bare.velocities)
     assert (whole.time_from_start.sec, whole.time_from_start.nanosec) == (1, 500_000_000)
     assert controller._target == {"elbow": 1.0, "shoulder": 2.0}
-
-
-def test_a_pose_is_sent_in_its_order(sent: list[Any]) -> None:
-    Told(told()).send_pose([1, 2, 3, 4, 5, 6, 7])
-    at, turn = sent[0].pose.position, sent[0].pose.orientation
-    assert [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w] == [1, 2, 3, 4, 5, 6, 7]
-
-
-class Short(Interrupted):
-    """A controller whose arm stays away from its reference."""
-
-    replaced = False
-
-    def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
-        return "elbow", float(self.outcome)
-
-
-@pytest.mark.parametrize(("error", "code"), [("0.01", 0), ("0.011", 1), ("nan", 1)])
-def test_an_arm_that_stops_short_has_not_arrived(
-    monkeypatch: pytest.MonkeyPatch, error: str, code: int
-) -> None:
-    monkeypatch.setattr("arm_sim.cli.robot.controller.Controller", Short)
-    done = CliRunner().invoke(go, ["elbow=1", "--controller", error])
-    assert done.exit_code == code
-    assert ("arrived" if code == 0 else "stopped short: elbow is off by") in done.output
-    assert Short.errors[0] in done.output
 
 
 @ros
@@ -455,57 +373,7 @@ def test_a_controller_without_a_robot_is_distinguished(
         with Listener() as listener:
             assert listener.until(lambda: "/controller" in listener.nodes(), 20.0)
         with pytest.raises(SystemExit) as end:
-            main(["go", "elbow=0", "--timeout", "4"])
+            main(["go", "elbow=0", "--timeout", "2"])
     printed = "".join(capfd.readouterr())
-    assert end.value.code == 1 and "answered no joint state for 4 s" in printed
+    assert end.value.code == 1 and "answered no joint state for 2 s" in printed
     assert "\n  nothing publishes /joint_states; start a robot" in printed
-
-
-class Left(Controller):
-    """A client in a graph of these nodes, with publishers of one topic."""
-
-    def __init__(self, nodes: Sequence[str], publishers: int, reports: Reports) -> None:
-        self._nodes, self._publishers, self._reports = nodes, publishers, reports
-        self._name, self._space = "/left/controller", "/left"
-
-    def nodes(self) -> Sequence[str]:
-        return self._nodes
-
-    def publishers(self, name: str) -> int:
-        return self._publishers if name == "/left/joint_states" else 0
-
-
-def status(name: str, level: bytes, message: str, **values: str) -> DiagnosticStatus:
-    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-    return DiagnosticStatus(name=name, level=level, message=message, values=pairs)
-
-
-SILENT = status("left/controller: controller", b"\2", "no joint state for 5.0 s")
-FAILED = status("left/controller: controller", b"\2", "the controller 'mine' has failed: oh")
-PAUSED = status("left/sim: simulation", b"\0", "ok", paused="true")
-OTHER = status("sim: simulation", b"\2", "diverged", paused="true")
-
-
-@ros
-@pytest.mark.parametrize(
-    ("reported", "nodes", "publishers", "said"),
-    [
-        ([PAUSED, SILENT], ["/left/controller"], 1, "the simulation is paused; ./arm call resume"),
-        ([OTHER], [], 1, "the controller has ended; start it again"),
-        ([OTHER, SILENT], ["/left/controller"], 0, "nothing publishes /left/joint_states"),
-        ([OTHER, FAILED], ["/left/controller"], 1, "left/controller: controller: the controller"),
-        ([SILENT], ["/left/controller"], 1, "/left/joint_states has a publisher, but no state"),
-    ],
-)
-def test_go_names_the_one_cause(
-    reported: list[DiagnosticStatus], nodes: list[str], publishers: int, said: str
-) -> None:
-    reports = Reports()
-    reports.on_diagnostics(DiagnosticArray(status=reported))
-    controller = Left(nodes, publishers, reports)
-    assert controller._cause().startswith(said)
-    assert [line.partition(": ")[0] for line in controller.errors] == [
-        status.name.partition(": ")[0]
-        for status in reported
-        if status.level == DiagnosticStatus.ERROR and status not in (OTHER, SILENT)
-    ]

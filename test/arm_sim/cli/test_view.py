@@ -83,18 +83,12 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 
-@pytest.mark.parametrize(
-    ("text", "size"),
-    [("16x4096", (16, 4096)), ("4096x16", (4096, 16)), ("960x600", (960, 600)),
-     ("15x600", None), ("600x15", None), ("4097x600", None), ("600x4097", None), ("600", None),
-     ("600x", None), ("x600", None), ("9.5x600", None), ("600x-20", None)],
-)  # fmt: skip
-def test_sizes_of_pictures_have_limits(text: str, size: tuple[int, int] | None) -> None:
-    if size:
+def test_sizes_of_pictures_have_limits() -> None:
+    for text, size in ("16x4096", (16, 4096)), ("4096x16", (4096, 16)), ("960x600", (960, 600)):
         assert Size().convert(text, None, None) == size
-        return
-    with pytest.raises(BadParameter, match="allowed: 16x16 to 4096x4096"):
-        Size().convert(text, None, None)
+    for text in "15x600", "600x15", "4097x600", "600x4097", "600", "600x", "9.5x600", "600x-20":
+        with pytest.raises(BadParameter, match="allowed: 16x16 to 4096x4096"):
+            Size().convert(text, None, None)
 
 
 class Pages:
@@ -167,10 +161,10 @@ def test_pictures_are_written_as_they_are_asked_for(
     ]  # fmt: skip
     assert capfd.readouterr().out.split() == ["a.png", "a.gif", "a.mp4", "a.html"]
     main(["view", "two_link", "--png", "b.png"], standalone_mode=False)
-    assert pages.asked[6:8] == [
-        ("shown", ("two_link",), "127.0.0.1", 0, (5.0, "nothing"), None, None),
-        ("picture", Path("b.png"), (960, 600), None),
-    ]
+    assert pages.asked[6] == (
+        "shown", ("two_link",), "127.0.0.1", 0, (5.0, "nothing"), None, None
+    )  # fmt: skip
+    assert pages.asked[7] == ("picture", Path("b.png"), (960, 600), None)
 
 
 # --- running arms ------------------------------------------------------------------------------

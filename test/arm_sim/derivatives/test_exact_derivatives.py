@@ -74,8 +74,9 @@ SETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "sliding friction": (("coulomb", "table", "lossy gear", "payload"), ("payload",)),
     "drives": (("current", "flexible", "harmonic"), ()),
     "voltage and bristles": (("lugre", "voltage", "payload"), ("payload",)),
-    "a loop": (("viscous", "bilateral", "payload"), ("payload",)),
-    "a loop with friction and a drive": (("coulomb", "flexible", "bilateral"), ()),
+    "a loop with friction and a drive": (
+        ("coulomb", "flexible", "bilateral", "payload"), ("payload",)
+    ),
 }  # fmt: skip
 """Features, and what to differentiate by beside state and command."""
 
@@ -145,7 +146,7 @@ def test_quantities_have_their_names() -> None:
     assert_close(many[2]["gravity"][0], P["gravity"], BACKENDS)
 
 
-@pytest.mark.parametrize("by", ["mass", "constraints", ["gravity", "tau"]])
+@pytest.mark.parametrize("by", ["constraints", ["gravity", "tau"]])
 def test_refusals(by: Any) -> None:
     sim = models.simulator("two_link")
     with pytest.raises(InvalidInput, match="no derivative by .*'tunable' allows"):

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import always
 
 import models
 from arm_dynamics import InvalidInput
@@ -48,20 +47,17 @@ def compare(
     found = sim.rollout_gradient(q0, v0, tau, STEPS, g)
     assert_close(found.q0, difference(lambda q: L(q0=q), q0, h), tolerance)
     assert_close(found.v0, difference(lambda v: L(v0=v), v0, h), tolerance)
-    assert_close(found.tau[:, ::5], difference(lambda u: L(tau=_at(tau, u)), tau[:, ::5], h),
-                 tolerance)  # fmt: skip
+
+    def at(some: np.ndarray) -> np.ndarray:
+        whole = tau.copy()
+        whole[:, ::5] = some
+        return whole
+
+    by_tau = difference(lambda u: L(tau=at(u)), tau[:, ::5], h)
+    assert_close(found.tau[:, ::5], by_tau, tolerance)
 
 
-def _at(tau: np.ndarray, some: np.ndarray) -> np.ndarray:
-    whole = tau.copy()
-    whole[:, ::5] = some
-    return whole
-
-
-METHODS = ("euler", "semi_implicit_euler", "rk4", "nystrom4", "dopri5")
-
-
-@pytest.mark.parametrize("method", always(METHODS, "semi_implicit_euler", "nystrom4", "dopri5"))
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "nystrom4", "dopri5"])
 def test_methods(method: str) -> None:
     compare(models.simulator("skew_axes", stops=False, integrator=method, dt=0.02))
 
@@ -90,13 +86,9 @@ def test_loads_and_springs_by_their_parameters_too() -> None:
     assert_close(found.parameters["payload"], wanted, 1e-8)
 
 
-def test_states_of_drives_begin_where_they_suit() -> None:
-    """The motor of a flexible joint begins where the joint is."""
+def test_states_of_drives_begin_where_they_suit_and_steps_under_error_control_are_given() -> None:
+    """The motor of a flexible joint begins where the joint is; differences see the tolerance."""
     compare(featured("flexible"), h=1e-4, arms=1)
-
-
-def test_error_control_goes_by_the_derivatives_of_ticks() -> None:
-    """Lengths of its steps count as given, so differences see its tolerance."""
     compare(featured("current", integrator=None, tolerance=1e-11), 1e-4, 1, FINITE_DIFF)
 
 
@@ -116,16 +108,16 @@ def test_a_joint_that_meets_its_stop() -> None:
     assert_close(found.v0, difference(L, v0, 1e-6), 1e-6)
 
 
-@pytest.mark.parametrize("much", [1e6, 1e160])
-def test_an_arm_that_diverges_is_named(much: float) -> None:
+def test_an_arm_that_diverges_is_named() -> None:
     """The second of three: with numbers that overflow, or that stay finite and are too large."""
     sim = models.simulator("skew_axes", stops=False, integrator="rk4")
-    q0, v0, tau, g = start(sim)
-    v0[1] *= much
-    with pytest.raises(SimulationDiverged, match="^arm 1, time step "):
-        sim.rollout_gradient(q0, v0, tau, STEPS, g)
-    with pytest.raises(SimulationDiverged, match="arm 1"):
-        sim.rollout_jvp(q0, v0, tau, STEPS, dq0=q0, dv0=q0, dtau=tau)
+    for much in (1e6, 1e160):
+        q0, v0, tau, g = start(sim)
+        v0[1] *= much
+        with pytest.raises(SimulationDiverged, match="^arm 1, time step "):
+            sim.rollout_gradient(q0, v0, tau, STEPS, g)
+        with pytest.raises(SimulationDiverged, match="arm 1"):
+            sim.rollout_jvp(q0, v0, tau, STEPS, dq0=q0, dv0=q0, dtau=tau)
 
 
 def test_arms_and_lanes_are_alike() -> None:
@@ -224,38 +216,28 @@ def test_order_of_numbers_in_memory() -> None:
     np.testing.assert_array_equal(sim.jvp(state, *apart), sim.jvp(state, tau, dx, dtau[0]))
 
 
-@pytest.mark.parametrize("given", [{"dx": np.zeros(3)}, {"dtau": [np.inf, 0.0]}, {"ticks": 0}])
-def test_refusals_of_products(given: dict[str, Any]) -> None:
-    sim = models.simulator("two_link")
-    plain = {"dx": np.zeros(4), "dtau": np.zeros(2)}
-    with pytest.raises(InvalidInput, match=next(iter(given))):
-        sim.jvp(sim.state, np.zeros(2), **(plain | given))
-    with pytest.raises(InvalidInput, match="weights"):
-        sim.vjp(sim.state, np.zeros(2), np.zeros(3))
+Q = np.zeros((2, 2))
+ROLLED = {"q0": Q, "v0": Q, "tau": np.zeros(2), "steps": 1}
+ALONG = ROLLED | {"dq0": Q, "dv0": Q, "dtau": Q}
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("function", "given", "name", "bad"),
     [
-        ({"g": np.zeros((2, 3, 4))}, r"g has shape \(2, 3, 4\)"),
-        ({"g": np.full((2, 2, 4), np.nan)}, "finite"),
-        ({"steps": -1}, "steps"),
-        ({"tau": np.zeros(3)}, "tau"),
-        ({"lanes": 5}, "lanes"),
-        ({"parameters": {"mass": 1.0}}, "mass"),
-        ({"dq0": np.zeros(2)}, "dq0 has 1 rows"),
-        ({"dv0": np.zeros((2, 3))}, "dv0"),
-        ({"dtau": np.zeros((2, 5))}, r"dtau has shape \(2, 5\)"),
-        ({"dtau": [np.nan, 0.0]}, "dtau has values that are not finite"),
+        ("rollout_gradient", ROLLED, "g", np.zeros((2, 3, 4))),
+        ("rollout_gradient", ROLLED, "g", np.full((2, 2, 4), np.nan)),
+        ("rollout_gradient", ROLLED | {"g": np.zeros((2, 2, 4))}, "lanes", 5),
+        ("rollout_gradient", ROLLED | {"g": np.zeros((2, 2, 4))}, "mass", {"mass": 1.0}),
+        ("rollout_jvp", ALONG, "dq0", np.zeros(2)),
+        ("rollout_jvp", ALONG, "dv0", np.zeros((2, 3))),
+        ("rollout_jvp", ALONG, "dtau", [np.nan, 0.0]),
+        ("jvp", {"tau": np.zeros(2), "dtau": np.zeros(2)}, "dx", np.zeros(3)),
+        ("jvp", {"tau": np.zeros(2), "dx": np.zeros(4)}, "dtau", [np.inf, 0.0]),
+        ("vjp", {"tau": np.zeros(2)}, "weights", np.zeros(3)),
     ],
 )
-def test_refusals(change: dict[str, Any], message: str) -> None:
-    sim, q = models.simulator("two_link"), np.zeros((2, 2))
-    given = {"q0": q, "v0": q, "tau": np.zeros(2), "steps": 1}
-    along = {"dq0": q, "dv0": q, "dtau": q}
-    if change.keys() & along.keys():
-        function, more = sim.rollout_jvp, along
-    else:
-        function, more = sim.rollout_gradient, {"g": np.zeros((2, 2, 4))}
-    with pytest.raises(InvalidInput, match=message):
-        function(**(given | more | change))
+def test_refusals(function: str, given: dict[str, Any], name: str, bad: Any) -> None:
+    sim = models.simulator("two_link")
+    given = given if "q0" in given else given | {"state": sim.state}
+    with pytest.raises(InvalidInput, match=name):
+        getattr(sim, function)(**given | ({"parameters": bad} if name == "mass" else {name: bad}))

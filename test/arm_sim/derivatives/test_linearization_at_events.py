@@ -14,8 +14,7 @@ import models
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import NotDifferentiable, Simulator
 from arm_sim.derivatives import events, tangents
-from models.driven import WINDING, wheel
-from models.rotor import rotor
+from models.driven import wheel
 from models.touching import carrier, contact, rails, unbalance
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
 
@@ -59,41 +58,16 @@ def spinning(**settings: Any) -> dict[str, Any]:
     return touching(scene | {"gravity": [0, 0, 0]}, **settings)
 
 
-def tied(*contacts: Any, **scene: Any) -> dict[str, Any]:
+def tied() -> dict[str, Any]:
     """A body on rails x and z and a weight that drops as the body goes along x, by a cord.
 
     Joints are drive, upwards, x, z.
     """
     weight = carrier("prismatic", "z", 2.0)
     cord = {"type": "coupling", "name": "cord", "joints": ["x", "drive"], "ratio": -1.0}
-    return rails("xz", 2.0, branches=[weight]) | {"constraints": [cord, *contacts]} | scene
-
-
-SLOPE, RADIUS = 0.4, 0.3
-DOWN = np.cos(SLOPE), -np.sin(SLOPE)
-
-
-def on_a_tray(mu: float) -> dict[str, Any]:
-    """A wheel on a slope that slides along x: joints drive, x, z, turn."""
-    plane = {"frame": "tray", "normal": [np.sin(SLOPE), 0, np.cos(SLOPE)]}
-    wheel = contact("body", radius=RADIUS, friction=mu, plane=plane)
-    tray = carrier("prismatic", "x", 3.0)
-    start = {"position": {"z": RADIUS / np.cos(SLOPE)}}
-    scene = rails("xz", 2.0, turns=True, branches=[tray], iyy=0.05)
-    return scene | {"initial": start, "constraints": [wheel]}
-
-
-def both(*ways: Any) -> np.ndarray:
-    """The same ways of positions and of velocities."""
-    return np.kron(np.eye(2), ways)
-
-
-def motor() -> dict[str, Any]:
-    scene: dict[str, Any] = wheel(
-        0.1, command="voltage", gear_ratio=20.0, rotor_inertia=5e-5, **WINDING
-    )
-    scene["joints"]["axle"]["friction"] = {"coulomb": 0.5, "static": 0.8}
-    return scene
+    dry = {"*": {"friction": {"coulomb": 1.0, "static": 2.0}}}
+    scene = {"constraints": [cord], "joints": dry, "gravity": [0, 0, -0.5]}
+    return rails("xz", 2.0, branches=[weight]) | scene
 
 
 def flexible() -> dict[str, Any]:
@@ -234,26 +208,8 @@ KEPT: dict[str, tuple[Callable[[], dict[str, Any]], float, Any, Any]] = {
         lambda: spinning(friction=0.45), 0.02,
         ([0, 0, 2.1], [0, 0, 10], [0, -20, 0]), np.eye(6)[[0, 2, 5]],
     ),
-    **{
-        f"wheel on a tray {how}": (
-            lambda mu=mu: on_a_tray(mu), 1e-3,
-            ([0, 0, RADIUS / np.cos(SLOPE), 0], [0.1, 0.1 + 0.2 * DOWN[0], 0.2 * DOWN[1], spin],
-             [0.5, 0, 0, 0.01]),
-            both([1, 1, 0, 0], *free),
-        )
-        for how, mu, spin, free in (
-            ("slides", 0.05, 0.0, ([0, *DOWN, 0], [0, 0, 0, 1])),
-            ("sticks", 0.9, 0.2 / RADIUS, [[0, *DOWN, 1 / RADIUS]]),
-        )
-    },
-    "loop slides to rest": (
-        lambda: tied(contact("body", friction=1.5)), 0.02,
-        ([0, 0, 0], [-0.03, 0.03, 0], [0, -8, 0]), [[-1, 1, 0, 0, 0, 0], [0, 0, 0, -1, 1, 0]],
-    ),
     "loop with friction comes to rest": (
-        lambda: tied(joints={"*": {"friction": {"coulomb": 1.0, "static": 2.0}}},
-                     gravity=[0, 0, -0.5]),
-        0.02, ([0, 0, 0.3], [-0.003, 0.003, 0.2], [0, 0, 0]),
+        tied, 0.02, ([0, 0, 0.3], [-0.003, 0.003, 0.2], [0, 0, 0]),
         [[-1, 1, 0, 0, 0, 0], [0, 0, 0, -1, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]],
     ),
 }  # fmt: skip
@@ -275,18 +231,13 @@ def test_a_contact_that_turns_until_it_rests_has_no_derivative() -> None:
 
 TUNABLE: dict[str, tuple[str, ...]] = {
     "rebounds": ("gravity", "external"),
-    "meets a compliant stop": ("gravity",),
     "comes to rest": ("gravity", "friction"),
-    "lands and slides": ("gravity", "payload"),
     "ball on an arm lands and slides": ("gravity", "payload"),
     "lifts off": ("gravity", "payload"),
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    always(TUNABLE, "rebounds", "comes to rest", "ball on an arm lands and slides", "lifts off"),
-)
+@pytest.mark.parametrize("name", TUNABLE)
 def test_by_tunable_quantities_across_events(name: str) -> None:
     """Loads change blows, instants and forces; gravity and friction the instants."""
     build, dt, (q, v, tau), *_ = (CASES | KEPT)[name]
@@ -315,11 +266,8 @@ def test_by_tunable_quantities_across_events(name: str) -> None:
         assert_close(P[quantity], wanted, 1e-9)
 
 
-def test_motor_breaks_a_joint_away() -> None:
-    """Its current, a state, grows until static friction is overcome."""
-    sim = simulator(motor, 2e-3, "error control")
-    assert sim.step([2.0]).v[0] > 0.0
-    compare(sim, [0.0], [0.0], [2.0], free=np.eye(sim.arm.plant.nx)[[0, 2]])
+def test_several_ticks() -> None:
+    compare(simulator(rebounding, 0.1, "rk4"), [0.3], [-1.0], [1.0], ticks=4)
 
 
 def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
@@ -357,42 +305,6 @@ def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatc
         sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 
 
-def test_several_ticks() -> None:
-    compare(simulator(CASES["rebounds"][0], 0.1, "rk4"), [0.3], [-1.0], [1.0], ticks=4)
-
-
-def bounce(z: float, v: float, u: float, e: float, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of a tick in which a mass of 2 kg falls on a stop at zero, by hand."""
-    a = u / 2.0 - G
-    hit = -np.sqrt(v**2 - 2 * a * z)  # speed at the stop
-    t = (hit - v) / a
-    by = np.array([[1.0, 0.0], [t, 1.0], [t**2 / 4, t / 2]])  # of z and v where time is t
-    delay = -by[:, 0] / hit
-    leaves = -e * (by[:, 1] + a * delay)
-    left, end = h - t, -e * hit + a * (h - t)
-    slope = np.array([left * leaves - end * delay, leaves - a * delay])
-    slope[:, 2] += np.array([left**2 / 4, left / 2])
-    return slope[:, :2], slope[:, 2:]
-
-
-def test_bouncing_mass_by_hand() -> None:
-    sim = simulator(CASES["rebounds"][0], 0.1, "rk4")
-    for derivative, wanted in zip(
-        sim.linearize(sim.reset([0.05], [-1.0]), [1.0]), bounce(0.05, -1.0, 1.0, 0.6, 0.1),
-        strict=True,
-    ):  # fmt: skip
-        assert_close(derivative, wanted, 100 * CLOSED_FORM)
-
-
-def test_block_that_stops_by_hand() -> None:
-    """x⁺ = x + v²/2d with d = (F + m g - u)/m, v⁺ = 0."""
-    sim = simulator(lambda: rail({"coulomb": 30.0}), 0.1, "rk4")
-    d, v = (30.0 + 2.0 * G - 3.0) / 2.0, 0.3
-    A, B = sim.linearize(sim.reset([0.5], [v]), [3.0])
-    assert_close(A, [[1.0, v / d], [0.0, 0.0]], CLOSED_FORM)
-    assert_close(B, [[v**2 / (4 * d**2)], [0.0]], CLOSED_FORM)
-
-
 def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:
     """A speed given to it is lost at once, with an impulse on the other joints."""
     friction = {"coulomb": 0.5, "static": 0.8, "viscous": 0.1}
@@ -403,15 +315,6 @@ def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:
     np.testing.assert_array_equal(A[5], np.zeros(6))
     np.testing.assert_array_equal(B[:, 2], np.zeros(6))
     assert abs(A[:2, 5]).min() > 1e-4
-
-
-@pytest.mark.parametrize(("side", "place"), [("lower", -1.0), ("upper", 1.0)])
-def test_a_joint_leans_on_the_only_stop_that_it_has(side: str, place: float) -> None:
-    scene = rotor(0.1)
-    scene["joints"]["axle"]["limits"] = {side: place}
-    sim = Simulator(scene, dt=0.1, integrator="rk4")
-    for slopes in sim.linearize(sim.reset([place], [0.0]), [2.0 * place]):
-        assert not slopes.any()
 
 
 @pytest.mark.parametrize(("place", "way"), [(0.0, -1.0), (2.0, 1.0)])
@@ -448,11 +351,9 @@ GRIP = {"friction": 0.3, "static_friction": 0.5}  # a body of 1 kg slides at 2.9
 REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     "grazed": (rail(stop={}), [0.00125], [-0.05 * (1 + 1e-10)], [2 * (G + 1)], "grazed"),
     "hit at the beginning": (rail(stop={}), [0.0], [-1.0], [0.0], "begins with an impact"),
-    "left at the beginning": (rail(stop={}), [0.0], [1.0], [0.0], "beginning"),
     "hit at the end": (rail(stop={}), [H], [-1.0], [2 * G], "end"),
     "at a compliant stop": (rail(stop={"stiffness": 1e3}), [0.0], [1.0], [0.0], "beginning"),
     "holds to the limit": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [1.5], "beginning"),
-    "pulled loose": (rail(STUCK), [0.5], [0.0], [0.0], "beginning"),
     "both at once": (
         rails("xz") | {"gravity": [0, 0, 0], "joints": {
             name: {"limits": {"lower": 0.0, "upper": 1.0}} for name in "xz"}},
@@ -468,7 +369,7 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
         f"would slip on along {along}": (
             touching(rails("xyz"), **GRIP), [0, 0, 0], [0, 0, 0], push, "go on",
         )
-        for along, push in (("x", [-3, 0, 0]), ("y", [0, 3, 0]), ("both", [-2, -2.5, 0]))
+        for along, push in (("y", [0, 3, 0]), ("both", [-2, -2.5, 0]))
     },
 }  # fmt: skip
 

@@ -17,7 +17,6 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_sim.cli.main import main
 from arm_sim.export import export
 from arm_sim.export.conditions import without_decided_conditions
-from arm_sim.export.generated import without_unused
 from arm_sim.export.names import from_title
 
 SCENE = "two_link"
@@ -33,16 +32,10 @@ def exported(folder: Path, **options: object) -> Path:
     return folder
 
 
-NO_NAMES = (
-    "", "7up", "my-arm", "an arm", "größe", "class", "int", "test", "math", "m", "features",
-    "rest", "_arm", 64 * "a",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("name", NO_NAMES)
-def test_names_that_no_library_can_have_are_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match="name = "):
-        export(SCENE, tmp_path / "out", name)
+def test_names_that_no_library_can_have_are_refused(tmp_path: Path) -> None:
+    for name in ("", "7up", "my-arm", "größe", "class", "test", "m", "features", "_arm", 64 * "a"):
+        with pytest.raises(InvalidInput, match="name = "):
+            export(SCENE, tmp_path / "out", name)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -161,19 +154,6 @@ def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:
     said_by(user / "build/user")
 
 
-def test_two_libraries_fit_into_one_program(tmp_path: Path) -> None:
-    for name in ("left", "right"):
-        export(SCENE, tmp_path / name, name)
-    (tmp_path / "main.c").write_text(
-        '#include "left.h"\n#include "right.h"\n'
-        "int main(void) { return left_sim_size() != right_sim_size(); }\n"
-    )
-    sources = [tmp_path / "main.c", tmp_path / "left/left.c", tmp_path / "right/right.c"]
-    headers = [f"-I{tmp_path / name}" for name in ("left", "right")]
-    said_by("cc", *headers, *sources, "-o", tmp_path / "program", "-lm")
-    said_by(tmp_path / "program")
-
-
 ODD = ('q"uote', "back\\slash", "a??/", "größe", "end */ of")
 
 
@@ -215,27 +195,7 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     assert "derivatives" not in header
 
 
-def test_what_nothing_uses_is_left_out() -> None:
-    source = (
-        "#define UNUSED 1\n#define SIZE 2\n"
-        "/* Gone. */\nstatic int gone(int x) {\n  return x;\n}\n\n"
-        "static const int table[SIZE] = {1, 2};\nstatic int also(void) { return gone(3); }\n"
-        "static int used(int x) { return table[x]; }\nint user(void) { return used(0); }\n"
-    )
-    left = without_unused(source)
-    assert "gone" not in left.lower()
-    assert "UNUSED" not in left
-    assert "also" not in left
-    assert all(word in left for word in ("SIZE", "table", "used", "user"))
-
-
-UNDECIDED = (
-    "#if 1", "#if !X", "#if X > 0", "#if defined(X)", "#ifdef X\n#elif Y", "#ifdef X\n#undef X",
-    "#define Y (X)\n#if Y",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("lines", UNDECIDED)
-def test_a_condition_that_is_not_understood_is_refused(lines: str) -> None:
-    with pytest.raises(ValueError, match=re.escape(repr(lines.split("\n")[-1]))):
-        without_decided_conditions(f"#define X 1\n{lines}\n#endif\n")
+def test_a_condition_that_is_not_understood_is_refused() -> None:
+    for lines in ("#if 1", "#if X > 0", "#ifdef X\n#elif Y", "#ifdef X\n#undef X"):
+        with pytest.raises(ValueError, match=re.escape(repr(lines.split("\n")[-1]))):
+            without_decided_conditions(f"#define X 1\n{lines}\n#endif\n")

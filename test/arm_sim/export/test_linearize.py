@@ -56,7 +56,7 @@ class Case:
         return int(code), A, B
 
 
-SMALL = ("dry", "slider_crank_motor", "limited", "hanging")  # others take long, or are like these
+SMALL = ("dry", "slider_crank_motor", "limited")  # others take long, or are like these
 
 
 @pytest.fixture(scope="module")

@@ -156,7 +156,7 @@ SCENES_AT_REST = {
 }
 
 
-@pytest.mark.parametrize("name", always(SCENES_AT_REST, "four_bar"))
+@pytest.mark.parametrize("name", always(SCENES_AT_REST, "two_link"))
 def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
     name: str, tmp_path: Path
 ) -> None:

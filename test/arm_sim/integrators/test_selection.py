@@ -72,9 +72,9 @@ def test_dry_friction_that_rises_decides() -> None:
     assert_close(rate_of(scene), (b + slope) / 0.1, 1e-6 * slope)
 
 
-@pytest.mark.parametrize("dt", [1e-3, 1e-2])
-def test_viscous_friction_is_stiff_beyond_its_limit(dt: float) -> None:
+def test_viscous_friction_is_stiff_beyond_its_limit() -> None:
     """b/J dt = 1.4: RK4 is stable up to 2.8."""
+    dt = 1e-2
     for factor, name, accurate in ((0.99, "rk4", "dop853"), (1.01, "implicit", "implicit")):
         scene = rotor(0.1, viscous=0.1 * factor * STIFF / dt)
         choice = chosen(scene, dt=dt)
@@ -127,8 +127,7 @@ def rails(*masses: float) -> str:
 
 
 @pytest.mark.parametrize(("stiffness", "name", "tolerance"), [
-    (2.4e3, "rk4", None), (2.6e3, "dop853", CONTROLLED), (2.4e9, "dop853", CONTROLLED),
-    (2.6e9, "implicit", IMPLICIT),
+    (2.4e3, "rk4", None), (2.6e3, "dop853", CONTROLLED), (2.6e9, "implicit", IMPLICIT),
 ])  # fmt: skip
 def test_compliant_stops_get_error_control(
     stiffness: float, name: str, tolerance: float | None
@@ -238,15 +237,13 @@ def test_the_callers_word_comes_before_the_scenes() -> None:
     assert (own.method.name, own.dt, own.tolerance) == ("dopri5", 2e-3, 1e-5)
     other = chosen(scene, "rk4", 1e-2)
     assert (other.method.name, other.dt, other.tolerance) == ("rk4", 1e-2, None)
-    assert chosen(scene, tolerance=1e-7).tolerance == 1e-7
     assert chosen(scene, "auto").tolerance is None
-    for dt in (1e-9, 10.0):
-        assert chosen(scene, dt=dt).dt == dt
+    for dt, tolerance in ((1e-9, 1e-14), (10.0, 1e-1)):
+        found = chosen(scene, dt=dt, tolerance=tolerance)
+        assert (found.dt, found.tolerance) == (dt, tolerance)
     for bad in ({"dt": 0.9e-9}, {"dt": 10.1}, {"tolerance": 0.9e-14}, {"tolerance": 0.11}):
         with pytest.raises(InvalidInput, match="allowed"):
             chosen(scene, **bad)
-    for tolerance in (1e-14, 1e-1):
-        assert chosen(scene, tolerance=tolerance).tolerance == tolerance
 
 
 def test_a_tick_that_is_long_for_an_arm_is_reported(caplog: pytest.LogCaptureFixture) -> None:

@@ -71,18 +71,3 @@ def test_conditions_up_to_the_stated_order(name: str) -> None:
     for nodes in range(1, tableau.order + 1):
         worst = max(abs(residual(tree, A, b)) for tree in trees(nodes))
         assert worst < CLOSED_FORM, f"order {nodes}: {worst:.1e}"
-
-
-@pytest.mark.parametrize(("name", "first_seen"), [("dopri5", [5]), ("dop853", [6, 4])])
-def test_estimates_vanish_for_the_orders_below(name: str, first_seen: list[int]) -> None:
-    """An error estimate is the difference of two methods: it sees nothing of what both of them
-    solve exactly.
-    """
-    tableau = TABLEAUX[name]
-    A = matrix(tableau.a)
-    for weights, nodes in zip(tableau.errors, first_seen, strict=True):
-        sizes = [
-            max(abs(np.array(weights) @ stages(t, A)) for t in trees(k))
-            for k in range(1, nodes + 1)
-        ]
-        assert max(sizes[:-1]) < CLOSED_FORM < 1e-6 < sizes[-1]

@@ -20,10 +20,8 @@ NORMAL = np.array([0.48, -0.6, 0.64])
 PLACE, ON_PLANE = np.array([0.03, -0.05, 0.1034]), np.array([0.1, 0.2, -0.4])
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
 CASES = [
-    (plane, frame, radius)
-    for plane, frame in (("panda_link3", "panda_hand"), ("panda_hand", "panda_link3"),
-                         ("panda_hand", "panda_link0"), ("world", "panda_hand"))
-    for radius in (POINT, BALL)
+    ("panda_link3", "panda_hand", BALL), ("panda_hand", "panda_link3", POINT),
+    ("panda_hand", "panda_link0", BALL), ("world", "panda_hand", POINT),
 ]  # fmt: skip
 ANY = pytest.mark.parametrize(("plane", "frame", "radius"), CASES)
 

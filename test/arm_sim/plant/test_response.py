@@ -6,7 +6,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -20,21 +19,15 @@ from tolerances import INVERSE_PAIR, assert_close
 DRY = {"*": {"friction": {"coulomb": 0.3, "viscous": 0.1}}}
 
 
-SPRUNG = {"*": {**DRY["*"], "spring": {"stiffness": 3.0, "rest": 0.2, "damping": 0.4}}}
-RUBBER = {"*": {"limits": {"lower": -0.9, "upper": 0.8, "stop": {"stiffness": 9.0}}}}
-STOPPED: dict[str, dict[str, Any]] = {"*": {}}
-ALL = {"dry": DRY, "springs": SPRUNG, "compliant stops": RUBBER, "rigid stops": STOPPED}
-
-
-@pytest.mark.parametrize("joints", sampled(ALL.values(), 2), ids=ALL)
+@pytest.mark.parametrize("joints", [DRY, {"*": {}}], ids=["dry", "rigid stops"])
 @one_at_a_time
 def test_recursion_and_mass_matrix_agree(
     joints: dict[str, dict[str, Any]], rng: np.random.Generator
 ) -> None:
-    model = ArmModel(load_scene({"robot": {"urdf": mobile(rng, 20)}, "joints": joints}))
+    model = ArmModel(load_scene({"robot": {"urdf": mobile(rng, 17)}, "joints": joints}))
     s = Symbols(model, Parameters(model))
     does = Joints(model, s)
-    push, change = ca.SX.sym("push", 20), ca.SX.sym("change", 20)
+    push, change = ca.SX.sym("push", 17), ca.SX.sym("change", 17)
     answers = []
     for kind in (Response, RecursiveResponse):
         response = kind(model, s, does)
@@ -43,10 +36,10 @@ def test_recursion_and_mass_matrix_agree(
         given = [s.q, s.v, s.tau, does.p, push, change]
         answers.append(ca.Function("answer", given, results))
     for _ in range(5):
-        state, modes = rng.uniform(-1.0, 1.0, (3, 20)), rng.integers(-1, 2, does.p.shape[0])
+        state, modes = rng.uniform(-1.0, 1.0, (3, 17)), rng.integers(-1, 2, does.p.shape[0])
         slide = ca.Function("sliding", [does.p], [does.sliding])  # 0 for joints that are held
         held = np.array(slide(modes)).ravel() == 0.0
-        blow = rng.uniform(-1.0, 1.0, 20), rng.uniform(-1.0, 1.0, 20) * held
+        blow = rng.uniform(-1.0, 1.0, 17), rng.uniform(-1.0, 1.0, 17) * held
         dense, recursive = (answer(*state, modes, *blow) for answer in answers)
         for ours, theirs in zip(recursive, dense, strict=True):
             assert_close(np.array(ours), np.array(theirs), INVERSE_PAIR)

@@ -5,14 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from matplotlib import pyplot
 from PIL import Image
 
 import models
 from arm_dynamics import InvalidInput
 from arm_sim import Recording, Simulator, State
-from arm_sim.cli.main import main
 from arm_sim.servo import JointCommand
 
 
@@ -37,13 +35,8 @@ def test_its_text_is_a_few_lines_and_columns_have_names(run: Recording) -> None:
     assert len(columns) == 1 + 3 * len(run.joint_names)
     np.testing.assert_array_equal(columns[f"velocity.{first}"], run.v[:, 0])
     np.testing.assert_array_equal(columns[f"effort.{first}"], run.tau[:, 0])
-
-
-def test_states_and_commands_of_drives_have_columns() -> None:
-    run = Simulator(models.SCENES / "motor_pendulum.yaml").run(0.01)
-    columns = run.to_dict()
-    assert any(name.startswith("state.") for name in columns)
-    assert any(name.startswith("command.") for name in columns)
+    driven = {name.split(".")[0] for name in Simulator("motor_pendulum").run(0.01).to_dict()}
+    assert driven >= {"state", "command"}
 
 
 def test_without_a_display_no_window_opens_and_that_is_told(
@@ -128,12 +121,6 @@ def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     np.testing.assert_array_equal(part, whole[:300])
 
 
-def test_the_command_says_where_the_figure_is(run: Recording, tmp_path: Path) -> None:
-    path, out = run.save(tmp_path / "run.mcap"), tmp_path / "figure.png"
-    told = CliRunner().invoke(main, ["plot", str(path), str(path), "--out", str(out)])
-    assert told.exit_code == 0 and str(out) in told.output and out.stat().st_size > 10_000
-
-
 def test_a_change_between_ticks_does_not_affect_the_torque_before_it() -> None:
     sim = Simulator("motor_pendulum")
 
@@ -176,18 +163,17 @@ def test_a_figure_marks_changes_and_says_units() -> None:
     sim = Simulator("slider_crank_motor")
     units = [axis.get_ylabel() for axis in sim.run(0.01).plot().axes]
     assert units[:2] == ["position [rad, m]", "velocity [rad/s, m/s]"]
-    sim = Simulator("panda")
-    start, low = sim.model.q0.copy(), sim.model.position_lower
-    start[3] = low[3] + 0.01
+    sim = models.simulator("two_link")
+    start = sim.model.position_lower + [1.0, 0.01]
     sim.reset(start)
 
     def control(state: State) -> list[float]:
         if state.step == 60:
-            sim.set_state(start, np.zeros(7))
-        return (sim.dynamics.gravity(state.q) - [0, 0, 0, 20.0, 0, 0, 0]).tolist()
+            sim.set_state(start, np.zeros(2))
+        return (sim.dynamics.gravity(state.q) - [0.0, 20.0]).tolist()  # to the end stop
 
     run = sim.run(0.1, control)
-    axes = run.plot(joints=["panda_joint1", "panda_joint4"]).axes
+    axes = run.plot(joints=["elbow"]).axes
     for axis in axes:
         (mark,) = (line for line in axis.lines if line.get_linestyle() == ":")
         assert mark.get_xdata()[0] == pytest.approx(0.06)

@@ -36,8 +36,12 @@ def test_a_right_motion_is_trusted() -> None:
     assert_close(motion.q[-1], [2.0 * stops / 2], 1e-12)
     assert motion.error.shape == (401, 2) and motion.error.max() < 1e-9
     assert motion.verdict.startswith("accurate to ") and motion.verdict in repr(motion)
-    still = Simulator(rotor(0.1)).run(0.1)
-    assert still.verdict.startswith("accurate to rounding, by a second run ")
+    coasting = Simulator(rotor(0.02), dt=5e-3)
+    coasting.reset(v=[5.0])
+    assert coasting.run(1.0).trusted  # little energy that changes its form
+    held = Simulator(SCENE).run(0.2, [1.0 - 1e-9])
+    assert held.verdict.startswith("accurate to rounding, by a second run ")
+    assert not held.v.any()
 
 
 @pytest.mark.parametrize("coulomb", [0.5, 0.0], ids=["stops", "smooth"])
@@ -154,29 +158,14 @@ def test_a_function_that_changes_the_arm_is_not_called_again(what: str) -> None:
 
 
 def test_a_compiled_controller_is_evaluated_again() -> None:
-    sim = models.simulator("two_link", dt=1e-3)
-    way = quintic([Waypoint(0.0, sim.state.q), Waypoint(0.5, sim.state.q + [1.0, -1.0])])
-    motion = sim.run(0.5, computed_torque(sim.model, way.sample, dt=1e-3))
-    assert motion.second_run.how == CLOSED and motion.trusted
     sim = models.simulator("two_link", integrator="midpoint", dt=5e-3)
+    way = quintic([Waypoint(0.0, sim.state.q), Waypoint(0.5, sim.state.q + [1.0, -1.0])])
     motion = sim.run(0.5, computed_torque(sim.model, way.sample, dt=5e-3))
     sim = models.simulator("two_link", dt=5e-3, tolerance=1e-12)
     finer = sim.run(0.5, computed_torque(sim.model, way.sample, dt=5e-3))
+    assert finer.second_run.how == CLOSED and finer.trusted
     truth = abs(motion.q - finer.q)
     assert_close(motion.error[:, :2] / truth.max(), truth / truth.max(), 1e-2)
-
-
-@pytest.mark.parametrize("scene", ["scara", "grasp"])
-def test_little_energy_that_changes_its_form_is_no_doubt(scene: str) -> None:
-    """Axes that coast, and what is held at the edge of its friction cone."""
-    if scene == "scara":
-        sim = Simulator(rotor(0.02), dt=5e-3)
-        sim.reset(v=[5.0])
-        assert sim.run(1.0).trusted
-        return
-    sim = Simulator(rotor(0.02, coulomb=1.0))
-    motion = sim.run(0.2, [1.0 - 1e-9])
-    assert motion.trusted and not motion.v.any()
 
 
 def test_changes_in_a_run_start_the_error_anew() -> None:

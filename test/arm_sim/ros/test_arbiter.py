@@ -42,27 +42,6 @@ def test_a_silent_source_loses_them() -> None:
     assert arbiter.sources == ("right",)
 
 
-def test_streams_of_different_joints_go_together() -> None:
-    arbiter = Arbiter(100)
-    streaming("left", FIRST, arbiter)
-    streaming("right", SECOND, arbiter)
-    streaming("left", FIRST, arbiter)
-    assert arbiter.refused == 0
-
-
-def test_a_refusal_is_reported_as_long_as_its_source_is_remembered() -> None:
-    arbiter = Arbiter(5)
-    assert not arbiter.conflict
-    streaming("left", BOTH, arbiter)
-    with pytest.raises(InvalidInput):
-        arbiter.admit("right", BOTH)
-    for _ in range(5):
-        arbiter.now += 1
-        assert arbiter.conflict
-    arbiter.now += 1
-    assert not arbiter.conflict
-
-
 def test_commands_with_long_silences_between_them_make_no_stream() -> None:
     arbiter = Arbiter(5)
     for _ in range(20):
@@ -70,18 +49,6 @@ def test_commands_with_long_silences_between_them_make_no_stream() -> None:
         arbiter.now += 6
     arbiter.admit("now and then", BOTH)
     arbiter.admit("other", BOTH)
-
-
-def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
-    arbiter = Arbiter(5)
-    assert not arbiter.alone
-    arbiter.admit("left", FIRST)
-    assert arbiter.alone
-    arbiter.admit("right", SECOND)
-    assert not arbiter.alone
-    arbiter.now += 6
-    arbiter.admit("left", FIRST)
-    assert arbiter.alone
 
 
 def test_a_stream_owns_the_joints_of_its_newest_command() -> None:
@@ -106,9 +73,10 @@ def test_each_refusal_is_counted_and_the_newest_one_reported() -> None:
     assert arbiter.sources == ("left",)
 
 
-def test_a_new_refusal_prolongs_a_conflict() -> None:
+def test_a_conflict_is_reported_as_long_as_the_newest_refusal_is_remembered() -> None:
     arbiter = Arbiter(5)
     streaming("left", BOTH, arbiter)
+    assert not arbiter.conflict
     for _ in range(2):
         arbiter.now += 4
         arbiter.admit("left", BOTH)
@@ -118,3 +86,14 @@ def test_a_new_refusal_prolongs_a_conflict() -> None:
     assert arbiter.conflict
     arbiter.now += 1
     assert not arbiter.conflict
+
+
+def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
+    arbiter = Arbiter(5)
+    assert not arbiter.alone
+    for source, joints, alone in ("left", FIRST, True), ("right", SECOND, False):
+        arbiter.admit(source, joints)
+        assert arbiter.alone == alone
+    arbiter.now += 6
+    arbiter.admit("left", FIRST)
+    assert arbiter.alone

@@ -14,7 +14,6 @@ from sim_by_hand import follow, state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
-from arm_dynamics import load_scene
 from arm_dynamics.ros import ControllerNode
 from arm_dynamics.trajectory import Waypoint
 from arm_sim.ros import SimNode
@@ -24,7 +23,7 @@ from tolerances import ALGEBRA, assert_close
 pytestmark = pytest.mark.ros
 
 RMS = 1e-3  # [rad] with a perfect model
-GOALS = 0.5 * np.array([[1, -1, 1, -1, 1, -1, 1], [-1, 1, 0, 1, -1, 1, 0], [0, 0, 0, 0, 0, 0, 0]])
+GOALS = 0.5 * np.array([[1, -1, 1, -1, 1, -1, 1], [0, 0, 0, 0, 0, 0, 0]])
 
 
 def pair(
@@ -36,7 +35,7 @@ def pair(
 
 
 def trajectory(sim: SimNode) -> JointTrajectory:
-    """Half a radian there and back with every joint, in three seconds."""
+    """Half a radian there and back with every joint, in two seconds."""
     points = [
         JointTrajectoryPoint(positions=(sim.simulator.model.q0 + goal).tolist()) for goal in GOALS
     ]
@@ -51,22 +50,10 @@ def rms(errors: np.ndarray) -> float:
 
 def test_tracks_with_a_perfect_model(ros: Ros) -> None:
     sim, controller = pair(ros)
-    errors, positions = follow(sim, controller, trajectory(sim), 3500)
+    errors, positions = follow(sim, controller, trajectory(sim), 2500)
     assert rms(errors) < RMS
     assert np.ptp(positions, axis=0).min() > 0.4
     np.testing.assert_allclose(positions[-1], sim.simulator.model.q0, rtol=0.0, atol=RMS)
-
-
-def test_a_wrong_model_shows(ros: Ros) -> None:
-    heavy = load_scene(
-        {
-            **models.scene("panda").model_dump(exclude_unset=True),
-            "payloads": [{"frame": "panda_hand", "mass": 2.0, "com": [0.0, 0.0, 0.1]}],
-        }
-    )
-    sim, controller = pair(ros, heavy)
-    errors, _ = follow(sim, controller, trajectory(sim), 1500)
-    assert rms(errors) > 10 * RMS
 
 
 @pytest.mark.parametrize("sent", sampled([[], [math.nan] * 7], 1), ids=["none", "nan"])
@@ -89,11 +76,11 @@ def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) ->
 
 def test_the_efforts_of_a_motion_repeat_it_without_feedback(ros: Ros) -> None:
     """Torques of a controlled motion, sent as efforts of its points, are the motion's own."""
-    scene, ticks = models.scene("panda"), 3000
+    scene, ticks = models.scene("panda"), 1500
     controlled = ClosedLoop(scene)
     home = controlled.simulator.state.q
     controlled.follow([Waypoint(1.0 + i, home + goal) for i, goal in enumerate(GOALS)])
-    done = controlled.run(3.0)
+    done = controlled.run(1.5)
     q, tau = done.q, done.command
     sim = ros.add(SimNode, scene, realtime=False, integrator="rk4")
     blind = ros.add(ControllerNode, scene, controller="pd", bandwidth=[0.0])

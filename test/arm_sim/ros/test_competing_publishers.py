@@ -79,15 +79,6 @@ def test_who_comes_second_refuses_to_start(
     assert not (tmp_path / "run.mcap").exists()
 
 
-def test_what_was_killed_is_listed_and_hinders_nobody(
-    ros: Ros, driver: Callable[..., Driver]
-) -> None:
-    driver(NAMES)
-    made = sim(ros)
-    made.competitors.update()
-    assert not made.competitors.alarm.message
-
-
 def test_a_predecessor_may_take_a_moment_to_end(ros: Ros, driver: Callable[..., Driver]) -> None:
     before = driver(NAMES)
     before.speaks.set()
@@ -95,18 +86,18 @@ def test_a_predecessor_may_take_a_moment_to_end(ros: Ros, driver: Callable[..., 
     sim(ros)
 
 
-def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[..., Driver]) -> None:
+def test_a_publisher_that_is_silent_or_of_other_joints_is_no_rival(
+    ros: Ros, driver: Callable[..., Driver]
+) -> None:
+    """One that was killed is still listed."""
     gripper = driver(["finger"])
-    gripper.speaks.set()
     made = sim(ros)
+    made.competitors.update()
+    assert not made.competitors.alarm.message
+    gripper.speaks.set()
     ros.spin_until(lambda: len(made.competitors._ignored) == 2)
     made.competitors.update()
     assert not made.competitors.alarm.message and made.competitors._newest is None
-
-
-def test_a_sim_in_another_namespace_is_no_rival(ros: Ros, driver: Callable[..., Driver]) -> None:
-    driver(NAMES).speaks.set()
-    ros.adopt(SimNode(models.scene("two_link"), context=ros.context, namespace="left"))
 
 
 def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
@@ -124,7 +115,8 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
         return True
 
     ros.spin_until(lambda: states and answer() and made.engine.commands.any)
-    driver(NAMES).speaks.set()
+    rival = driver(NAMES)
+    rival.speaks.set()
     ros.spin_until(lambda: made.competitors.alarm.message)
     assert "two nodes publish /joint_states: this sim, and '/driver'" in capfd.readouterr().err
     found = {f.part: f.message(made) for f in made.diagnostics()}["simulation"]
@@ -139,18 +131,13 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
     ros.spin_until(lambda: made.inputs.refused == refused + 2)
     assert made.engine.commands.stale
     ros.spin_until(lambda: answer() and not made.engine.commands.stale)
+
+    rival.speaks.clear()
+    ros.spin_until(lambda: not made.competitors.alarm.message and made.engine.commands.stale)
+    commands.publish(JointState(name=NAMES, effort=TAU))
+    ros.spin_until(lambda: not made.engine.commands.stale)
     made.recorder.close()
     assert any("two nodes publish" in event.text for event in Recording.load(path).events)
-
-
-def test_when_the_rival_is_gone_all_is_as_before(ros: Ros, driver: Callable[..., Driver]) -> None:
-    made, rival = sim(ros), driver(NAMES)
-    rival.speaks.set()
-    ros.spin_until(lambda: made.competitors.alarm.message)
-    rival.speaks.clear()
-    ros.spin_until(lambda: not made.competitors.alarm.message)
-    ros.publisher(JointState, "/joint_commands").publish(JointState(name=NAMES, effort=TAU))
-    ros.spin_until(lambda: made.engine.commands.any)
 
 
 def test_stamps_of_simulated_time_tell_no_sims_apart(
@@ -178,10 +165,11 @@ def test_what_is_no_joint_state_is_passed_over(ros: Ros, driver: Callable[..., D
     ros.spin_until(lambda: made.competitors.alarm.message)
 
 
-def test_a_sim_by_hand_has_its_time_from_its_caller(
+def test_a_sim_in_another_namespace_or_by_hand_has_no_rival(
     ros: Ros, driver: Callable[..., Driver]
 ) -> None:
     driver(NAMES).speaks.set()
+    ros.adopt(SimNode(models.scene("two_link"), context=ros.context, namespace="left"))
     made = by_hand(ros)
     made.tick()
     assert made.simulator.state.time > 0.0

@@ -6,15 +6,17 @@ import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import follow
-from std_msgs.msg import Float64MultiArray
+from sim_by_hand import follow, next_command
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros import ControllerNode
 from arm_sim.ros import SimNode
+from arm_sim.ros.commands.latest import LatestCommand
 
 pytestmark = pytest.mark.ros
+
+Q = np.array([0.3, -0.4])
 
 
 @pytest.mark.parametrize(
@@ -45,16 +47,12 @@ def test_a_voltage_on_the_topic_and_its_limit(ros: Ros) -> None:
     np.testing.assert_allclose(sim.simulator.effort, 50 * 0.05 * current, rtol=1e-12)
 
 
-def test_commands_in_model_order(ros: Ros) -> None:
-    sim = ros.add(SimNode, models.scene("flexible_arm"), realtime=False)
-    sim.inputs.on_commands(Float64MultiArray(data=[5.0, 0.0]))
-    sim.tick()
-    assert sim.simulator.state.z[1] > 0.0
-
-
-def test_policy_gravity_finds_the_command_that_carries_the_arm(ros: Ros) -> None:
-    sim = ros.add(SimNode, models.scene("flexible_arm"), realtime=False, stale_policy="gravity")
-    for _ in range(500):
-        sim.tick()
-    simulator = sim.simulator
-    assert np.abs(simulator.state.q - simulator.model.q0).max() < 0.05
+def test_gravity_is_carried_by_commands_of_the_drives_where_springs_leave_any() -> None:
+    """Volts on a motor: the current that gives the torque, times the resistance."""
+    for name, q in ("motor_pendulum", np.array([0.7])), ("spring_balanced_arm", Q):
+        dynamics = models.dynamics(name)
+        slot, weight = LatestCommand(dynamics), dynamics.gravity(q)
+        slot.configure(1, "gravity")
+        assert abs(weight).max() > 0.2
+        wanted = 0.8 * weight / (50 * 0.05) if name == "motor_pendulum" else np.zeros(2)
+        np.testing.assert_allclose(next_command(slot, q), wanted, rtol=1e-12, atol=1e-12)

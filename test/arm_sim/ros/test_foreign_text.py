@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of a caller is repeated clipped and on one line, in every message."""
 
-from typing import Any
-
 import pytest
-from arm_msgs.srv import InverseDynamics, SetFriction, SetJointState, TaskSpace
 from geometry_msgs.msg import PoseStamped
 from harness import Ros
 from rclpy.parameter import Parameter
@@ -13,7 +10,12 @@ from std_msgs.msg import Header
 
 import models
 from arm_dynamics.ros import ControllerNode, DynamicsNode
-from arm_dynamics.ros.interfaces import SET_FRICTION, SET_JOINT_STATE
+from arm_dynamics.ros.interfaces import (
+    INVERSE_DYNAMICS,
+    SET_FRICTION,
+    SET_JOINT_STATE,
+    TASK_SPACE,
+)
 
 pytestmark = pytest.mark.ros
 
@@ -29,31 +31,26 @@ def is_safe(text: str) -> None:
 def test_requests_to_the_sim(ros: Ros) -> None:
     node = by_hand(ros)
     for service, request in (
-        (SET_JOINT_STATE, SetJointState.Request(joint_names=[RUDE], position=[0.0])),
-        (SET_FRICTION, SetFriction.Request(joint_names=[RUDE], viscous=[0.0])),
+        (SET_JOINT_STATE, SET_JOINT_STATE.type.Request(joint_names=[RUDE], position=[0.0])),
+        (SET_FRICTION, SET_FRICTION.type.Request(joint_names=[RUDE], viscous=[0.0])),
     ):
         answer = node.requests.answer(service, request)
         assert not answer.success
         is_safe(answer.message)
 
 
-@pytest.mark.parametrize(
-    "request_",
-    [
-        InverseDynamics.Request(joint_names=[RUDE, "elbow"], position=[0.0, 0.0]),
-        TaskSpace.Request(position=[0.0, 0.0], frame=RUDE),
-        TaskSpace.Request(position=[0.0, 0.0], frame="tip", reference=RUDE),
-        TaskSpace.Request(position=[0.0, 0.0], frame="tip", axes=[RUDE]),
-    ],
-    ids=["joint", "frame", "reference", "axis"],
-)
-def test_questions_to_the_dynamics_node(ros: Ros, request_: Any) -> None:
+def test_questions_to_the_dynamics_node(ros: Ros) -> None:
     node = ros.add(DynamicsNode, models.scene("two_link"))
-    kind = next(k for k in (InverseDynamics, TaskSpace) if isinstance(request_, k.Request))
-    name = "inverse_dynamics" if kind is InverseDynamics else "task_space"
-    answer = ros.call(kind, f"/{node.get_name()}/{name}", request_)
-    assert not answer.success
-    is_safe(answer.message)
+    for service, request in (
+        (INVERSE_DYNAMICS, {"joint_names": [RUDE, "elbow"]}),
+        (TASK_SPACE, {"frame": RUDE}),
+        (TASK_SPACE, {"frame": "tip", "reference": RUDE}),
+        (TASK_SPACE, {"frame": "tip", "axes": [RUDE]}),
+    ):
+        asked = service.type.Request(position=[0.0, 0.0], **request)
+        answer = node.answer(service, asked, service.type.Response())
+        assert not answer.success
+        is_safe(answer.message)
 
 
 def test_parameters_and_goals_of_the_controller(ros: Ros) -> None:

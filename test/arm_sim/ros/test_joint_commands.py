@@ -7,20 +7,16 @@ import numpy as np
 import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
-from readers import PlainReader
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, command, ticks
 
 import models
 from arm_dynamics.ros.interfaces import STEP
-from arm_dynamics.ros.joint_state import Expected, JointStateReader
 from arm_sim.ros import SimNode
-from arm_sim.ros.inputs.command_reader import CommandReader
 
 pytestmark = pytest.mark.ros
 
 NAN = float("nan")
-FIELDS = ("effort", "position", "velocity")
 
 
 @pytest.fixture
@@ -31,13 +27,6 @@ def node(ros: Ros) -> SimNode:
 
 def names(node: SimNode) -> list[str]:
     return list(node.simulator.joint_names)
-
-
-def test_positions_lead_the_arm(node: SimNode) -> None:
-    goal = node.simulator.state.q + 0.01
-    node.inputs.on_joint_commands(command(name=names(node), position=goal.tolist()))
-    ticks(node, 400)
-    np.testing.assert_allclose(node.simulator.state.q, goal, atol=1e-9)
 
 
 def test_by_name_in_any_order_and_some_joints_only(node: SimNode) -> None:
@@ -86,18 +75,6 @@ def test_after_a_reset_nothing_of_before_is_left(node: SimNode) -> None:
     node.inputs.on_joint_commands(command(name=[every[0]], position=[0.0]))
     node.tick()
     np.testing.assert_array_equal(node.simulator.effort[1:], 0.0)
-
-
-def test_a_position_beyond_a_stop_is_clipped_and_reported(
-    node: SimNode, caplog: pytest.LogCaptureFixture
-) -> None:
-    goal = node.simulator.state.q.copy()
-    goal[3] = -9.0
-    node.inputs.on_joint_commands(command(name=names(node), position=goal.tolist()))
-    ticks(node, 3000)
-    lower = node.simulator.model.position_lower[3]
-    np.testing.assert_allclose(node.simulator.state.q[3], lower, atol=1e-9)
-    assert "position -9 rad of joint 'panda_joint4' is beyond its stops and" in caplog.text
 
 
 def test_an_effort_beside_a_position_is_added_within_limits(
@@ -152,29 +129,3 @@ def test_steps_of_a_paused_simulation_wait_for_the_servos(ros: Ros) -> None:
     request = STEP.type.Request(steps=300)
     assert node.requests.answer(STEP, request).success
     np.testing.assert_allclose(node.simulator.state.q, goal, atol=1e-8)
-
-
-MESSAGES = (
-    {"position": [1.0, NAN]}, {"velocity": [0.5, 1.0]},
-    {"position": [1.0, 2.0], "effort": [3.0, NAN]},
-    {"effort": [1.0, 2.0]}, {"position": [1.0, 2.0], "velocity": [3.0, 4.0], "effort": [5.0, 6.0]},
-)  # fmt: skip
-
-
-def test_in_c_messages_mean_what_they_mean_in_python() -> None:
-    """Each kind twice: the first goes the long way, the second is known."""
-    readers = []
-    for make in (JointStateReader, PlainReader):
-        reader = CommandReader.__new__(CommandReader)
-        reader.efforts = make(Expected(NAMES, ("effort",), partial=True))
-        reader.references = make(Expected(NAMES, FIELDS, partial=True, gaps=True))
-        readers.append(reader)
-    for _ in range(2):
-        for fields in MESSAGES:
-            raw = command(name=list(NAMES)[::-1], **fields)
-            compiled, plain = (reader.read(raw) for reader in readers)
-            np.testing.assert_array_equal(compiled[1], plain[1])
-            assert len(plain[1]) == (1 if set(fields) == {"effort"} else 3)
-        raw = command(name=[NAMES[1]], position=[7.0])
-        for reader in readers:
-            np.testing.assert_array_equal(reader.read(raw)[1], [[NAN] * 2, [NAN, 7], [NAN] * 2])

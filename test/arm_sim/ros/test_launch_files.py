@@ -14,8 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
-from ament_index_python.packages import get_package_prefix
-from forging import executed
+from forging import running
 from launch_files import Launch, Start, by_python
 
 import models
@@ -43,12 +42,6 @@ def executables(package: str, monkeypatch: pytest.MonkeyPatch) -> set[str]:
     monkeypatch.chdir(PACKAGE.parent / package)
     runpy.run_path("setup.py")
     return {entry.split("=")[0].strip() for entry in said["entry_points"]["console_scripts"]}
-
-
-def installed(package: str) -> dict[str, Path]:
-    """The executables of a package by name, where ros2 run and ros2 launch look for them."""
-    folder = Path(get_package_prefix(package)) / "lib" / package
-    return {path.name: path for path in folder.iterdir()}
 
 
 def started(name: str, **given: str) -> list[Start]:
@@ -146,23 +139,15 @@ def test_a_description_keeps_its_robot() -> None:
     np.testing.assert_array_equal(again.gravity(q), models.dynamics("xarm7").gravity(q))
 
 
-@pytest.mark.parametrize("package", ["arm_dynamics", "arm_sim", "arm_studies"])
-def test_executables_are_installed(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """``test_environment.py`` starts each."""
-    assert set(installed(package)) == executables(package, monkeypatch)
-
-
 @pytest.mark.ros
 def test_two_arms_are_led_each_in_its_namespace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, forge: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By installed executables with the arguments that ros2 launch gives them."""
+    """With the arguments that ros2 launch gives the executables."""
     starts = started("two_arms", left="two_link", right="two_link")
-    commands = [
-        (installed(s.package)[s.executable], "--ros-args", *s.ros_arguments()) for s in starts
-    ]
+    commands = [(s.executable, "--ros-args", *s.ros_arguments()) for s in starts]
     states: dict[str, list[Any]] = {"left": [], "right": []}
-    with executed(tmp_path, *commands) as domain:
+    with running(forge, tmp_path, *commands) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         with Listener() as listener:
             for arm, heard in states.items():

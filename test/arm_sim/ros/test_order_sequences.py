@@ -199,7 +199,7 @@ def test_orders_and_commands_in_any_sequence(
         ros.listen(Energy, "sim/energy")
         outputs = [sim.node.outputs for sim in (fast, slow)]
         ros.spin_until(lambda: all(each.energy.has_subscribers for each in outputs))
-    for _ in range(200 * fuzz):
+    for _ in range(100 * fuzz):
         stamp = fast.node.engine.stamp
         messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]
         for sim in fast, slow:

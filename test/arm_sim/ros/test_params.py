@@ -15,7 +15,6 @@ pytestmark = pytest.mark.ros
 @pytest.mark.parametrize(
     ("given", "unused"),
     [
-        ({}, ()),
         ({"overrun": "skip", "realtime_factor": 2.0, "priority": 5}, ()),
         ({"lockstep_retry": 0.1}, ("lockstep_retry",)),
         ({"lockstep": True, "lockstep_retry": 0.1, "cpus": "0"}, ()),

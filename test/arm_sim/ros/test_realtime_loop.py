@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 from polled import each
 
-import models
-from arm_sim import Simulator
 from arm_sim.ros.node_library import library
-from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.histogram import Histogram
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 from arm_sim.ros.timing.round_trip import RoundTrip
@@ -57,7 +54,7 @@ class Clock:
 
 
 def late_once(
-    period: int, long: int, count: int, note: Any = lambda loop: None, **options: Any
+    period: int, long: int, count: int, **options: Any
 ) -> tuple[RealtimeLoop, list[float]]:
     """A loop whose tenth tick takes long; it, and when its ticks began, all times in [ms]."""
     clock, began = Clock(), list[float]()
@@ -65,7 +62,6 @@ def late_once(
 
     def tick() -> None:
         began.append((clock.now - start) / 1e6)
-        note(loop)
         clock.sleep(1e-3 * long if len(began) == 10 else 0.0)
         if len(began) == count:
             loop.stop()
@@ -87,34 +83,6 @@ def test_makes_up_for_a_long_tick_without_hurry() -> None:
     assert report.lateness.max == pytest.approx(48e-3)
     assert report.elapsed == pytest.approx(198e-3)
     assert report.rate == pytest.approx(100 / 198e-3)
-
-
-def test_a_partner_may_be_as_late_as_always_while_the_loop_catches_up() -> None:
-    """It commands every 60 ms, and commands act for 100 ms; a tick takes half a second."""
-    clock, engine = Clock(), TickEngine(
-        Simulator(models.scene("two_link")), wrench_timeout=0.1, wrench_reference="local"
-    )  # fmt: skip
-    engine.configure(0.1, "zero")
-    commanded, step = [clock.now], engine.simulator
-
-    def tick() -> None:
-        if clock.now - commanded[-1] >= 60_000_000 and step.arm.step_count < 3000:
-            commanded.append(clock.now)
-            engine.commands.put([0.1, 0.1])
-        engine.ticks.share = loop._due.share
-        engine.tick()
-        clock.sleep(0.5 if step.arm.step_count == 1000 else 20e-6)
-        if step.arm.step_count == 3000:
-            told.append(engine.commands.stale_count)
-        if engine.commands.stale or step.arm.step_count == 4000:
-            loop.stop()
-
-    loop, told = RealtimeLoop(each(tick, clock), 1e-3, clock=clock), list[int]()
-    loop.start()
-    while not (engine.commands.stale or step.arm.step_count == 4000):
-        time.sleep(1e-3)
-    assert loop.report().missed > 400 and told == [0]
-    assert clock.now - commanded[-1] == pytest.approx(101e6, abs=2e6), "then it has ended"
 
 
 def test_gives_up_deadlines_when_too_far_behind() -> None:
@@ -175,15 +143,8 @@ def test_histogram_is_exact_to_the_microsecond(rng: np.random.Generator) -> None
     assert summary.max == 1e-9 * values.max()
 
 
-def test_as_fast_as_it_goes() -> None:
-    ticks: list[int] = []
-    loop = RealtimeLoop(each(lambda: ticks.append(1)), 0.0)
-    run(loop, 1000)
-    assert loop.report().ticks == len(ticks)
-    assert loop.report().missed == 0
-
-
-def test_a_long_duration_lies_between_the_edges_of_its_bar() -> None:
+def test_a_duration_lies_between_the_edges_of_its_bar() -> None:
+    """Which is a microsecond wide below 20 ms."""
     for duration in (0.0200005, 0.0203, 0.1, 1.0, 60.0, 1000.0):
         histogram = Histogram()
         library().count_duration(byref(histogram), round(1e9 * duration))
@@ -191,11 +152,8 @@ def test_a_long_duration_lies_between_the_edges_of_its_bar() -> None:
         assert count == 1
         assert edge / 2 ** (1 / 32) <= duration * (1 + 1e-9)
         assert duration <= edge * (1 + 1e-9)
-    assert Histogram().bars() == ()
-
-
-def test_a_short_duration_has_a_bar_of_a_microsecond() -> None:
     histogram = Histogram()
+    assert histogram.bars() == ()
     for nanoseconds in (0, 999, 1000, 19_999_999):
         library().count_duration(byref(histogram), nanoseconds)
     edges, counts = zip(*histogram.bars(), strict=True)

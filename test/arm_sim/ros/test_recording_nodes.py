@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sim node records itself; topics are recorded and played."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
 from std_msgs.msg import Float64MultiArray
 
-import models
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
@@ -44,30 +42,13 @@ def messages_of(path: Path) -> dict[str, list[tuple[str, Any]]]:
     return found
 
 
-@pytest.mark.parametrize("kind", messages._OWN)
-def test_our_definitions_are_those_that_are_installed(kind: str) -> None:
+def test_our_definitions_are_those_that_are_installed() -> None:
     def bare(text: str) -> list[str]:
         lines = [line.partition("#")[0].replace(" ", "") for line in text.splitlines()]
         return sorted(line for line in lines if line and "=" not in line)
 
-    ours, theirs = messages.definition(kind), definition_of(kind)
-    assert bare(ours) == bare(theirs)
-
-
-def test_where_and_how_much_is_recorded_is_logged(
-    ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    values = {"realtime": False, "record": str(tmp_path / "run.mcap")}
-    options = [Parameter(name, value=value) for name, value in values.items()]
-    scene = models.scene("two_link")
-    node = SimNode(scene, context=ros.context, parameter_overrides=options)
-    ticks(node, 3)
-    node.destroy_node()
-    said = capfd.readouterr().err
-    assert f"recording to {tmp_path}/run.mcap\n" in said
-    assert re.search(
-        f"recorded 3 time steps .0 lost., [1-9][0-9]+ bytes, to {tmp_path}/run.mcap", said
-    )
+    for kind in messages._OWN:
+        assert bare(messages.definition(kind)) == bare(definition_of(kind)), kind
 
 
 def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path) -> None:
@@ -117,12 +98,6 @@ def test_a_bag_of_a_node_has_its_metadata(ros: Ros, tmp_path: Path) -> None:
     assert len(Recording.load(folder)) == 11
 
 
-def test_without_the_parameter_nothing_is_recorded(ros: Ros) -> None:
-    node = by_hand(ros)
-    assert node.recorder is None
-    assert "recording" not in [finding.part for finding in node.diagnostics()]
-
-
 def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     node = by_hand(ros, record=str(tmp_path / "run.mcap"))
     ticks(node, 10)
@@ -143,10 +118,10 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("path", ["nowhere/run.mcap", "run.txt"])
-def test_a_path_that_cannot_be_recorded_to_is_refused(path: str, ros: Ros, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match=path.rpartition("/")[2].replace(".", r"\.")):
-        by_hand(ros, record=str(tmp_path / path))
+def test_a_path_that_cannot_be_recorded_to_is_refused(ros: Ros, tmp_path: Path) -> None:
+    for path, name in (("nowhere/run.mcap", "run.mcap"), ("run.txt", "run.txt")):
+        with pytest.raises(InvalidInput, match=name):
+            by_hand(ros, record=str(tmp_path / path))
 
 
 NODES = [SimNode, ControllerNode, DynamicsNode, TopicRecorder, Player]
@@ -236,7 +211,7 @@ class Clock:
         self.at.append(self.now - 50.0)
 
 
-@pytest.mark.parametrize(("rate", "stretch"), [(2.0, 0.5), (0.5, 2.0), (0.0, 0.0)])
+@pytest.mark.parametrize(("rate", "stretch"), [(2.0, 0.5), (0.0, 0.0)])
 def test_messages_are_played_at_their_times(
     rate: float, stretch: float, ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

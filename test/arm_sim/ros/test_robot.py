@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from harness import Ros
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import by_hand, command, ticks
 from std_msgs.msg import String
@@ -37,57 +36,47 @@ def described(ros: Ros, text: str = URDF) -> None:
 
 
 @pytest.mark.parametrize("make", [SimNode, ControllerNode])
-@pytest.mark.parametrize("by_topic", [True, False])
-def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any, by_topic: bool) -> None:
-    if by_topic:
+def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any) -> None:
+    """By topic for one, by a parameter for the other."""
+    if make is SimNode:
         described(ros)
-    given = {} if by_topic else {"robot_description": URDF}
-    node = ros.add(make, **given)
-    model = node.simulator.model if make is SimNode else node.dynamics.model
+        model = ros.add(make).simulator.model
+    else:
+        model = ros.add(make, robot_description=URDF).dynamics.model
     assert model.joint_names == models.dynamics("two_link").joint_names
 
 
-@pytest.mark.parametrize("by_name", [True, False])
 def test_beside_a_scene_a_description_is_not_used(
-    ros: Ros, by_name: bool, capfd: pytest.CaptureFixture[str]
+    ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    scene = models.SCENES / "two_link.yaml"
-    given = {"robot_description": "<robot"} | ({"scene": str(scene)} if by_name else {})
-    ros.add(SimNode, None if by_name else models.scene("two_link"), **given)
-    assert "'robot_description' is not used" in capfd.readouterr().err
+    for scene in {}, {"scene": str(models.SCENES / "two_link.yaml")}:
+        given = None if scene else models.scene("two_link")
+        ros.add(SimNode, given, realtime=False, robot_description="<robot", **scene)
+        assert "'robot_description' is not used" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("given", "complaint"),
-    [
+def test_no_arm_is_an_error(ros: Ros) -> None:
+    refused: tuple[tuple[dict[str, Any], str], ...] = (
         ({"description_timeout": 0.0}, "'scene' is empty.*none arrived within 0 s"),
         ({"description_timeout": 0.1}, "on /robot_description, where none arrived within 0.1 s"),
         ({"robot_description": "/etc/passwd"}, "not well-formed XML"),
         ({"robot_description": "<robot name='x'/>"}, "no <link> found"),
         ({"robot_description": URDF, "max_joints": 1}, "2 joints that move; at most 1 are"),
-        ({"robot_description": URDF, "max_description_size": 99}, "'max_description_size' allows"),
-    ],
-)
-def test_no_arm_is_an_error(ros: Ros, given: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(ArmError, match=complaint):
-        ros.add(SimNode, **given)
-
-
-def test_a_bad_description_on_the_topic_is_an_error(ros: Ros) -> None:
+        ({"robot_description": URDF, "max_description_size": 99}, "'max_description_size'"),
+    )
+    for given, complaint in refused:
+        with pytest.raises(ArmError, match=complaint):
+            ros.add(SimNode, **given)
     described(ros, "<robot")
     with pytest.raises(ArmError, match="not well-formed XML"):
         ros.add(SimNode)
 
 
-def test_the_description_is_published_for_late_subscribers(ros: Ros) -> None:
+def test_a_description_is_published_for_late_subscribers_unless_it_was_heard(ros: Ros) -> None:
     by_hand(ros)
     heard = ros.listen(String, "/robot_description", LATCHED)
     ros.spin_until(lambda: heard)
     assert heard[0].data == URDF
-
-
-def test_a_description_that_was_heard_is_not_published_again(ros: Ros) -> None:
-    described(ros)
     ros.add(SimNode, realtime=False)
     ros.add(SimNode, models.scene("two_link"), realtime=False, publish_description=False)
     assert ros.peer.count_publishers("/robot_description") == 1
@@ -121,21 +110,15 @@ def test_joint_states_may_be_of_all_joints(ros: Ros) -> None:
     np.testing.assert_array_equal(states[-1].velocity[:7], node.simulator.state.v)
 
 
-def test_our_controller_answers_states_of_all_joints(ros: Ros) -> None:
-    """With the very bytes that it answers those of its own with."""
-    controller = ros.add(ControllerNode, models.scene("panda"))
-    names = list(controller.dynamics.joint_names)
-    few = JointState(name=names, position=[0.1] * 7, velocity=[0.2] * 7)
-    many = JointState(name=[*names, *GRIPPER], position=[0.1] * 7 + [0.0] * 2)
-    many.velocity = [0.2] * 7 + [0.0] * 2
-    answers = [controller.on_joint_states(serialize_message(state)) for state in (few, many)]
-    assert answers[0] == answers[1]
-
-
-def test_nothing_is_shown_at_rate_zero(ros: Ros) -> None:
+def test_nothing_is_shown_at_rate_zero_or_without_tf_messages(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
     node = by_hand(ros, display_rate=0.0)
     assert node.display.frames == "off"
     assert "/sim/all_joint_states" not in dict(ros.peer.get_topic_names_and_types())
+    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
+    found = next(f for f in by_hand(ros).diagnostics() if f.part == "simulation")
+    assert found.values["tf"] == "not published: tf2_msgs is not installed"
 
 
 @with_tf
@@ -166,17 +149,10 @@ def test_frames_are_left_to_a_robot_state_publisher(ros: Ros) -> None:
     from tf2_msgs.msg import TFMessage
 
     ros.add(Node, "robot_state_publisher").create_publisher(TFMessage, "/tf", 10)
-    node = by_hand(ros, "two_link", display_rate=20.0)
+    node = by_hand(ros, "two_link", display_rate=50.0)
     heard = ros.listen(TFMessage, "/tf")
     ros.spin_until(lambda: node.display.frames == "left to robot_state_publisher")
     heard.clear()
-    end = time.monotonic() + 0.3
+    end = time.monotonic() + 0.15
     ros.spin_until(lambda: time.monotonic() > end)
     assert not heard
-
-
-def test_missing_tf_messages_are_reported(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
-    node = by_hand(ros)
-    found = next(f for f in node.diagnostics() if f.part == "simulation")
-    assert found.values["tf"] == "not published: tf2_msgs is not installed"

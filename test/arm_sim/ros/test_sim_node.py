@@ -16,7 +16,6 @@ from sim_by_hand import NAMES, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
 
 import models
-from arm_dynamics import ArmError
 from arm_dynamics.ros import ControllerNode
 from arm_sim.ros import SimNode
 
@@ -86,15 +85,6 @@ def test_energies_begin_again_after_a_reset(ros: Ros) -> None:
     assert heard[0].total == heard[1].total
 
 
-def test_publishes_every_so_many_ticks(ros: Ros) -> None:
-    node = by_hand(ros, publish_every=5)
-    heard = ros.listen(JointState, "/joint_states", 50)
-    ticks(node, 20)
-    ros.spin_until(lambda: len(heard) >= 4)
-    stamps = [message.header.stamp.nanosec // 1_000_000 for message in heard]
-    assert stamps[-4:] == [5, 10, 15, 20]
-
-
 def test_simulated_time_goes_at_a_tenth_of_the_clock(ros: Ros) -> None:
     began = time.monotonic()
     node = ros.add(SimNode, models.scene("two_link"), realtime_factor=0.1)
@@ -142,27 +132,3 @@ def test_when_a_node_is_destroyed_its_threads_have_ended(
             f"missed, {report.dropped} dropped; lateness {report.lateness}; 0 answers\n"
         )
         assert summary in capfd.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("parameters", "complaint"),
-    [
-        ({}, "parameter 'scene' is empty"),
-        ({"scene": "nowhere.yaml"}, "nowhere.yaml"),
-        ({"scene": str(models.SCENES / "two_link.yaml"), "integrator": "magic"}, "magic"),
-        ({"dt": -1.0}, "'dt'"),
-    ],
-)
-def test_what_cannot_be_simulated_is_refused_at_start(
-    ros: Ros, parameters: dict[str, Any], complaint: str
-) -> None:
-    with pytest.raises(ArmError, match=complaint):
-        ros.add(SimNode, **parameters)
-
-
-def test_it_states_what_it_simulates_and_its_source(
-    ros: Ros, capfd: pytest.CaptureFixture[str]
-) -> None:
-    by_hand(ros)
-    told = "simulates 2 joints of 'two_link' by rk4, time step 1 ms, by hand; from shoulder -0.5"
-    assert capfd.readouterr().err.count(told) == 1

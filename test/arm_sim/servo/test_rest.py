@@ -5,14 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import sampled
 
 from arm_sim import JointCommand, Simulator
 from arm_sim.recording.contents import FREE, SERVOS
 from models.rotor import rotor
 
-TICKS = pytest.mark.parametrize("dt", sampled([1e-3, 2e-4, 1e-2], 2))
-K, T = 1.0, 10.0
+K, T = 1.0, 4.0
 
 
 def soft(**friction: Any) -> dict[str, Any]:
@@ -27,40 +25,35 @@ def approach(t: float) -> float:
     return 1.0 - float(np.exp(-t) * (1.0 + t))
 
 
-@TICKS
-def test_a_small_push_moves_a_soft_servo_to_its_balance(dt: float) -> None:
-    """30 nanoradians: in a tick it gains 6e-12 rad/s, or 3e-10."""
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+def test_small_pushes_and_errors_move_a_soft_servo_to_its_balance(dt: float) -> None:
+    """By 30 nanoradians: in a tick it gains 3e-11 rad/s, or 3e-10."""
     sim = Simulator(soft(), dt=dt)
+    sim.reset([2e-8])
+    sim.run(T, JointCommand(position=[0.0]))
+    assert sim.state.q[0] == pytest.approx(2e-8 * (1.0 - approach(T)), abs=2e-10)
+    sim.reset()
     sim.set_parameter("external", [3e-8])
     sim.run(T, JointCommand(position=[0.0]))
     assert sim.state.q[0] == pytest.approx(3e-8 / K * approach(T), rel=0.01)
 
 
-@TICKS
-def test_a_small_error_is_made_good(dt: float) -> None:
-    sim = Simulator(soft(), dt=dt)
-    sim.reset([2e-8])
-    sim.run(T, JointCommand(position=[0.0]))
-    assert sim.state.q[0] == pytest.approx(2e-8 * (1.0 - approach(T)), abs=2e-10)
-
-
-@TICKS
-def test_a_push_that_static_friction_bears_moves_nothing(dt: float) -> None:
-    sim = Simulator(soft(coulomb=1e-3), dt=dt)
+def test_a_push_that_static_friction_bears_moves_nothing() -> None:
+    sim = Simulator(soft(coulomb=1e-3), dt=1e-3)
     sim.set_parameter("external", [9e-4])
     run = sim.run(1.0, JointCommand(position=[0.0]))
     assert not run.q.any()
 
 
 def test_at_rest_it_stays_to_the_bit_until_it_is_pushed() -> None:
-    sim = Simulator(soft(), dt=5e-3)
+    sim = Simulator(soft(), dt=1e-2)
     sim.reset([0.1])
     run = sim.run(40.0, JointCommand(position=[0.1 + 1e-12]))
-    assert (run.q[-1000:] == run.q[-1]).all() and not run.v[-1000:].any()
+    assert (run.q[-500:] == run.q[-1]).all() and not run.v[-500:].any()
     assert abs(run.q[-1, 0] - 0.1 - 1e-12) < 1e-13
-    assert run.hold is not None and run.hold[0] == FREE and (run.hold[-1000:-1] == SERVOS).all()
+    assert run.hold is not None and run.hold[0] == FREE and (run.hold[-500:-1] == SERVOS).all()
     sim.set_parameter("external", [1e-9])
-    assert sim.run(T, JointCommand(position=[0.1 + 1e-12])).q[-1, 0] - 0.1 > 0.9e-9
+    assert sim.run(T, JointCommand(position=[0.1 + 1e-12])).q[-1, 0] - 0.1 > 0.9e-9 * approach(T)
 
 
 @pytest.mark.parametrize("go_on", [

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import always, covering
 from scipy.integrate import solve_ivp
 
 import models
@@ -15,19 +14,11 @@ from tolerances import CLOSED_FORM, CONTACT_EVENTS, assert_close
 
 G = 9.81
 OPTIONS: dict[str, dict[str, Any]] = {
-    "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
-    "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
-    "nystrom4 10 ms": {"integrator": "nystrom4", "dt": 1e-2},
+    "rk4": {"integrator": "rk4", "dt": 1e-2},
+    "nystrom4": {"integrator": "nystrom4", "dt": 1e-2},
     "error control": {"tolerance": 1e-10, "dt": 1e-2},
 }
-ALL = pytest.mark.parametrize(
-    "options",
-    always(OPTIONS.values(), OPTIONS["rk4 10 ms"], OPTIONS["error control"]),
-    ids=OPTIONS,
-)
-PENDULUM = {"robot": {"urdf": str(models.SCENES / "pendulum.urdf")}}
-TWO_LINK = str(models.SCENES / "two_link.urdf")
-L1, L2 = 0.5, 0.4
+ALL = pytest.mark.parametrize("options", [OPTIONS["rk4"], OPTIONS["error control"]], ids=str)
 
 
 def touching(scene: dict[str, Any], *contacts: dict[str, Any], **options: Any) -> Simulator:
@@ -47,7 +38,9 @@ def bouncing(time: np.ndarray, height: float, e: float) -> tuple[np.ndarray, flo
     return z, landing * (1 + e) / (1 - e)
 
 
-@pytest.mark.parametrize(("options", "e"), covering(OPTIONS.values(), [0.0, 0.5, 0.8]), ids=str)
+@pytest.mark.parametrize(
+    ("options", "e"), [*zip(OPTIONS.values(), (0.0, 0.5, 0.8), strict=True)], ids=str
+)
 def test_bounces_to_rest(options: dict[str, Any], e: float) -> None:
     """All bounces at their times and heights, and rest from t1 (1 + e)/(1 - e) on for ever."""
     sim = touching(rails("z", 2.0), contact("body", restitution=e), **options)
@@ -96,29 +89,14 @@ def test_slope_at_the_angle_of_friction(options: dict[str, Any]) -> None:
     assert_close(run.q[-1], way * down, CLOSED_FORM)
 
 
-def test_pendulum_against_a_wall() -> None:
-    """Each hit leaves e² of the energy above that at the wall, to the next hit."""
-    e, angle = 0.7, 0.4
-    wall = {"point": [np.sin(angle), 0, 0], "normal": [-1, 0, 0]}
-    hit = contact("bob", point=[0, 0, -1], restitution=e, plane=wall)
-    sim = touching(PENDULUM, hit, tolerance=1e-12, dt=1e-2)
-    sim.reset(q=[-2.0])
-    run = sim.run(6.0)
-    over = run.energy + G * np.cos(angle)
-    levels = over[0] * e ** (2.0 * np.arange(30))
-    nearest = levels[np.argmin(abs(over[:, None] - levels), axis=1)]
-    assert len(np.unique(nearest)) > 4
-    assert_close(over, nearest, 1e-10)
-
-
-@ALL
-def test_arm_presses_on_a_table(options: dict[str, Any]) -> None:
+def test_arm_presses_on_a_table() -> None:
     """Two links stick to a table: its force is that of statics, and nothing moves, to the bit."""
-    q = elbow_up(0.7, -0.2)
-    table = contact("tip", friction=0.6, plane={"point": [0, 0, -0.2]})
-    sim = touching({"robot": {"urdf": TWO_LINK}}, table, **options)
-    wanted = np.array([3.0, 20.0])
-    tau = sim.dynamics.gravity(q) - jacobian(q).T @ wanted
+    q = np.array([0.3, -1.1])
+    upper, fore = 0.5 * np.exp(1j * q[0]), 0.4 * np.exp(1j * q.sum())  # x + i z of the links
+    table = contact("tip", friction=0.6, plane={"point": [0, 0, (upper + fore).imag]})
+    sim = touching({"robot": {"urdf": str(models.SCENES / "two_link.urdf")}}, table, dt=1e-2)
+    turned = 1j * np.array([upper + fore, fore])  # by the joints' angles
+    tau = sim.dynamics.gravity(q) - 3.0 * turned.real - 20.0 * turned.imag
     sim.reset(q=q)
     run = sim.run(1.0, tau)
     (force,) = sim.contact_forces()
@@ -176,27 +154,8 @@ def test_unbalanced_rotor_lifts_its_base_off() -> None:
 
         start = [0.0, w * jump, 0.0, w]
         exact = solve_ivp(slope, (jump, 0.2), start, "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
-        tolerance = 1e-9 if options.get("dt") == 1e-3 or "tolerance" in options else 1e-6
-        assert_close(np.hstack([run.q[-1], run.v[-1]]), exact, tolerance)
-
-
-def elbow_up(x: float, z: float) -> np.ndarray:
-    """Joint positions of the two-link arm with its tip at (x, z)."""
-    elbow = -np.arccos((x**2 + z**2 - L1**2 - L2**2) / (2 * L1 * L2))
-    return np.array(
-        [np.arctan2(z, x) - np.arctan2(L2 * np.sin(elbow), L1 + L2 * np.cos(elbow)), elbow]
-    )
-
-
-def jacobian(q: np.ndarray) -> np.ndarray:
-    """Of the tip's (x, z)."""
-    a, b = q[0], q[0] + q[1]
-    return np.array(
-        [
-            [-L1 * np.sin(a) - L2 * np.sin(b), -L2 * np.sin(b)],
-            [L1 * np.cos(a) + L2 * np.cos(b), L2 * np.cos(b)],
-        ]
-    )
+        end = np.hstack([run.q[-1], run.v[-1]])
+        assert_close(end, exact, 1e-9 if "tolerance" in options else 1e-6)
 
 
 def test_a_block_sticks_up_to_its_static_coefficient_and_then_slides_with_the_lower_one() -> None:
@@ -216,9 +175,9 @@ def test_a_block_sticks_up_to_its_static_coefficient_and_then_slides_with_the_lo
     assert (again.q == rests.q[-1]).all()
 
 
-@pytest.mark.parametrize("light", [1e-3, 1e-6, 1e-9])
-def test_a_heavy_and_a_light_block_on_one_table_do_not_disturb_one_another(light: float) -> None:
+def test_a_heavy_and_a_light_block_on_one_table_do_not_disturb_one_another() -> None:
     """Each falls, bounces, slides and stops as if it were alone, whatever their masses."""
+    light = 1e-9
     scene = rails("xz", 1.0, branches=[beside(light)])
     feet = contact("body", friction=0.3), contact("other", friction=0.2, restitution=0.5)
     sim = touching(scene, *feet)

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which contacts carry, stick, slide or open; several at once, impacts, and what is refused."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-import models
-from arm_dynamics import InvalidInput, SceneError
-from arm_sim import SimulationDiverged, Simulator, contact_history
+from arm_dynamics import InvalidInput
+from arm_sim import SimulationDiverged, Simulator, State, contact_history
+from arm_sim.recording.contents import BRAKES
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
@@ -50,17 +51,6 @@ def test_block_slides_on_two_feet_or_tips_over() -> None:
     assert_close(run.q[2, 2] - run.q[1, 2], 1.5 * arm / inertia * 1e-6, 1e-9)
 
 
-def test_equal_contacts_carry_equally() -> None:
-    """One point twice: forces of least norm, the same motion."""
-    foot = contact("body", friction=0.3)
-    sim = Simulator({**rails("xyz", 2.0), "constraints": [foot, {**foot, "name": "again"}]})
-    run = sim.run(0.2, [8.0, 0.0, 0.0])
-    first, second = sim.contact_forces()
-    assert_close(first.force, second.force, 1e-7)
-    assert_close(first.normal + second.normal, 2.0 * G, 1e-12)
-    assert_close(run.q[-1, 0], 0.5 * (4.0 - 0.3 * G) * 0.04, CLOSED_FORM)
-
-
 def rod(mu: float, tilt: float, turn: float = 0.0) -> Simulator:
     """A rod of 1 kg and 1 m in the x-z plane that stands on one end, turned on by ``turn``."""
     scene = rails("xz", 1.0, turns=True, iyy=1.0 / 12.0)
@@ -93,8 +83,7 @@ def test_a_steep_rod_that_slides_with_much_friction_is_refused_one_way(
     assert sorted(outcomes) == sorted(["refused", state])
 
 
-@pytest.mark.parametrize("tilt", [1.1, np.pi - 1.1])
-@pytest.mark.parametrize("turns", [1000, -1000])
+@pytest.mark.parametrize(("tilt", "turns"), [(1.1, 1000), (np.pi - 1.1, -1000)])
 def test_a_rod_slips_on_its_end_however_often_it_was_turned(tilt: float, turns: int) -> None:
     """To either side; the gap has the rounding of an angle of thousands of radians."""
     ends = []
@@ -105,24 +94,6 @@ def test_a_rod_slips_on_its_end_however_often_it_was_turned(tilt: float, turns: 
         ends.append(run.q[-1] - [0.0, 0.0, whole])
     assert abs(ends[0][0]) > 1e-3
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-10)
-
-
-@pytest.mark.parametrize("axes", ["xz", "zx", "yzx"])
-def test_dry_joints_and_contacts_together(axes: str) -> None:
-    """A body on a rail with dry friction Fc that also slides on the table: both brake it."""
-    rail = {**rails(axes, 2.0), "joints": {"x": {"friction": {"coulomb": 1.0}}}}
-    data, x = {**rail, "constraints": [contact("body", friction=0.3)]}, axes.index("x")
-    sim, way = Simulator(data, dt=5e-3), np.eye(len(axes))[x]
-    sim.reset(v=way)
-    run = sim.run(0.5)
-    brake = (1.0 + 0.3 * 2.0 * G) / 2.0
-    assert_close(run.q[-1, x], 0.5 / brake, CLOSED_FORM)
-    still = run.time > 1.0 / brake
-    np.testing.assert_array_equal(run.v[still], np.zeros((still.sum(), len(axes))))
-    assert (np.diff(run.q[still], axis=0) == 0.0).all()
-    holds = sim.run(0.2, (1.0 + 0.29 * 2.0 * G) * way)
-    assert (holds.q == run.q[-1]).all()
-    assert sim.run(0.02, (1.0 + 0.31 * 2.0 * G) * way).v[-1, x] > 0.0
 
 
 def test_history_closes_the_balance_of_energy() -> None:
@@ -144,23 +115,6 @@ def test_history_closes_the_balance_of_energy() -> None:
     assert (history.force[:, :, 2] >= 0.0).all()
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"frame": "nowhere"}, "'nowhere' does not exist"),
-        ({"plane": {"normal": [0, 0, 0]}}, "direction must not be zero"),
-        ({"plane": {"nrml": [0, 0, 1]}}, "allowed here: frame, point, normal"),
-        ({"restitution": 1.5}, "restitution"),
-        ({"friction": -0.1}, "friction"),
-        ({"frame": "base"}, "no joint moves"),
-        ({"plane": {"point": [0, 0, 0.5]}}, "0.5 m inside its plane"),
-    ],
-)
-def test_impossible_contacts(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(SceneError, match=said):
-        Simulator({**rails("xz"), "constraints": [{**contact("body"), **change}]})
-
-
 def test_states_inside_a_plane_are_refused_and_nothing_is_lost() -> None:
     sim = block(0.3)
     before = sim.state
@@ -168,5 +122,32 @@ def test_states_inside_a_plane_are_refused_and_nothing_is_lost() -> None:
         with pytest.raises(InvalidInput, match=r"0\.01 m inside its plane"):
             refused(q=[0.0, 0.39, 0.0])
         assert sim.state is before
-    with pytest.raises(InvalidInput, match="no contact"):
-        Simulator(models.scene("pendulum")).contact_forces()
+
+
+LOAD, ADDED = 0.5, 1.5
+
+
+def test_forces_are_those_of_the_load_at_each_time() -> None:
+    load = {"frame": "body", "mass": LOAD, "inertia": [0.0] * 6}
+    scene = rails("z", 2.0) | {"payloads": [load], "tunable": ["payload"]}
+    sim = Simulator(scene | {"constraints": [contact("body")]})
+
+    def control(state: State) -> list[float]:
+        if state.step == 5:
+            sim.set_parameter("payload", [LOAD + ADDED, *[0.0] * 9])
+        return [0.0]
+
+    force = contact_history(sim, sim.run(0.01, control)).force[:, 0, 2]
+    assert_close(force[:5], np.full(5, (2.0 + LOAD) * G), CLOSED_FORM)
+    assert_close(force[5:], np.full(6, (2.0 + LOAD + ADDED) * G), CLOSED_FORM)
+
+
+def test_nothing_is_lost_where_brakes_hold() -> None:
+    sim = Simulator(rails("xz", 2.0) | {"constraints": [contact("body", friction=0.4)]})
+    sim.reset(v=[1.0, 0.0])
+    run = sim.run(0.01)
+    slid = contact_history(sim, run).friction_loss
+    held = replace(run, hold=np.array([0] * 5 + [BRAKES] * 6, np.uint8))
+    loss = contact_history(sim, held).friction_loss
+    assert_close(loss[:6], slid[:6], CLOSED_FORM)
+    assert slid[-1] > slid[5] and (loss[6:] == loss[5]).all()

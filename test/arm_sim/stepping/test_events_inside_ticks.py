@@ -25,7 +25,7 @@ def ended(scene: dict[str, Any], start: tuple[Any, ...], tau: Any, time: float, 
 
 
 @pytest.mark.parametrize(
-    ("method", "depth"), covering([None, "rk4", "nystrom4", "dopri5", "implicit"], [1.002, 1.02])
+    ("method", "depth"), [(None, 1.002), ("rk4", 1.02), ("nystrom4", 1.002), ("implicit", 1.02)]
 )
 def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     method: str | None, depth: float
@@ -50,7 +50,7 @@ def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     np.testing.assert_allclose(found.q[-1], fine.q[-1], rtol=0, atol=1e-6 if fixed else 1e-8)
 
 
-@pytest.mark.parametrize(("stiffness", "start"), covering([1e7, 1e8], [0.0, 3.3e-4, 7.1e-4]))
+@pytest.mark.parametrize(("stiffness", "start"), [(1e7, 0.0), (1e8, 3.3e-4)])
 def test_a_mass_that_bounces_off_an_elastic_stop_within_a_tick(
     stiffness: float, start: float
 ) -> None:
@@ -66,7 +66,7 @@ def test_a_mass_that_bounces_off_an_elastic_stop_within_a_tick(
 
 
 @pytest.mark.parametrize("how", [{"integrator": "rk4"}, {"tolerance": 1e-9}], ids=str)
-@pytest.mark.parametrize("part", [0.125, 0.375, 0.625, 0.875])
+@pytest.mark.parametrize("part", [0.125, 0.875])
 def test_a_mass_that_rises_to_its_stop_within_a_tick(part: float, how: dict[str, Any]) -> None:
     """It would turn back at this part of the tick, a tenth of a millimetre above the stop."""
     dt, above, stop = 0.05, 1e-4, 0.5
@@ -98,26 +98,7 @@ def test_a_cord_that_is_taut_for_a_moment(method: str) -> None:
     np.testing.assert_allclose(recording.q[-1], [way], rtol=0, atol=1e-7)
 
 
-def test_current_that_reaches_its_limit_within_a_tick() -> None:
-    """A motor under voltage: the current rises, then is held at its limit exactly."""
-    resistance, inductance, limit, voltage = 1.0, 2e-3, 2.5, 6.0
-    scene = rotor(1e3)  # so heavy that back-EMF is nil
-    scene["joints"]["axle"]["actuator"] = {
-        "command": "voltage", "resistance": resistance, "inductance": inductance,
-        "torque_constant": 0.05, "current_limit": limit,
-    }  # fmt: skip
-    sim = Simulator(scene, integrator="rk4", dt=2e-4)
-    recording = sim.run(4e-3, [voltage])
-    t, rise = recording.time, inductance / resistance
-    current = voltage / resistance * -np.expm1(-t / rise)
-    np.testing.assert_allclose(recording.z[:, 0], np.minimum(current, limit), rtol=0, atol=1e-5)
-    np.testing.assert_allclose(recording.z.max(), limit, rtol=1e-12)
-    A, B = sim.linearize(sim.state, [voltage])
-    assert_close(B[2], [0.0], CLOSED_FORM)  # what is held at its limit ignores the voltage
-
-
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
-def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others(tolerance: float) -> None:
+def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others() -> None:
     """Friction rises from the sliding to the static level just before a wheel turns back.
 
     A step across the reversal passes that over; cut at the reversal, it ends at the peak.
@@ -125,7 +106,7 @@ def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others(tolerance: flo
     friction = {"coulomb": 0.1, "static": 0.15, "stribeck_velocity": 0.05}
     scene = rotor(0.01, **friction)
     scene["joints"]["axle"] |= {"spring": {"stiffness": 1000.0}}
-    start = [0.05], [-0.5]
+    start, tolerance = ([0.05], [-0.5]), 1e-9
     exact = ended(scene, start, [0.0], 0.1, dt=5e-3, integrator="implicit", tolerance=1e-13)
     found = ended(scene, start, [0.0], 0.1, dt=5e-3, integrator="dop853", tolerance=tolerance)
     np.testing.assert_allclose(found.q, exact.q, rtol=0, atol=10 * tolerance)
@@ -180,7 +161,28 @@ def test_what_holds_gives_way_to_a_load_that_peaks_within_a_tick(
     assert abs(state.q[0] - way) < allowed
 
 
-@pytest.mark.parametrize("turn", [2.5, 9.0, 40.0])
+J, ETA, TIME = 0.02, 0.7, 0.16
+GEARS = {
+    # Actuator; joint; command, initial speed, and the drive's torque by position and speed.
+    "with cogging": (
+        {"gear_ratio": 30.0, "cogging": {"amplitude": 0.004, "order": 6}}, {}, 0.01, 3.0,
+        lambda q, v: 0.01 - 0.12 * np.sin(180 * q),
+    ),
+    "under dry friction, of a motor that is driven beyond its speed": (
+        {"command": "voltage", "resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0},
+        {"spring": {"stiffness": 5.0, "rest": 4.0}, "friction": {"coulomb": 0.1}}, 12.0, 0.0,
+        lambda q, v: (12.0 - v) / 2.0,
+    ),
+}  # fmt: skip
+
+
+CHANGING: list[tuple[dict[str, Any], float]] = [
+    ({"integrator": "implicit", "tolerance": 1e-10, "dt": 1e-3}, 1e-8),
+    ({"integrator": "dop853", "tolerance": 1e-11, "dt": 2e-2}, 1e-9),
+]
+
+
+@pytest.mark.parametrize("turn", [2.5, 40.0])
 def test_a_load_that_peaks_often_within_a_tick(turn: float) -> None:
     """A wheel that turns up to six times in a tick; the reference are far shorter ticks."""
     axis, settings, (push, _, _) = HELD["by dry friction"]
@@ -194,34 +196,6 @@ def test_a_load_that_peaks_often_within_a_tick(turn: float) -> None:
         ends.append(sim.state.q[0])
     assert ends[1] > 1e-5
     assert_close(*ends, CLOSED_FORM)
-
-
-J, ETA, TIME = 0.02, 0.7, 0.16
-GEARS = {
-    # Actuator; joint; command, initial speed, and the drive's torque by position and speed.
-    "with cogging": (
-        {"gear_ratio": 30.0, "cogging": {"amplitude": 0.004, "order": 6}}, {}, 0.01, 3.0,
-        lambda q, v: 0.01 - 0.12 * np.sin(180 * q),
-    ),
-    "of a motor that is driven beyond its speed": (
-        {"command": "voltage", "resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0},
-        {"spring": {"stiffness": 5.0, "rest": 4.0}}, 12.0, 0.0,
-        lambda q, v: (12.0 - v) / 2.0,
-    ),
-    "under dry friction, at a limit of its voltage": (
-        {"command": "current", "resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0,
-         "voltage_limit": 6.0},
-        {"spring": {"stiffness": 5.0, "rest": 4.0}, "friction": {"coulomb": 0.1}}, 1.0, 0.0,
-        lambda q, v: np.clip(1.0, (-6.0 - v) / 2.0, (6.0 - v) / 2.0),
-    ),
-}  # fmt: skip
-
-
-CHANGING: list[tuple[dict[str, Any], float]] = [
-    ({"integrator": "implicit", "tolerance": 1e-10, "dt": 1e-3}, 1e-8),
-    ({"integrator": "dop853", "tolerance": 1e-12, "dt": 1e-4}, 1e-11),
-    ({"integrator": "dop853", "tolerance": 1e-11, "dt": 2e-2}, 1e-9),
-]
 
 
 @pytest.mark.parametrize(("gear", "accuracy"), covering(GEARS, CHANGING), ids=str)

@@ -50,7 +50,6 @@ WALL = contact("body", point=[0.3, 0, 0], friction=0.2,
                plane={"point": [0.3, 0, 0], "normal": [-1, 0, 0]})  # fmt: skip
 CASES: dict[str, tuple[dict[str, Any], list[float], list[float]]] = {
     "block on two feet": (block(), [0, 0, 0], [30, 30, 12]),
-    "block that slides": (block(), [0.7, 0, 0], [30, 30, 12]),
     "block that slides back": (block(mu=0.2), [-0.7, 0, 0], [30, 30, 12]),
     "block in a corner": (block(WALL, mu=0.3), [0, 0, 0], [30, 30, 12]),
     "block without friction": (block(mu=0.0), [0, 0, 0], [30, 30, 12]),
@@ -139,7 +138,7 @@ def test_what_is_found_obeys(
     sim.reset(v=v)
     friction = [point.friction for point in sim.arm.plant.points]
     x, level, seen, unanswered = sim.arm.x.copy(), sim.model.friction.level, set(), 0
-    for _ in range(300):
+    for _ in range(150):
         u = rng.normal(0.0, push)
         sim.set_state(x[: sim.n], x[sim.n :])
         try:
@@ -154,7 +153,7 @@ def test_what_is_found_obeys(
             seen.add((k, float(f.closed[k]), float(f.sticks[k])))
         if len(f.direction):
             assert_joints_obey(f, x[sim.n :], level)
-    assert unanswered <= (6 if len(friction) > 2 else 0)  # three contacts of three joints may jam
+    assert unanswered <= (3 if len(friction) > 2 else 0)  # three contacts of three joints may jam
     kinds = {(closed, sticks) for _, closed, sticks in seen}
     assert kinds >= ({(0.0, 0.0), (1.0, 0.0)} if any(v) or not any(friction) else
                      {(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)})  # fmt: skip
@@ -174,16 +173,13 @@ def test_a_body_in_a_corner_seldom_has_no_answer(rng: np.random.Generator) -> No
 def test_at_the_very_edge_of_the_cone() -> None:
     """A pull of µ N give or take some roundings: always an answer, no speed to speak of."""
     sim = Simulator({**rails("xyz", 2.0), "constraints": [contact("body", friction=0.4)]})
-    edge = 0.4 * 2.0 * G
     for angle in (0.0, 0.3, np.pi / 2, 2.1):
+        edge = 0.4 * 2.0 * G * np.array([np.cos(angle), np.sin(angle), 0.0])
         for part in range(-6, 7):
-            pull = edge * (1 + part * 2.0**-52)
             sim.reset()
-            state = sim.step([pull * np.cos(angle), pull * np.sin(angle), 0.0])
-            assert np.abs(state.v).max() < 1e-14
+            assert np.abs(sim.step(edge * (1 + part * 2.0**-52)).v).max() < 1e-14
         sim.reset()
-        sim.step(1.001 * edge * np.array([np.cos(angle), np.sin(angle), 0.0]))
-        assert np.hypot(*sim.state.v[:2]) > 1e-6
+        assert np.hypot(*sim.step(1.001 * edge).v[:2]) > 1e-6
 
 
 def test_joints_at_the_very_edge_of_their_levels() -> None:
@@ -203,8 +199,7 @@ def test_joints_at_the_very_edge_of_their_levels() -> None:
 
 
 @pytest.mark.parametrize(("gap", "speed", "closed"), [
-    (0.0, 0.0, True), (2e-15, 0.0, True), (1e-13, 0.0, False), (1.0, -1.0, False),
-    (0.0, -1e-3, True), (0.0, 3e-7, True), (0.0, 1e-5, False),
+    (2e-15, 0.0, True), (1e-13, 0.0, False), (0.0, 3e-7, True), (0.0, 1e-5, False),
 ])  # fmt: skip
 def test_what_touches(gap: float, speed: float, closed: bool) -> None:
     """Gaps that are zero to rounding, unless they open faster than a hop of rounding would.
@@ -254,14 +249,10 @@ ROUNDING = 1e-13  # of speeds, relative to the fastest and to one
     ("v", "direction", "after"),
     [
         ([1.0, 2.0, 3.0], [1, 0, 1], [1.0, 2.0, 3.0]),
-        ([-1.0, 2.0, -3.0], [-1, 0, -1], [-1.0, 2.0, -3.0]),
-        ([1e-9, 2.0, 3.0], [-1, 0, 1], [0.0, 2.0, 3.0]),
         ([-1e-9, 2.0, -3.0], [1, 0, -1], [0.0, 2.0, -3.0]),
         ([1.0, 2.0, -1e-9], [1, 0, 1], [1.0, 2.0, 0.0]),
         ([1e-9, 0.0, -1e-9], [0, 0, 0], [0.0, 0.0, 0.0]),
-        ([0.0, 1e-9, 0.0], [1, 0, -1], [0.0, 1e-9, 0.0]),
         ([1.0, -5.0, 1.0], [1, 1, 1], [1.0, -5.0, 1.0]),  # without friction none stops
-        ([0.5, 0.0, 0.5], [1, 0, 1], [0.5, 0.0, 0.5]),
     ],
 )
 def test_a_joint_stops_when_it_no_longer_moves_as_it_did(
@@ -271,28 +262,21 @@ def test_a_joint_stops_when_it_no_longer_moves_as_it_did(
     np.testing.assert_array_equal(stopped, [*Q, *after])
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("joint", [0, 2])
-@pytest.mark.parametrize("fastest", [0.0, 9.0, -99.0])
-def test_no_joint_stops_suddenly(joint: int, fastest: float, sign: float) -> None:
+@pytest.mark.parametrize(("joint", "fastest"), [(0, 0.0), (2, 9.0), (0, -99.0)])
+def test_no_joint_stops_suddenly(joint: int, fastest: float) -> None:
     """A millionth of the fastest one's speed, and of one, is rounding; more was no motion."""
-    most = 1e-6 * (1.0 + abs(fastest))
-    direction = np.zeros(3)
-    direction[joint] = -sign
-    for speed, stops in ((0.99 * most, True), (most, True), (1.01 * most, False), (5.0, False)):
-        x = np.array([*Q, 0.0, fastest, 0.0])
-        x[3 + joint] = sign * speed
-        after = rubbing().stop(x, direction)
-        assert (after is not None) is stops
-        if stops:
-            np.testing.assert_array_equal(after, [*Q, 0.0, fastest, 0.0])
-    at_limit = np.array([*Q, 0.0, 9.0, 0.0])
-    at_limit[3 + joint] = sign * np.nextafter(1e-6 * 10.0, 1.0)
-    assert rubbing().stop(at_limit, direction) is None
+    most, direction = 1e-6 * (1.0 + abs(fastest)), -np.eye(3)[joint]
+    for speed, stops in ((most, True), (1.01 * most, False), (5.0, False)):
+        for sign in (1.0, -1.0):
+            x = np.array([*Q, 0.0, fastest, 0.0])
+            x[3 + joint] = sign * speed
+            after = rubbing().stop(x, sign * direction)
+            assert (after is not None) is stops
+            if stops:
+                np.testing.assert_array_equal(after, [*Q, 0.0, fastest, 0.0])
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("fastest", [0.0, 9.0, -99.0])
+@pytest.mark.parametrize(("fastest", "sign"), [(0.0, 1.0), (-99.0, -1.0)])
 def test_beside_a_contact_joints_with_friction_rest_that_only_rounding_moves(
     fastest: float, sign: float
 ) -> None:
@@ -304,7 +288,5 @@ def test_beside_a_contact_joints_with_friction_rest_that_only_rounding_moves(
             wanted = x.copy()
             wanted[3 + joint] = 0.0 if rests else sign * speed
             np.testing.assert_array_equal(rubbing().rounded(x), wanted)
-    x = np.array([*Q, sign * most, fastest, 0.0])
-    assert rubbing().rounded(x)[3] == 0.0
     slow = np.array([*Q, 0.0, sign * 1e-13, 0.0])
     np.testing.assert_array_equal(rubbing().rounded(slow), slow)  # nothing holds the second

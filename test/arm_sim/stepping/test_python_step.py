@@ -26,10 +26,9 @@ SCENES: dict[str, dict[str, Any]] = {
     "delays": {"commands": {"delay": 2e-3}},
 }
 BAD: dict[str, Any] = {
-    "short": np.zeros(1), "long": np.zeros(3), "rows": np.zeros((1, 2)), "number": 1.0,
-    "NaN": np.array([0.0, np.nan]), "infinite": np.array([np.inf, 0.0]), "none": None,
-    "complex": np.zeros(2, complex), "truth": np.zeros(2, bool), "text": ["a", "b"],
-    "short list": [1.0], "long list": [1.0, 2.0, 3.0], "NaN in a list": [0.0, np.nan],
+    "short": np.zeros(1), "rows": np.zeros((1, 2)), "number": 1.0, "NaN": np.array([0.0, np.nan]),
+    "none": None, "complex": np.zeros(2, complex), "truth": np.zeros(2, bool), "text": ["a", "b"],
+    "long list": [1.0, 2.0, 3.0], "infinite, in a list": [0.0, np.inf],
     "truth in a list": [1.0, True], "list in a list": [1.0, [2.0]],
 }  # fmt: skip
 USUAL: dict[str, Any] = {

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import always, covering
 
 import models
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.stepping.threads import share
 from models import features
-from models.driven import WINDING, wheel
 from tolerances import BACKENDS, assert_close
 
 STEPS = 20
@@ -37,7 +35,7 @@ def alone(sim: Simulator, q: np.ndarray, v: np.ndarray, torques: np.ndarray) -> 
 
 
 @pytest.mark.parametrize(
-    ("name", "options"), covering(["panda", "gripper", "planar_3r"], OPTIONS), ids=str
+    ("name", "options"), [*zip(["panda", "gripper", "planar_3r"], OPTIONS, strict=True)], ids=str
 )
 def test_each_arm_moves_as_if_alone(
     name: str, options: dict[str, Any], rng: np.random.Generator
@@ -50,7 +48,7 @@ def test_each_arm_moves_as_if_alone(
         assert_close(together[i], alone(sim, q[i], v[i], tau[i]), BACKENDS)
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("threads", [1, 3])
 def test_does_not_depend_on_company_order_or_threads(
     threads: int, rng: np.random.Generator
 ) -> None:
@@ -68,29 +66,22 @@ def test_does_not_depend_on_company_order_or_threads(
 def test_shapes_of_torque(rng: np.random.Generator) -> None:
     sim = models.simulator("two_link", integrator="rk4")
     q, v, _ = batch(sim, rng, 5)
-    held = np.array([1.0, -0.5])
+    held, before = np.array([1.0, -0.5]), sim.step([1.0, 0.0])
     table = np.broadcast_to(held, (5, STEPS, 2))
     whole = sim.rollout(q, v, table, STEPS)
     np.testing.assert_array_equal(sim.rollout(q, v, held, STEPS), whole)
     np.testing.assert_array_equal(sim.rollout(q, v, table[:, 0], STEPS), whole)
     np.testing.assert_array_equal(sim.rollout(q, v, held, STEPS, last_only=True), whole[:, -1])
+    assert sim.state is before
 
 
-@pytest.mark.parametrize("lanes", [1, 4])
-def test_order_of_numbers_in_memory(lanes: int, rng: np.random.Generator) -> None:
+def test_order_of_numbers_in_memory(rng: np.random.Generator) -> None:
     """Arrays whose columns, not rows, lie in one piece, such as transposed ones."""
     sim = models.simulator("planar_3r", stops=False, integrator="rk4")
     arms = batch(sim, rng, 5)
-    want = sim.rollout(*arms, STEPS, lanes=lanes)
-    found = sim.rollout(*map(np.asfortranarray, arms), STEPS, lanes=lanes)
-    np.testing.assert_array_equal(found, want)
-
-
-def test_own_state_is_not_touched(rng: np.random.Generator) -> None:
-    sim = models.simulator("two_link", integrator="rk4")
-    before = sim.step([1.0, 0.0])
-    sim.rollout(*batch(sim, rng, 3), STEPS)
-    assert sim.state is before
+    for lanes in (1, 4):
+        found = sim.rollout(*map(np.asfortranarray, arms), STEPS, lanes=lanes)
+        np.testing.assert_array_equal(found, sim.rollout(*arms, STEPS, lanes=lanes))
 
 
 def test_torques_are_cut_at_the_limit(rng: np.random.Generator) -> None:
@@ -121,37 +112,17 @@ def test_an_arm_that_diverges_does_not_spoil_the_others(rng: np.random.Generator
     np.testing.assert_array_equal(last, wild[:, -1])
 
 
-@pytest.mark.parametrize("options", [
-    {}, {"tolerance": 1e-9}, {"integrator": "rk4"}, {"integrator": "rk4", "backend": "vm"},
-], ids=str)  # fmt: skip
-def test_arms_with_states_of_their_own(options: dict[str, Any], rng: np.random.Generator) -> None:
-    """Currents start as after a reset; what comes back are positions and velocities."""
-    sim = Simulator(wheel(command="voltage", **WINDING), dt=1e-4, **options)
-    q, v = rng.normal(size=(2, 5, 1))
-    volts = rng.normal(0.0, 5.0, size=(5, STEPS, 1))
-    together = sim.rollout(q, v, volts, STEPS)
-    assert together.shape == (5, STEPS + 1, 2) and sim.arm.plant.nz > 0
-    for i in range(5):
-        assert_close(together[i], alone(sim, q[i], v[i], volts[i]), BACKENDS)
-    last = sim.rollout(q, v, volts, STEPS, last_only=True)
-    np.testing.assert_array_equal(last, together[:, -1])
-
-
 CONTROLLED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
-    "rigid": (("viscous", "payload"), {"tolerance": 1e-9}),
     "dopri5": (("spring", "point spring"), {"integrator": "dopri5", "tolerance": 1e-7}),
     "bristles": (("lugre",), {}),
-    "voltage and flexible": (("voltage", "flexible", "mimic"), {}),
-    "harmonic": (("harmonic", "payload"), {}),
     "a loop": (("bilateral", "current"), {"tolerance": 1e-8}),
     "stops": (("end stop", "voltage"), {}),
 }
 
 
 EVENTFUL: dict[str, tuple[str, ...]] = {
-    "dry friction": ("coulomb", "table"), "a drive with currents": ("coulomb", "voltage"),
     "end stops": ("coulomb", "end stop", "payload"), "a loop": ("coulomb", "bilateral"),
-    "a contact": ("contact", "viscous"), "a contact, dry friction": ("contact", "coulomb"),
+    "a contact, dry friction": ("contact", "coulomb"),
     "everything": ("table", "lossy gear", "contact", "end stop", "mimic"),
 }  # fmt: skip
 
@@ -170,7 +141,7 @@ def assert_lanes_change_nothing(sim: Simulator, arms: tuple[np.ndarray, ...]) ->
     return alone
 
 
-@pytest.mark.parametrize("name", always(CONTROLLED, "dopri5", "bristles", "a loop", "stops"))
+@pytest.mark.parametrize("name", CONTROLLED)
 def test_error_control_in_registers_gives_the_bits_of_one_arm(
     name: str, rng: np.random.Generator
 ) -> None:
@@ -185,9 +156,7 @@ def test_error_control_in_registers_gives_the_bits_of_one_arm(
     np.testing.assert_array_equal(still[:, 0], motion[:, 0])
 
 
-@pytest.mark.parametrize(
-    "name", always(EVENTFUL, "end stops", "a loop", "a contact, dry friction", "everything")
-)
+@pytest.mark.parametrize("name", EVENTFUL)
 def test_events_in_registers_give_the_bits_of_one_arm(name: str, rng: np.random.Generator) -> None:
     """Some arms of a group are held, some slide, and each has events of its own."""
     sim = Simulator(features.scene("planar", EVENTFUL[name]))
@@ -272,28 +241,17 @@ def test_tunable_parameters_differ_between_arms(rng: np.random.Generator) -> Non
 
 
 BAD: dict[str, dict[str, Any]] = {
-    "v0 of another length": {"v0": np.zeros((4, 2))},
-    "q0 with NaN": {"q0": np.full((3, 2), np.nan)},
-    "no arms": {"q0": np.zeros((0, 2)), "v0": np.zeros((0, 2))},
-    "tau too long": {"tau": np.zeros((3, 11, 2))},
-    "tau with infinity": {"tau": [np.inf, 0.0]}, "negative steps": {"steps": -1},
-    "not tunable": {"parameters": {"gravity": [0.0, 0.0, 0.0]}},
-    "unknown parameter": {"parameters": {"colour": 1.0}},
+    "v0 of another length": {"v0": np.zeros((4, 2))}, "negative steps": {"steps": -1},
+    "q0 with NaN": {"q0": np.full((3, 2), np.nan)}, "a truth value": {"steps": True},
+    "no arms": {"q0": np.zeros((0, 2)), "v0": np.zeros((0, 2))}, "threads": {"threads": True},
+    "tau too long": {"tau": np.zeros((3, 11, 2))}, "tau infinite": {"tau": [np.inf, 0.0]},
+    "not tunable": {"parameters": {"gravity": [0.0, 0.0, 0.0]}}, "lanes": {"lanes": True},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("changes", BAD.values(), ids=BAD)
 def test_refusals(changes: dict[str, Any]) -> None:
-    sim = models.simulator("two_link", integrator="rk4")
+    sim = models.simulator("two_link", backend="vm")
     good = {"q0": np.zeros((3, 2)), "v0": np.zeros((3, 2)), "tau": [0.0, 0.0], "steps": 10}
     with pytest.raises(InvalidInput):
         sim.rollout(**{**good, **changes})
-
-
-def test_no_ticks_leave_the_state_as_it_is(rng: np.random.Generator) -> None:
-    sim = models.simulator("two_link", integrator="rk4")
-    q, v = rng.normal(size=(2, 3, 2))
-    for tau in (np.ones(2), np.ones((3, 2)), np.ones((3, 0, 2))):
-        np.testing.assert_array_equal(sim.rollout(q, v, tau, 0)[:, 0], np.hstack((q, v)))
-    g = np.ones((3, 1, 4))
-    assert sim.rollout_gradient(q, v, np.ones((3, 0, 2)), 0, g).tau.shape == (3, 0, 2)

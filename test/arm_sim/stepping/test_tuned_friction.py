@@ -59,13 +59,10 @@ def test_a_level_that_is_set_is_that_of_a_scene_that_has_it(kind: str) -> None:
     assert abs(ours.balance).max() < 1e-6
 
 
-def test_levels_of_the_scene_give_its_bits() -> None:
+def test_levels_of_the_scene_give_its_bits_and_without_levels_nothing_holds() -> None:
     fixed, tuned = Simulator(scene({})), Simulator(scene({}, tunable=["coulomb"]))
     np.testing.assert_array_equal(tuned.run(0.3, push(300)).q, fixed.run(0.3, push(300)).q)
-
-
-def test_without_friction_nothing_holds() -> None:
-    tuned = Simulator(scene({}, tunable=["coulomb"]))
+    tuned.reset()
     tuned.set_parameter("coulomb", [0.0, 0.0])
     free = Simulator(scene({}) | {"joints": {}}).run(0.5, push(500))
     assert_close(tuned.run(0.5, push(500)).q, free.q, 1e-7)

@@ -10,6 +10,7 @@ from click.testing import CliRunner, Result
 from pictures import written
 
 from arm_dynamics import Dynamics
+from arm_dynamics.control import ComputedTorque
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim import Simulator
 from arm_studies.cli.main import main
@@ -42,8 +43,6 @@ def test_a_motion_is_found_written_and_drawn(tmp_path: Path) -> None:
 
 
 def test_a_simulated_arm_follows_it(tmp_path: Path) -> None:
-    from arm_dynamics.control import ComputedTorque
-
     out = tmp_path / "motion.yaml"
     said = typed("two_link", "--out", str(out), "--json", *QUICK)
     told = json.loads(said.stdout)

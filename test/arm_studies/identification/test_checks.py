@@ -2,6 +2,7 @@
 """Refusals of recordings and of identified scenes, on both sides of every bound."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -31,26 +32,19 @@ def reaching(joint: int, far: float) -> dict[str, Any]:
     return {"q": (joint, np.linspace(0.0, far, 50))}
 
 
-@pytest.mark.parametrize("given", [
-    {}, {"step": 0.19}, reaching(0, 3.29), reaching(1, -2.99),
-    {"effort": (1, np.append(np.full(48, np.nan), [1.0, 2.0]))},
-])  # fmt: skip
-def test_recordings_within_all_bounds_pass(given: dict[str, Any]) -> None:
-    checks.check_record(recorded(**given), ARM)
-
-
 @pytest.mark.parametrize(("given", "said"), [
+    ({"step": 0.19}, None),
     ({"step": 0.21}, "samples are 0.21 s apart"),
+    (reaching(0, 3.29), None),
     (reaching(0, 3.31), "'shoulder' range from 0 to 3.31, but"),
-    (reaching(0, -3.31), "'shoulder' range from -3.31 to 0, but"),
-    (reaching(1, 3.01), "'elbow' range from 0 to 3.01, but"),
+    (reaching(1, -2.99), None),
     (reaching(1, -3.01), "'elbow' range from -3.01 to 0, but"),
-    ({"effort": (0, np.nan)}, "no effort of joint 'shoulder'"),
+    ({"effort": (1, np.append(np.full(48, np.nan), [1.0, 2.0]))}, None),
     ({"effort": (1, np.nan)}, "no effort of joint 'elbow'"),
     ({"effort": (1, -3.0)}, "effort of joint 'elbow' is constantly -3"),
 ])  # fmt: skip
-def test_recordings_beyond_one_are_refused(given: dict[str, Any], said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
+def test_recordings_are_refused_beyond_a_bound(given: dict[str, Any], said: str | None) -> None:
+    with nullcontext() if said is None else pytest.raises(InvalidInput, match=said):
         checks.check_record(recorded(**given), ARM)
 
 
@@ -85,17 +79,13 @@ def explained(error: float) -> Callable[[], None]:
     (masses(0.19), "0.19 times their nominal mass"),
     (lambda: checks.check_better(0.2, 0.1, 2.5), None),
     (lambda: checks.check_better(0.1, 0.1, 9.0), None),
-    (lambda: checks.check_better(1e-6, 1e-9, 9.0), None),
     (lambda: checks.check_better(np.nan, 0.1, 9.0), None),
     (lambda: checks.check_better(0.2, 0.1, 2.6), "leaves 20.* more than the nominal scene, 10"),
 ])  # fmt: skip
 def test_scenes_are_refused_beyond_their_bounds(
     check: Callable[[], None], said: str | None
 ) -> None:
-    if said is None:
-        check()
-        return
-    with pytest.raises(InvalidInput, match=said):
+    with nullcontext() if said is None else pytest.raises(InvalidInput, match=said):
         check()
 
 

@@ -56,23 +56,6 @@ def test_growth_with_load_is_limited_to_what_a_scene_allows(case):
     assert 0.0 < friction.load.factor[0] < 1.0
 
 
-def test_growth_that_a_scene_allows_stays_as_it_is():
-    notes, friction = told({COULOMB_SKEW: 0.2}, Shape(None, 0.9, 4.0))
-    assert not notes
-    assert friction.load.factor[0] == pytest.approx(0.1, rel=1e-12)
-
-
-def test_growth_that_was_left_out_is_told():
-    notes, friction = told({}, Shape(), refused=0.45)
-    assert notes == [
-        "'shoulder': friction seems to grow by up to 0.45 of the load that causes it; at most 0.3 "
-        "is identified, so its growth is left out"
-    ]
-    assert friction.load is None
-    notes, friction = told({}, Shape(None, 0.5, 4.0), refused=0.45)
-    assert not notes and friction.load is not None
-
-
 def test_a_law_with_states_stays():
     model = two_link(lugre={"sigma0": 1e4, "sigma1": 0.05}, static=1.3, stribeck_velocity=0.1)
     notes, friction = told({}, Shape(), model=model)

@@ -75,7 +75,7 @@ def nearly_planar(tilt, seed):
 def test_intervals_contain_the_truth_and_what_is_not_determined_is_named(tilt, missing):
     """In a plane only the inertia about its normal acts; near it, others hardly do."""
     inside = []
-    for seed in range(5):
+    for seed in range(3):
         found = estimate_payload(*nearly_planar(tilt, seed), "tip")
         true = (BODY["mass"], *BODY["com"], *BODY["inertia"])
         assert set(found.missing) == missing
@@ -103,15 +103,6 @@ def test_late_efforts_are_told_and_errors_of_the_arm_are_scatter():
         assert scatter or any(note.startswith("efforts are 5 ±") for note in told)
 
 
-def test_from_python_what_is_not_determined_is_told():
-    told = []
-    identify_payload(*nearly_planar(0.0, 0), "tip", on_note=told.append)
-    assert told == [
-        "the motion does not determine com.y, inertia.xx, inertia.xy, inertia.xz, inertia.yz, "
-        "inertia.zz"
-    ]
-
-
 def test_under_noise_it_is_still_a_body(record):
     noise = np.random.default_rng(1).standard_normal(record.effort.shape)
     noisy = JointRecord.of(
@@ -122,6 +113,7 @@ def test_under_noise_it_is_still_a_body(record):
     load_scene(scene(payloads=[found.model_dump()]))  # which refuses what no body has
 
 
+<<<<<<< HEAD
 def test_frames_that_carry_nothing_are_refused(record):
     with pytest.raises(InvalidInput, match="did you mean 'panda_hand'"):
         identify_payload(scene(), record, "panda_hant")
@@ -137,3 +129,16 @@ def test_recordings_that_cannot_be_right_are_refused(record):
         identify_payload(
             scene(), JointRecord.of(record.joint_names, record.time, record.q, lost), "panda_hand"
         )
+=======
+@pytest.mark.parametrize(("frame", "lost", "said"), [
+    ("panda_hant", [], "did you mean 'panda_hand'"),
+    ("panda_link0", [], "fixed to the base; a moving frame is expected"),
+    ("panda_hand", [6], "no effort of joint 'panda_joint7'"),
+])  # fmt: skip
+def test_what_says_nothing_of_a_payload_is_refused(record, frame, lost, said):
+    effort = record.effort.copy()
+    effort[:, lost] = np.nan
+    wrong = JointRecord.of(record.joint_names, record.time, record.q, effort)
+    with pytest.raises(InvalidInput, match=said):
+        identify_payload(scene(), wrong, frame)
+>>>>>>> main

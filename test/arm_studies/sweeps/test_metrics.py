@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from arm_studies.sweeps.metrics import METRICS, MeasuredRun, measured
+from arm_studies.sweeps.metrics import MeasuredRun, measured
 
 DT = 0.1
 
@@ -59,9 +59,3 @@ def test_errors_and_work_of_all_joints_count() -> None:
              "saturation", "stop_time"]  # fmt: skip
     wanted = [0.3, 0.1, 0.9, 2.0 * 0.5 + 3.0 + 4.0 * 0.1 + 5.0, 8.0, 0.0, 0.0]
     assert measured(made, names, ("first", "second")) == pytest.approx(wanted, rel=1e-12)
-
-
-def test_each_metric_is_tested() -> None:
-    tested = {mark.args[1][k][0].partition(".")[0] for mark in test_metrics.pytestmark  # type: ignore[attr-defined]
-              for k in range(len(mark.args[1]))}  # fmt: skip
-    assert tested == set(METRICS)

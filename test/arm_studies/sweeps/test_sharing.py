@@ -67,30 +67,6 @@ def test_a_cluster_makes_the_same_table(alone: dict[str, bytes], tmp_path: Path)
 
 
 @with_group
-def test_an_address_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("arm_studies.sweeps.sharing._TIMEOUT", 0.2)
-    with pytest.raises(InvalidInput, match="'tcp://127.0.0.1:1': no Dask scheduler answers"):
-        sweep(STUDY, cluster="tcp://127.0.0.1:1")
-    with pytest.raises(InvalidInput, match="cluster = 'nonsense://x'"):
-        sweep(STUDY, cluster="nonsense://x")
-
-
-def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "joblib", None)
-    with pytest.raises(InvalidInput, match="cannot find the module 'joblib'.*arm setup sweep"):
-        sweep(STUDY, workers=2)
-
-
-@pytest.mark.group("sweep")
-@pytest.mark.parametrize("workers", [0, True, 1.5])
-def test_workers_are_a_whole_number(workers: Any) -> None:
-    with pytest.raises(InvalidInput, match="workers = "):
-        sweep(STUDY, workers=workers)
-    with pytest.raises(InvalidInput, match="a cluster has its own workers"):
-        sweep(STUDY, workers=2, cluster="tcp://127.0.0.1:1")
-
-
-@with_group
 def test_killed_with_its_workers_and_called_again(alone: dict[str, bytes], tmp_path: Path) -> None:
     """The kill is real: SIGKILL, once the first runs are in the journal; workers end by it."""
     file, out = tmp_path / "study.yaml", tmp_path / "out"
@@ -131,3 +107,28 @@ def running(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+@with_group
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"workers": 0}, "workers = "),
+        ({"workers": 1.5}, "workers = "),
+        ({"workers": 2, "cluster": "tcp://127.0.0.1:1"}, "a cluster has its own workers"),
+        ({"cluster": "tcp://127.0.0.1:1"}, "'tcp://127.0.0.1:1': no Dask scheduler answers"),
+        ({"cluster": "nonsense://x"}, "cluster = 'nonsense://x'"),
+    ],
+)
+def test_nobody_to_share_with(
+    given: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_studies.sweeps.sharing._TIMEOUT", 0.2)
+    with pytest.raises(InvalidInput, match=said):
+        sweep(STUDY, **given)
+
+
+def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "joblib", None)
+    with pytest.raises(InvalidInput, match="cannot find the module 'joblib'.*arm setup sweep"):
+        sweep(STUDY, workers=2)

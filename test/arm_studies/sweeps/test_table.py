@@ -12,8 +12,7 @@ from pictures import written
 
 from arm_dynamics import InvalidInput
 from arm_studies.sweeps import Sweep, load_study, sweep
-from arm_studies.sweeps.figures import draw, groups
-from arm_studies.sweeps.quantities import unit
+from arm_studies.sweeps.figures import draw
 from arm_studies.sweeps.table import Table
 
 STUDY: dict[str, Any] = {
@@ -34,12 +33,6 @@ def test_printed_it_is_a_summary(done: Sweep) -> None:
     assert f"{done.table!r}".startswith(
         "<Table: 4 runs; columns: run, sample, controller, gravity"
     )
-
-
-def test_runs_are_grouped_by_everything_that_is_no_number(done: Sweep) -> None:
-    found = groups(done.table)
-    assert [mask.tolist() for mask in found.values()] == np.eye(4, dtype=bool).tolist()
-    assert [name.split(", ")[0] for name in found] == ["pd", "pd", "float", "float"]
 
 
 @pytest.mark.group("sweep")
@@ -70,15 +63,6 @@ def test_columns_are_selected_by_name(done: Sweep) -> None:
     allowed = "unknown column 'enrgy'; allowed: .*did you mean 'energy'"
     with pytest.raises(InvalidInput, match=allowed):
         done.table["enrgy"]
-
-
-def test_headings_have_the_units_of_their_quantities() -> None:
-    units = {
-        "joints.*.actuator.efficiency": "", "joints.*.friction.load.at.1": "N m",
-        "initial.position.elbow": "rad", "springs.0.stiffness": "N/m", "payloads.0.com.1": "m",
-        "joints.elbow.friction.viscous.positive": "N m s/rad", "motion.points.0.time": "",
-    }  # fmt: skip
-    assert {key: unit(key) for key in units} == units
 
 
 def drawn(columns: dict[str, Any], varied: dict[str, Any], tmp_path: Path) -> list[Any]:

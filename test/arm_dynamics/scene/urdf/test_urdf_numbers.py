@@ -66,7 +66,7 @@ def assert_read(text: str, expected: str = URDF) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["1_000", "\u0663", "0x10", "infinity", "nan", "1e400", "1,5", ""]
+    "text", ["1_000", "0x10", "infinity", "nan", "1e400", "1,5", "${pi/2}", ""]
 )
 def test_what_other_readers_take_for_no_number_is_refused_by_name(text: str) -> None:
     for found in NUMBERS:
@@ -82,26 +82,6 @@ def test_what_other_readers_take_for_no_number_is_refused_by_name(text: str) -> 
             assert f"{key}={given!r}>: expected " in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "remedy"),
-    [
-        ("{-2*pi}", r"an expression, as of xacro \(\$\{…\}\): write its value"),
-        ("${-pi / 2}", "an expression"),
-        ("$(arg lower)", "an expression"),
-        ("-1,5", "decimals have a point"),
-    ],
-)
-def test_what_is_nearly_a_number_is_refused_with_what_to_do(text: str, remedy: str) -> None:
-    given = changed('lower="-3"', f'lower="{text}"')
-    with pytest.raises(ModelError, match=rf"joint 'shoulder': <limit lower=.*{remedy}"):
-        load_scene(given)
-
-
-def test_names_that_were_not_expanded_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"joint '\$\{side\}_elbow' is not expanded: expand"):
-        load_scene(URDF.replace('"elbow"', '"${side}_elbow"'))
-
-
 def test_numbers_of_many_digits_keep_every_bit() -> None:
     rng = np.random.default_rng(1)
     for mass in np.exp(rng.uniform(-300.0, 300.0, 40)).tolist():
@@ -109,80 +89,25 @@ def test_numbers_of_many_digits_keep_every_bit() -> None:
         assert model.whole.inertias[1].mass == mass
 
 
-DEFAULTS = {
-    "products of inertia": (
-        ('ixy="0.001" ixz="-2e-3" iyy="0.04" iyz="0.003"', 'iyy="0.04"'),
-        ('ixy="0.001" ixz="-2e-3" iyy="0.04" iyz="0.003"', 'ixy="0" ixz="0" iyy="0.04" iyz="0"'),
-        "link 'upper': <inertia> without ixy, ixz, iyz: taken as 0",
-    ),
-    "direction of an axis": (
-        ('<axis xyz="0.479 -0.64 0.6"/>', "<axis/>"),
-        ('<axis xyz="0.479 -0.64 0.6"/>', '<axis xyz="1 0 0"/>'),
-        "joint 'shoulder': <axis> without xyz: taken as the default, 1 0 0",
-    ),
-    "length of an axis": (
-        ('xyz="0.479 -0.64 0.6"', 'xyz="0.958 -1.28 1.2"'),
-        ('xyz="0.479 -0.64 0.6"', 'xyz="0.479 -0.64 0.6"'),  # rounded
-        "joint 'shoulder': <axis> is not of length 1: only its direction counts",
-    ),
-    "great length of an axis": (
-        ('<axis xyz="1 0 0"/>', '<axis xyz="1e200 0 0"/>'),
-        ('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/>'),
-        "joint 'finger': <axis> is not of length 1: only its direction counts",
-    ),
-    "axis": (
-        ('<axis xyz="1 0 0"/>', ""),
-        ('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/>'),
-        "joint 'finger': no <axis>: taken as the default, 1 0 0",
-    ),
-    "effort": (
-        (' effort="80"', ""),
-        ('effort="80"', 'effort="0"'),
-        "joint 'shoulder': <limit> without effort: none is assumed",
-    ),
-    "velocity": (
-        (' velocity="4"', ""),
-        ('velocity="4"', 'velocity="0"'),
-        "joint 'shoulder': <limit> without velocity: none is assumed",
-    ),
-    "losses": (
-        ('<dynamics damping="0.3" friction="0.2"/>', "<dynamics/>"),
-        ('<dynamics damping="0.3" friction="0.2"/>', ""),
-        "joint 'shoulder': <dynamics> without damping and friction: both are taken as 0",
-    ),
-    "name of the robot": (
-        (' name="arm"', ""),
-        (' name="arm"', ' name="robot"'),
-        "the root element: <robot> has no name: 'robot' is used",
-    ),
-    "known names of a joint's elements": (
-        ("<dynamics", "<dynamic"),
-        ('<dynamics damping="0.3" friction="0.2"/>', ""),
-        "joint 'shoulder': <dynamic> has no effect; did you mean <dynamics>?",
-    ),
-    "known version": (
-        (' name="arm"', ' name="arm" version="2.0"'),
-        (' name="arm"', ' name="arm"'),
-        "<robot>: version '2.0' is unknown: read as 1.0",
-    ),
-    "single element": (
-        ('<axis xyz="0.479 -0.64 0.6"/>', '<axis xyz="0.479 -0.64 0.6"/><axis xyz="1 0 0"/>'),
-        ('<axis xyz="0.479 -0.64 0.6"/>', '<axis xyz="0.479 -0.64 0.6"/>'),
-        "joint 'shoulder': more than one <axis>: only the first counts",
-    ),
-}
+TOLD = [  # of what is changed; what it means, test_ways_of_writing.py asserts
+    ('ixy="0.001" ixz="-2e-3" ', "", "link 'upper': <inertia> without ixy, ixz: taken as 0"),
+    ("0.479 -0.64 0.6", "0.958 -1.28 1.2", "joint 'shoulder': <axis> is not of length 1"),
+    ('<axis xyz="1 0 0"/>', "", "joint 'finger': no <axis>: taken as the default, 1 0 0"),
+    (' effort="80"', "", "joint 'shoulder': <limit> without effort: none is assumed"),
+    (' velocity="6"', "", "joint 'elbow': <limit> without velocity: none is assumed"),
+    (' name="arm"', "", "the root element: <robot> has no name: 'robot' is used"),
+    ("<dynamics", "<dynamic", "joint 'shoulder': <dynamic> has no effect; did you mean <dynam"),
+]
 
 
-@pytest.mark.parametrize(("given", "meant", "words"), DEFAULTS.values(), ids=DEFAULTS)
+@pytest.mark.parametrize(("old", "new", "words"), TOLD)
 def test_what_is_missing_is_filled_in_and_told(
-    given: tuple[str, str], meant: tuple[str, str], words: str, caplog: pytest.LogCaptureFixture
+    old: str, new: str, words: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert_read(changed(*given), changed(*meant))
     with caplog.at_level(logging.WARNING):
-        caplog.clear()
-        load_scene(changed(*meant))
+        load_scene(URDF)
         assert not caplog.records
-        load_scene(changed(*given))
+        load_scene(changed(old, new))
     assert f"robot description: {words}" in caplog.text
 
 
@@ -190,13 +115,10 @@ def test_what_many_joints_lack_is_told_once(caplog: pytest.LogCaptureFixture) ->
     with caplog.at_level(logging.WARNING):
         load_scene(re.sub(r' effort="\d+"', "", URDF))
     assert len(caplog.records) == 1
-    assert (
-        "joint 'shoulder': <limit> without effort: none is assumed (and joint 'elbow', joint"
-        in (caplog.text)
-    )
+    assert "without effort: none is assumed (and joint 'elbow', joint" in caplog.text
 
 
-@pytest.mark.parametrize("word", ["inf", "+inf", "INF", "infinity", "1e999"])
+@pytest.mark.parametrize("word", ["+inf", "INFINITY", "1e999"])
 def test_infinite_limits_are_none(word: str) -> None:
     sign = "-" + word.lstrip("+")
     text = changed(
@@ -212,12 +134,9 @@ def test_infinite_limits_are_none(word: str) -> None:
 
 
 @pytest.mark.parametrize("key", ["effort", "velocity"])
-@pytest.mark.parametrize("word", ["-1", "-1.0"])
-def test_limits_of_minus_one_are_none(
-    key: str, word: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_limits_of_minus_one_are_none(key: str, caplog: pytest.LogCaptureFixture) -> None:
     """So some makers write; the scene may give another."""
-    text = re.sub(rf'{key}="(80|4)"', f'{key}="{word}"', URDF, count=1)
+    text = re.sub(rf'{key}="(80|4)"', f'{key}="-1.0"', URDF, count=1)
     with caplog.at_level(logging.WARNING):
         assert getattr(arm(text), f"{key}_limit")[0] == np.inf
     assert f"joint 'shoulder': <limit {key}> is -1: there is none" in caplog.text
@@ -228,29 +147,19 @@ def test_limits_of_minus_one_are_none(
 CROSSED = {
     'lower="2.5" upper="-3"': "lower=2.5 upper=-3",
     'lower="0.5"': "lower=0.5 upper=0",
-    'upper="-0.5"': "lower=0 upper=-0.5",
 }
 
 
 @pytest.mark.parametrize(("given", "words"), CROSSED.items())
 def test_a_lower_limit_above_the_upper_one_is_refused(given: str, words: str) -> None:
+    """Unless the scene gives both, or the joint is locked."""
     text = changed('lower="-3" upper="2.5"', given)
-    with pytest.raises(
-        ModelError, match=rf"^joint 'shoulder': <limit {words}>: lower is above upper; swap them"
-    ):
+    with pytest.raises(ModelError, match=rf"^joint 'shoulder': <limit {words}>: lower is above"):
         load_scene(text)
     half = {"joints": {"shoulder": {"limits": {"lower": -3.0}}}}
-    with pytest.raises(ModelError, match=r"give both in a scene, in 'joints\.shoulder\.limits'"):
+    with pytest.raises(ModelError, match=r"give both in a scene"):
         load_scene({"robot": {"urdf": text}, **half})
-
-
-def test_swapped_limits_can_be_given_by_the_scene() -> None:
-    text = changed('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"')
-    limits = {"lower": -3.0, "upper": 2.5}
-    model = arm({"robot": {"urdf": text}, "joints": {"shoulder": {"limits": limits}}})
+    half["joints"]["shoulder"]["limits"]["upper"] = 2.5
+    model = arm({"robot": {"urdf": text}, **half})
     assert (model.position_lower[0], model.position_upper[0]) == (-3.0, 2.5)
-
-
-def test_swapped_limits_of_a_locked_joint_do_not_matter() -> None:
-    text = changed('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"')
     assert arm({"robot": {"urdf": text, "lock": ["shoulder"]}}).joint_names == ("elbow",)

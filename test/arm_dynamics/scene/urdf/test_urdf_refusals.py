@@ -9,7 +9,6 @@ from arm_dynamics.scene.urdf.description import DEEPEST, read_urdf
 
 GOOD = (models.FOLDER / "planar_3r.urdf").read_text()
 JOINT2 = '<joint name="joint2" type="revolute">'
-MASS2 = '<mass value="2"/>'
 
 
 def changed(old: str, new: str) -> str:
@@ -17,86 +16,44 @@ def changed(old: str, new: str) -> str:
     return GOOD.replace(old, new, 1)
 
 
-# The description, and words that the error must contain.
-BAD: dict[str, tuple[str, tuple[str, ...]]] = {
-    "no links": ("<robot name='x'/>", ("link",)),
-    "type missing": (changed(JOINT2, '<joint name="joint2">'), ("joint2", "type")),
-    "joint without a name": (changed(JOINT2, '<joint type="revolute">'), ("joint", "name")),
-    "unknown child": (
-        changed('<child link="link2"/>', '<child link="hand"/>'),
-        ("joint2", "hand"),
-    ),
-    "no parent": (changed('<parent link="link1"/>', ""), ("joint2", "parent")),
-    "two parents": (
-        changed('<child link="link3"/>', '<child link="link1"/>'),
-        ("joint3", "link1", "already has a parent joint"),
-    ),
-    "inertia negative between the axes": (
-        changed('ixy="0" ixz="0" iyy="0.015"', 'ixy="0.05" ixz="0" iyy="0.015"'),
-        ("link2", "principal moments -0.0", "negative by more than 0.5 of the largest"),
-    ),
-    "friction negative": (
-        changed('friction="0.2"', 'friction="-0.2"'),
-        ("joint2", "friction", "-0.2"),
-    ),
-    "effort negative": (changed('effort="40"', 'effort="-40"'), ("joint2", "effort", "-40")),
-    "mimics a stranger": (
-        changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="thumb"/>'),
-        ("joint2", "thumb"),
-    ),
-    "mimics itself": (
-        changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="joint2"/>'),
-        ("joint2", "mimics 'joint2', which is that joint itself; allowed: joint1, joint3"),
-    ),
-    "mimics by NaN": (
-        changed(
-            '<parent link="link1"/>',
-            '<parent link="link1"/><mimic joint="joint1" multiplier="nan"/>',
-        ),
-        ("joint2", "multiplier", "nan"),
-    ),
-    "mimics nobody": (
-        changed('<parent link="link1"/>', '<parent link="link1"/><mimic multiplier="2"/>'),
-        ("joint2", "mimic"),
-    ),
-    "mimics what does not move": (
-        changed(
-            JOINT2,
-            '<joint name="pin" type="fixed"><parent link="base"/><child link="x"/>'
-            '</joint><link name="x"/>' + JOINT2,
-        ).replace('<parent link="link1"/>', '<parent link="link1"/><mimic joint="pin"/>'),
-        ("joint2", "mimics 'pin', which does not move; allowed: joint1, joint3"),
-    ),
-    "speed negative": (
-        changed('effort="80" velocity="5"', 'effort="80" velocity="-5"'),
-        ("joint1", "limit", "velocity", "-5", "not be negative"),
-    ),
-    "inertia a little negative": (
-        changed('iyy="0.015"', 'iyy="-1.6e-12"'),
-        ("link2", "inertia iyy='-1.6e-12'", "negative"),
-    ),
-    "axis without length": (
-        changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 0.999e-9 0"/>'),
-        ("joint1", "axis '0 0.999e-9 0' has no direction"),
-    ),
-    "three parents in a ring": (
+def following(leader: str) -> str:
+    """The arm whose second joint follows another."""
+    parent = '<parent link="link1"/>'
+    return changed(parent, f'{parent}<mimic joint="{leader}"/>')
+
+
+PIN = (
+    '<link name="x"/><joint name="pin" type="fixed"><parent link="base"/><child link="x"/></joint>'
+)
+BAD = [
+    ("<robot name='x'/>", "link"),
+    (changed('<child link="link2"/>', '<child link="hand"/>'), "joint2.*hand"),
+    (changed('<child link="link3"/>', '<child link="link1"/>'), "link1.*has a parent joint"),
+    (
         changed('<parent link="base"/>', '<parent link="link3"/>'),
-        ("link1, link2, link3 form a loop",),
+        "link1, link2, link3 form a loop",
     ),
-}
+    (
+        changed('ixy="0" ixz="0" iyy="0.015"', 'ixy="0.05" ixz="0" iyy="0.015"'),
+        "link2.*moments -0",
+    ),
+    (changed('iyy="0.015"', 'iyy="-1.6e-12"'), "link2.*inertia iyy='-1.6e-12'"),
+    (changed("0 -1 0", "0 0.999e-9 0"), "joint1.*axis '0 0.999e-9 0' has no direction"),
+    (following("thumb"), "joint2.*thumb"),
+    (following("joint2"), "joint2.*mimics 'joint2', which is that joint itself"),
+    (following("pin").replace(JOINT2, PIN + JOINT2), "joint2.*mimics 'pin', which does not move"),
+    (following("joint3").replace('"link2"/>', '"link2"/><mimic joint="joint2"/>'), "joint[23]"),
+]
 
 
-@pytest.mark.parametrize(("text", "words"), BAD.values(), ids=BAD)
-def test_bad_description(text: str, words: tuple[str, ...]) -> None:
-    with pytest.raises(ModelError) as caught:
+@pytest.mark.parametrize(("text", "words"), BAD)
+def test_bad_description(text: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
         Dynamics(text)
-    missing = [word for word in words if word not in str(caught.value)]
-    assert not missing, f"{missing} not in: {caught.value}"
 
 
 FINE = {
     "equal limits": changed('lower="-3" upper="3"', 'lower="0.5" upper="0.5"'),
-    "limits without a number": changed('lower="-3" upper="3"', ""),
     "no limit of a continuous joint": changed(
         '<limit lower="-3" upper="3" effort="80" velocity="5"/>', ""
     ).replace('"joint1" type="revolute"', '"joint1" type="continuous"'),
@@ -108,22 +65,12 @@ FINE = {
         JOINT2, JOINT2.replace("revolute", "fixed") + '<axis xyz="0 0 0"/>'
     ),
     "rounding of an inertia": changed('iyy="0.015"', 'iyy="-1.4e-12"'),
-    "no mass": changed(MASS2, '<mass value="0"/>'),
-    "no losses": changed('damping="0.4"', 'damping="0"'),
-    "a link of one letter": GOOD.replace("link3", "x"),
 }
 
 
 @pytest.mark.parametrize("text", FINE.values(), ids=FINE)
 def test_what_is_unusual_but_sound_is_read(text: str) -> None:
     assert list(read_urdf(text).joints) == ["joint1", "joint2", "joint3"]
-
-
-def test_mimic_ring() -> None:
-    text = changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="joint3"/>')
-    text = text.replace('<parent link="link2"/>', '<parent link="link2"/><mimic joint="joint2"/>')
-    with pytest.raises(ModelError, match="joint[23]"):
-        Dynamics(text)
 
 
 def chain(joints: int, kind: str = "fixed") -> str:

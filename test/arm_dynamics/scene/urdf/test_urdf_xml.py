@@ -9,14 +9,12 @@ import pytest
 import models
 from arm_dynamics import ArmModel, Dynamics, ModelError, SceneError, load_scene
 from arm_dynamics.scene.load import SceneSource
-from arm_dynamics.scene.urdf.xml import xml_root
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.view.shapes import visuals_of
 from arm_studies.identification.identified_scene import urdf_with
 
 URDF = (models.FOLDER / "planar_3r.urdf").read_text()
 BODY = URDF[URDF.index("<robot") :]
-OPEN = BODY.replace("<robot ", '<robot xmlns="http://a.robot" ', 1)
 
 
 def arm(source: SceneSource) -> ArmModel:
@@ -24,37 +22,23 @@ def arm(source: SceneSource) -> ArmModel:
 
 
 UNUSUAL = {
-    "declaration after a blank line": f'\n\n<?xml version="1.0"?>\n{BODY}',
     "declaration after a comment": f'<!-- by hand -->\n<?xml version="1.0"?>{BODY}',
-    "byte order mark": f'\ufeff<?xml version="1.0"?>{BODY}',
     "byte order mark before a blank line": f'\ufeff\n<?xml version="1.0"?>{BODY}',
     "encoding that the text no longer has": f'<?xml version="1.0" encoding="UTF-16"?>{BODY}',
-    "unbound prefix of an element": BODY.replace("</robot>", '<gz:plugin a="1"/></robot>'),
     "unbound prefix of an attribute": BODY.replace("<link ", '<link gz:colour="red" ', 1),
-    "default namespace": OPEN,
     "dashes in a comment": BODY.replace("<link ", "<!-- ------ links -- ------ --><link ", 1),
-    "dashes at the end of a comment": BODY.replace("<link ", "<!-- links ---><link ", 1),
     "a tag in a comment": BODY.replace("<link ", "<!-- <link name='old'> -- <!-- --><link ", 1),
     "dashes that are no comment": BODY.replace(
         "</robot>", "<note a='-->'>--> <![CDATA[ <!-- -- ]]> <?a <!-- -- ?></note></robot>"
-    ),
-    "bound prefix": BODY.replace("<robot ", '<robot xmlns:gz="http://gz" ', 1).replace(
-        "</robot>", "<gz:world/></robot>"
     ),
 }
 
 
 @pytest.mark.parametrize("text", UNUSUAL.values(), ids=UNUSUAL)
-def test_what_is_around_the_robot_changes_nothing(text: str, tmp_path: Path) -> None:
-    expected = arm(URDF)
-    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
-    for source in (text, tmp_path / "arm.urdf", {"robot": {"urdf": str(tmp_path / "arm.urdf")}}):
-        assert arm(source).whole == expected.whole
-
-
-@pytest.mark.parametrize("text", UNUSUAL.values(), ids=UNUSUAL)
-def test_all_that_reads_descriptions_reads_it(text: str) -> None:
+def test_all_that_reads_descriptions_reads_it(text: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(text.replace("\n", "\r\n"), encoding="utf-8")
     model, expected = arm(text), arm(URDF)
+    assert model.whole == arm(tmp_path / "arm.urdf").whole == expected.whole
     assert len(visuals_of(model)) == len(visuals_of(expected))
     theta = np.concatenate([body.toDynamicParameters() for body in list(model.pin.inertias)[1:]])
     for written in (urdf_with(model, theta), with_hardware(model, "effort", TOPICS, {})):
@@ -96,12 +80,6 @@ def test_utf_16_without_its_mark_is_not_text(tmp_path: Path) -> None:
         load_scene(path)
 
 
-def test_line_ends_and_marks_of_files_do_not_matter(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_bytes(b"\xef\xbb\xbf" + URDF.replace("\n", "\r\n").encode())
-    assert arm(path).whole == arm(URDF).whole
-
-
 def test_comments_leave_errors_where_they_are() -> None:
     text = BODY.replace("</robot>", "<!-- -- \n -- --> <b></robot>")
     line = BODY.count("\n", 0, BODY.index("</robot>")) + 2
@@ -109,7 +87,7 @@ def test_comments_leave_errors_where_they_are() -> None:
         load_scene(text)
 
 
-@pytest.mark.parametrize("part", ["<!-- -- ", "<!--", "<![CDATA[", "<?x "])
+@pytest.mark.parametrize("part", ["<!-- -- ", "<![CDATA["])
 def test_what_never_ends_is_refused(part: str) -> None:
     with pytest.raises(ModelError, match="not well-formed XML"):
         load_scene(BODY.replace("</robot>", part * 30000))
@@ -123,19 +101,11 @@ def test_a_comment_in_a_comment_is_refused() -> None:
         load_scene(text)
 
 
-def test_prefixes_and_namespaces_are_kept() -> None:
-    root = xml_root(OPEN.replace("</robot>", '<gz:plugin gz:a="1"/></robot>'))
-    assert root.attrib["xmlns"] == "http://a.robot"
-    assert root[-1].tag == "gz:plugin"
-    assert root[-1].attrib == {"gz:a": "1"}
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         (BODY[:400], "not well-formed XML: .*line \\d+"),
         ("<mujoco/>", "root element is <mujoco>, not <robot>; this is MJCF"),
-        ("<sdf version='1.9'/>", "root element is <sdf>, not <robot>; this is SDF"),
         (
             BODY.replace("<robot ", '<robot xmlns:x="http://ros.org/xacro" ').replace(
                 "</robot>", "<x:arm/></robot>"

@@ -14,7 +14,7 @@ from arm_dynamics import ArmModel, Dynamics, ModelError
 from models.newton_euler import Robot
 
 NEAR = 1e-12
-WAYS = 80
+WAYS = 40
 ROBOT = """<robot name="arm">
   <link name="base"/>
   <link name="upper"><inertial>
@@ -54,7 +54,6 @@ ROBOT = """<robot name="arm">
     <dynamics damping="1.5" friction="0.4"/>
   </joint>
 </robot>"""
-JOINTS = ("shoulder", "elbow", "slide")
 
 type Way = Callable[[str, np.random.Generator], str]
 
@@ -125,9 +124,8 @@ def in_other_order(text: str, rng: np.random.Generator) -> str:
 
 
 def shuffled(words: str) -> str:
-    return "<" + re.match(r"<(\w+)", words)[1] + " " + " ".join(
-        reversed(re.findall(r'[\w:]+="[^"]*"', words))
-    ) + "/>"  # fmt: skip
+    attributes = reversed(re.findall(r'[\w:]+="[^"]*"', words))
+    return f"<{re.match(r'<(\w+)', words)[1]} {' '.join(attributes)}/>"
 
 
 def as_entity(text: str, rng: np.random.Generator) -> str:
@@ -152,32 +150,21 @@ def repeated(words: str) -> str:
 
 
 SOUND: dict[str, Way] = {
-    "as it is": lambda text, rng: text,
     "blanks around": with_numbers(lambda words, _: f" \t{' '.join(words)}\n"),
-    "other blanks": with_numbers(lambda words, _: f"\u00a0{' '.join(words)}\u2003"),
-    "blanks between": with_numbers(lambda words, _: " \n\t ".join(words)),
     "line feeds by reference": with_numbers(lambda words, _: "&#10;".join(words) + "&#x9;"),
     "digits by reference": with_one(lambda word: "".join(f"&#{ord(c)};" for c in word)),
     "an entity": as_entity,
     "single quotes": with_element(r"\w+", lambda words: words.replace('"', "'")),
     "attributes in another order": with_element(r"\w+", shuffled),
-    "blanks in tags": with_element(
-        r"\w+", lambda w: w.replace("=", " =\n ").replace("/>", "  />")
-    ),
     "open and closed": with_element(r"\w+", lambda w: re.sub(r"<(\w+)(.*)/>", r"<\1\2></\1>", w)),
     "another order": in_other_order,
     "one ulp more": with_one(ulp),
     "exponents": with_one(lambda word: f"{float(word):.16E}"),
-    "exponents of tens": with_one(lambda word: f"{word}e+00"),
     "a plus": with_one(lambda word: word if word.startswith("-") else f"+{word}"),
     "zeros in front": with_one(lambda word: re.sub(r"^(-?)", r"\g<1>00", word)),
-    "no zero in front": with_one(lambda word: re.sub(r"^(-?)0\.", r"\1.", word)),
-    "a point behind": with_one(lambda word: word if "." in word else f"{word}."),
     "many digits": with_one(lambda word: f"{word}{'' if '.' in word else '.'}{'0' * 40}1"),
     "minus zero": with_one(lambda word: "-0.0" if float(word) == 0.0 else word),
     "comments": with_top("<!-- <link name='upper'/> -->"),
-    "text": with_top("text <![CDATA[ <joint/> ]]> text".replace("<joint/>", "joint")),
-    "instructions": with_top("<?editor fold?>"),
     "transmissions": with_top(
         "<transmission name='t'><joint name='elbow'><mass value='7'/></joint></transmission>"
     ),
@@ -187,7 +174,6 @@ SOUND: dict[str, Way] = {
         r"\w+", lambda words: words.replace("/>", " colour='1 x'/>")
     ),
     "default namespace": lambda text, _: text.replace("<robot ", "<robot xmlns='http://r' ", 1),
-    "version": lambda text, _: text.replace("<robot ", "<robot version='1.0' ", 1),
     "unknown version": lambda text, _: text.replace("<robot ", "<robot version='7' ", 1),
     "no name": lambda text, _: text.replace(" name='arm'", "").replace(' name="arm"', ""),
     "a late declaration": lambda text, _: f'\n <!-- by hand -->\n<?xml version="1.0"?>{text}',
@@ -196,21 +182,15 @@ SOUND: dict[str, Way] = {
     "no products of inertia": with_element(
         "inertia", lambda words: re.sub(r' i(xy|xz|yz)="[^"]*"', "", words)
     ),
-    "one product missing": without("ixy", "inertia"),
     "no axis": with_element("axis", lambda words: ""),
-    "an empty axis": with_element("axis", lambda words: "<axis/>"),
     "a long axis": with_element(
         "axis", lambda words: words.replace(' xyz="', ' xyz="0').replace('"/>', 'e2"/>')
     ),  # fmt: skip
     "no origin": with_element("origin", lambda words: ""),
     "no rpy": without("rpy", "origin"),
-    "no xyz": without("xyz", "origin"),
     "no losses": with_element("dynamics", lambda words: ""),
-    "empty losses": with_element("dynamics", lambda words: "<dynamics/>"),
     "no damping": without("damping", "dynamics"),
-    "no friction": without("friction", "dynamics"),
     "no effort": without("effort", "limit"),
-    "no velocity": without("velocity", "limit"),
     "no inertial": lambda text, rng: re.sub(
         r"<inertial>.*?</inertial>", "", text, count=int(rng.integers(1, 5)), flags=re.DOTALL
     ),
@@ -228,12 +208,9 @@ REFUSED: dict[str, Way] = {
     "hexadecimal": with_one(lambda word: "0x10"),
     "other digits": with_one(lambda word: "\u0663"),
     "a comma": with_one(lambda word: f"{word},5"),
-    "a unit": with_one(lambda word: f"{word}m"),
     "an expression": with_one(lambda word: "${pi/2}"),
-    "nan": with_one(lambda word: "nan"),
     "a minus apart": with_one(lambda word: f"- {word.lstrip('-')}"),
     "nothing": with_numbers(lambda words, _: " "),
-    "one too many": with_numbers(lambda words, _: " ".join([*words, "0"])),
     "one too few": with_numbers(lambda words, _: " ".join(words[1:])),
     "a huge mass": with_element("mass", lambda words: "<mass value='1e999'/>"),
     "an infinite place": with_element("origin", lambda words: "<origin xyz='0 inf 0'/>"),
@@ -242,8 +219,6 @@ REFUSED: dict[str, Way] = {
         lambda words: re.sub(r'( \w+="[^"]*")', r"\1\1", words, count=1),
     ),
     "no mass": with_element("mass", lambda words: ""),
-    "an empty mass": with_element("mass", lambda words: "<mass/>"),
-    "no tensor": with_element("inertia", lambda words: ""),
     "no moment": without("iyy", "inertia"),
     "a negative mass": with_element("mass", lambda words: words.replace('="', '="-')),
     "a negative moment": with_element("inertia", lambda words: words.replace('izz="', 'izz="-')),
@@ -253,11 +228,9 @@ REFUSED: dict[str, Way] = {
     "an axis of zero": with_element("axis", lambda words: "<axis xyz='0 0 0'/>"),
     "a quaternion": with_element("origin", lambda words: "<origin quat_xyzw='0 0 0 1'/>"),
     "two links of one name": with_top("<link name='upper'/>"),
-    "two joints of one name": lambda text, _: text.replace('name="elbow"', 'name="shoulder"'),
     "a nameless link": with_top("<link/>"),
     "another root": with_top("<link name='floor'/>"),
     "an unknown parent": lambda text, _: text.replace('parent link="fore"', 'parent link="four"'),
-    "a ball joint": lambda text, _: text.replace('"continuous"', '"ball"'),
     "a floating joint": lambda text, _: text.replace('"continuous"', '"floating"'),
     "an unknown entity": with_numbers(lambda words, _: "&nowhere;"),
     "unclosed": lambda text, _: text.removesuffix("</robot>"),
@@ -302,13 +275,13 @@ def assert_limits(model: ArmModel, robot: Robot) -> None:
 
 @pytest.mark.parametrize("way", SOUND.values(), ids=SOUND)
 def test_each_sound_way_is_read(way: Way, rng: np.random.Generator) -> None:
-    for _ in range(3):
+    for _ in range(2):
         assert_as_written(way(ROBOT, rng), rng)
 
 
 @pytest.mark.parametrize("way", REFUSED.values(), ids=REFUSED)
 def test_each_other_way_is_refused_by_name(way: Way, rng: np.random.Generator) -> None:
-    for _ in range(3):
+    for _ in range(2):
         text = way(ROBOT, rng)
         assert text != ROBOT
         with pytest.raises(ModelError, match=NAMES):

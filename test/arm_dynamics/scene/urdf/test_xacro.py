@@ -83,10 +83,8 @@ def test_arguments_that_it_has_not_are_refused(source: Path) -> None:
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "both": ({"urdf": "a.urdf", "xacro": "a.xacro"}, "'urdf' or 'xacro' is expected, not both"),
-    "neither": ({"arguments": {"side": "left"}}, "'robot.urdf' is missing"),
     "arguments of a URDF": ({"urdf": URDF, "arguments": {"a": 1}}, "give the file as 'robot.xac"),
     "no value": ({"xacro": "a", "arguments": {"a": [1]}}, "robot.arguments.a' = .1.: text, a num"),
-    "no file": ({"xacro": "none.xacro"}, "no file 'none.xacro'"),
     "text": ({"xacro": URDF}, "is neither URDF text nor the name of a file"),
 }
 

@@ -142,8 +142,5 @@ def test_the_topic_with_positions_is_read_although_commands_are_more(path: Path)
     check(loaded(path, [*commands, *states]), {"a": slice(None)})
     assert len(loaded(path, [*commands, *wanted, *states])) == len(states)
     assert notes(loaded(path, commands)) == ["the messages on /joint_commands have no positions"]
-
-
-def test_messages_without_names_are_refused(path: Path) -> None:
     with pytest.raises(InvalidInput, match="the joint states name no joints"):
         loaded(path, [Message("", k) for k in range(3)])

@@ -57,7 +57,7 @@ def test_wherever_it_is_cut_off_it_opens_with_all_that_was_whole(tmp_path: Path)
     header, topics, attached, facts, messages = content(tmp_path / "whole.mcap")
     cut, out, counts = tmp_path / "cut.mcap", tmp_path / "out.mcap", set()
     first = raw.index(b"zstd", raw.index(b"zstd") + 1)  # the first chunk introduces the topics
-    for size in np.linspace(first, len(raw) - 1, 10).astype(int).tolist():
+    for size in np.linspace(first, len(raw) - 1, 6).astype(int).tolist():
         cut.write_bytes(raw[:size])
         done = CliRunner().invoke(main, ["record", "--repair", str(cut), "--out", str(out)])
         assert done.exit_code == 0, done.output
@@ -74,7 +74,7 @@ def test_wherever_it_is_cut_off_it_opens_with_all_that_was_whole(tmp_path: Path)
             assert [e.text for e in mended.events] == [e.text for e in before.events]
         counts.add(len(mine[4]))
         out.unlink()
-    assert len(counts) >= 4, "chunks are kept one by one"
+    assert len(counts) >= 3, "chunks are kept one by one"
 
 
 def of_others(path: Path, **options: Any) -> None:
@@ -96,8 +96,9 @@ def of_others(path: Path, **options: Any) -> None:
         writer.finish()
 
 
-@pytest.mark.parametrize("chunking", [True, False])
-@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.NONE])
+@pytest.mark.parametrize(
+    ("chunking", "compression"), [(True, CompressionType.LZ4), (False, CompressionType.NONE)]
+)
 def test_files_of_others_are_copied_whole(
     chunking: bool, compression: CompressionType, tmp_path: Path
 ) -> None:

@@ -133,14 +133,14 @@ def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
     assert notes(run) == ["columns that are not used: without a name, effort.hip [kp cm], state"]
 
 
-@pytest.mark.parametrize("size", range(1, len(ROWS[-1]) + 1))
-def test_a_last_line_that_is_cut_off_is_left_out(size: int, tmp_path: Path) -> None:
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path) -> None:
     """Wherever the writer was stopped; only a lost line end is not an incomplete line."""
-    kept = 5 if size == 1 else 4
-    run = loaded(tmp_path, PLAIN[:-size])
-    np.testing.assert_array_equal(run.q[:, 0], Q[:kept])
-    assert notes(run) == ([] if size == 1 else ["row 6 is cut off and left out"])
-    assert len(loaded(tmp_path, PLAIN.encode("utf-16")[: -2 * size - 1])) in (4, 5)
+    for size in range(1, len(ROWS[-1]) + 1):
+        kept = 5 if size == 1 else 4
+        run = loaded(tmp_path, PLAIN[:-size])
+        np.testing.assert_array_equal(run.q[:, 0], Q[:kept])
+        assert notes(run) == ([] if size == 1 else ["row 6 is cut off and left out"])
+        assert len(loaded(tmp_path, PLAIN.encode("utf-16")[: -2 * size - 1])) in (4, 5)
 
 
 # --- of ROS -------------------------------------------------------------------------------------
@@ -167,16 +167,6 @@ def test_what_ros2_topic_echo_prints(tmp_path: Path) -> None:
     assert np.isnan(run.v).all()
     assert notes(loaded(tmp_path, echoed()[:-9])) == ["row 5 is cut off and left out"]
 
-
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ({"v": "0.5"}, "row 1, column '10' = '0.5': a table without a header, unless"),
-        ({"ns": "0.5"}, "row 1, column '1' = '1760000000': a table without a header"),
-    ],
-)
-def test_what_it_prints_otherwise_is_refused(
-    more: dict[str, str], said: str, tmp_path: Path
-) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        loaded(tmp_path, echoed(**more))
+    for more, column in (({"v": "0.5"}, "10"), ({"ns": "0.5"}, "1")):
+        with pytest.raises(InvalidInput, match=f"row 1, column '{column}' = .*without a header"):
+            loaded(tmp_path, echoed(**more))

@@ -41,12 +41,6 @@ def test_the_barrier_has_the_derivatives_that_differences_have():
         np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-4, atol=1e-3)
 
 
-def test_density_is_a_distance_of_its_own():
-    rows = bodies.prior_factor(BALL, 0.1, 0.001)
-    prior = rows.T @ rows
-    assert 0.1 * BALL @ prior @ (0.1 * BALL) == pytest.approx(1.0)
-
-
 def test_a_plate_of_less_density_is_believed_to_be_a_body():
     """One that a description has too thin, too: it has no direction to shrink in."""
     plate = bodies.inertial_parameters(np.diag([0.01, 0.01, 1e-7, 2.0]))
@@ -70,7 +64,7 @@ def test_the_best_possible_body_is_found():
     assert bodies.consistent(found) and weights.all()
 
 
-@pytest.mark.parametrize(("scene", "count"), [("panda", 43), ("ur10", 36), ("puma560", 36)])
+@pytest.mark.parametrize(("scene", "count"), [("panda", 43), ("ur10", 36)])
 def test_as_many_base_parameters_as_are_known_for_these_arms(scene, count):
     """Gaz and others 2019 (Panda, without the base), Gautier and Khalil 1990 (six joints)."""
     regressor = RigidRegressor(ArmModel(load_scene(scene)))

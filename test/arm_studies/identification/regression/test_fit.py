@@ -11,7 +11,7 @@ from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.bodies import consistent
 from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.fit import fitted
-from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit, Shape
+from arm_studies.identification.regression.friction import VISCOUS, JointFit
 from arm_studies.identification.regression.irregularities import without_outliers
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
@@ -26,25 +26,6 @@ def moved(duration):
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
     v = np.column_stack([2.1 * np.cos(2.1 * t), -0.91 * np.sin(1.3 * t)])
     return RigidRegressor(MODEL), t, q, v, -q * [2.1**2, 1.3**2]
-
-
-@pytest.mark.parametrize(("growth", "kept"), [(0.2, True), (0.4, False)])
-def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth, kept):
-    regressor, t, q, v, a = moved(20.0)
-    tau = without = regressor(q, v, a) @ regressor.nominal
-    for _ in range(60):  # the friction is part of the load
-        tau = without + 0.1 * v + (0.3 + growth * abs(tau) * [1.0, 0.0]) * np.sign(v)
-    record = JointRecord.of(MODEL.joint_names, t, q, tau, v, a)
-    rows = Rows(Samples(regressor, [prepare(record, np.inf)]))
-    plain, grown = JointFit((VISCOUS, COULOMB)), Shape(None, 0.9, float(abs(tau[:, 0]).max()))
-    found = fitted(
-        Problem(rows, rows.samples.use, Prior.near(regressor.nominal, 0.01, 0.01)),
-        [JointFit(plain.kinds, grown), plain],
-    )  # fmt: skip
-    own = found.friction[0]
-    assert (own.shape.load is not None) == kept
-    assert own.refused == pytest.approx(0.0 if kept else growth, rel=0.1)
-    assert found.friction[1].refused == 0.0
 
 
 @pytest.mark.parametrize(("factor", "changed"), [(1.0, False), (-1.0, True)])

@@ -37,44 +37,27 @@ def recorded(scene: str, heavier: float, change, moving=None):
     return Problem(rows, rows.samples.use, Prior.near(regressor.nominal, 0.12, 0.2))
 
 
-def matched(scene: str, heavier: float, change, moving=None):
-    return mismatched(recorded(scene, heavier, change, moving))
-
-
-def swapped(tau):
-    return tau[:, [0, 2, 1, *range(3, tau.shape[1])]]
-
-
 BODIES = list(product(["two_link", "panda"], [0.3, 1.0, 5.0]))
 
 
 @pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
 def test_bodies_may_be_far_from_nominal(scene, heavier):
-    assert matched(scene, heavier, lambda tau: tau) == []
+    right = recorded(scene, heavier, lambda tau: tau)
+    assert mismatched(right) == delayed(right) == []
     signs = np.ones(ArmModel(load_scene(scene)).n)
     signs[1] = -1.0
-    assert matched(scene, heavier, lambda tau: tau * signs) == [Match(1, 1, -1)]
+    assert mismatched(recorded(scene, heavier, lambda tau: tau * signs)) == [Match(1, 1, -1)]
 
 
-def test_columns_of_two_joints_that_are_swapped():
-    assert matched("panda", 1.5, swapped) == [Match(1, 2, 1), Match(2, 1, 1)]
+def noisy(tau):
+    return tau + 0.4 * tau.std(axis=0) * np.random.default_rng(7).normal(size=tau.shape)
 
 
-def test_units_do_not_matter():
-    assert matched("two_link", 1.0, lambda tau: 1e-3 * tau) == []
-    assert matched("two_link", 1.0, lambda tau: -40.0 * tau) == [Match(0, 0, -1), Match(1, 1, -1)]
-
-
-def test_nothing_is_said_of_a_joint_that_does_not_move():
-    assert matched("two_link", 1.0, lambda tau: tau, moving=[1.0, 0.0]) == []
-
-
-def test_efforts_with_noise_are_not_taken_for_those_of_another_joint():
-    def noisy(tau):
-        noise = np.random.default_rng(7).normal(size=tau.shape)
-        return tau + 0.4 * tau.std(axis=0) * noise
-
-    assert matched("two_link", 1.0, noisy) == []
+@pytest.mark.parametrize(("change", "moving"), [
+    (lambda tau: 1e-3 * tau, [1, 1]), (lambda tau: tau, [1, 0]), (noisy, [1, 1]),
+])  # fmt: skip
+def test_units_rest_and_noise_are_no_mismatch(change, moving):
+    assert mismatched(recorded("two_link", 1.0, change, moving)) == []
 
 
 def late(by: int, joint: int = 1):
@@ -89,7 +72,7 @@ def late(by: int, joint: int = 1):
 
 
 @pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
-@pytest.mark.parametrize("by", [-12, 7, 40])
+@pytest.mark.parametrize("by", [-12, 40])
 def test_delays_whatever_the_bodies(scene, heavier, by):
     (found,) = delayed(recorded(scene, heavier, late(by)))
     assert found.joint == 1
@@ -97,12 +80,7 @@ def test_delays_whatever_the_bodies(scene, heavier, by):
     assert found.after == pytest.approx(0.05, abs=0.02)  # the noise
 
 
-@pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
-def test_no_delay_is_told_where_there_is_none(scene, heavier):
-    assert delayed(recorded(scene, heavier, lambda tau: tau)) == []
-
-
-@pytest.mark.parametrize("factor", [1e-3, 0.4, 3.0, 1e3])
+@pytest.mark.parametrize("factor", [1e-3, 3.0])
 def test_scales_whose_interval_has_the_truth(factor):
     problem = recorded("panda", 1.0, lambda tau: tau * [1, factor, 1, 1, 1, 1, 1])
     (found,) = scaled(problem)

@@ -13,7 +13,6 @@ from arm_studies.identification.regression.friction import (
     JointFit,
     Shape,
 )
-from arm_studies.identification.regression.irregularities import sticking
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
@@ -94,13 +93,6 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
         left = np.linalg.norm(cleared.inertia[use, j]) / np.linalg.norm(rows.inertia[use, j])
         assert 0.5 < left < 0.99
     np.testing.assert_array_equal(cleared.plain.effort, rows.effort)
-
-
-def test_joints_that_rest_or_reverse_most_of_the_time_are_noted():
-    t = np.arange(0.0, 12.0, 1e-3)
-    q = np.column_stack([np.sin(2.1 * t), 0.01 * np.sin(25.0 * t)])
-    (told,) = sticking(rows_of(t, q).samples)
-    assert told.startswith("'elbow': it may stick in ")
 
 
 def test_rows_of_a_joint_that_mostly_sticks_are_not_used():

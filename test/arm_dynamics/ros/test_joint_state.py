@@ -1,46 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointState as bytes, against the generated serializer and deserializer."""
+"""JointState as bytes, against the generated serializer and deserializer; sent and taken in C."""
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from byte_order import sent
+from harness import Ros
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from readers import PlainReader, said
 from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader
+from arm_dynamics.ros.common.polled_subscription import PolledSubscription
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
+from arm_dynamics.ros.joint_state import (
+    NONE,
+    Clip,
+    Expected,
+    JointStateReader,
+    JointStateSink,
+    Read,
+)
 from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
     JointStateWriter,
-    Layout,
-    layout_of,
-    parsed,
 )
 
 pytestmark = pytest.mark.ros
 
 NAMES = ["base", "elbow", "wrist_é"]
 Readers = Callable[..., JointStateReader]
-
-
-def random_message(rng: np.random.Generator) -> JointState:
-    """Names and frames of any length, arrays that may be absent."""
-    count = int(rng.integers(0, 7))
-    names = ["".join(rng.choice(list("abcé"), rng.integers(0, 9))) + str(i) for i in range(count)]
-    message = JointState(name=names)
-    message.header.frame_id = "x" * int(rng.integers(0, 9))
-    message.header.stamp.sec = int(rng.integers(-(2**31), 2**31))
-    message.header.stamp.nanosec = int(rng.integers(0, 10**9))
-    for field in FIELDS:
-        if rng.random() < 0.7:
-            setattr(message, field, rng.normal(size=rng.choice([count, count, 3])).tolist())
-    return message
 
 
 def state(**fields: list[float]) -> JointState:
@@ -58,70 +53,34 @@ def reader() -> Readers:
     return make
 
 
-def layout(message: JointState) -> Layout:
-    lengths = [len(getattr(message, field)) for field in FIELDS]
-    return layout_of(message.header.frame_id, message.name, lengths)
-
-
-def has(layout: Layout, raw: bytes) -> bool:
-    """Whether a message has a layout."""
-    pairs = zip(raw, layout.fixed, layout.expected, strict=False)
-    here = all(byte & fixed == expected for byte, fixed, expected in pairs)
-    return len(raw) >= len(layout.fixed) and here
-
-
-def numbers(layout: Layout, raw: bytes, message: JointState) -> list[bytes]:
-    """Position, velocity and effort where the layout of ``message`` says."""
-    lengths = [8 * len(getattr(message, field)) for field in FIELDS]
-    return [raw[at : at + size] for at, size in zip(layout.places, lengths, strict=True)]
-
-
-def in_message(message: JointState) -> list[bytes]:
-    return [getattr(message, field).tobytes() for field in FIELDS]
-
-
-def test_layout_is_that_of_the_generated_serializer(rng: np.random.Generator) -> None:
-    for _ in range(300):
-        message = random_message(rng)
-        raw, found = serialize_message(message), layout(message)
-        assert has(found, raw)
-        assert numbers(found, raw, message) == in_message(message)
-
-
-def test_layout_notices_every_byte_that_matters() -> None:
-    message = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
-    raw, found = bytearray(serialize_message(message)), layout(message)
-    for at in range(len(found.fixed)):
+def test_a_message_with_any_byte_changed_is_read_as_the_generated_deserializer_reads_it() -> None:
+    expected = Expected(NAMES, ("position", "velocity"))
+    raw = serialize_message(state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0]))
+    python, compiled = PlainReader(expected), JointStateReader(expected)
+    for at in range(len(raw)):
         changed = bytearray(raw)
         changed[at] ^= 0xFF
-        if not has(found, changed):
-            continue
-        try:
-            other = deserialize_message(bytes(changed), JointState)
-        except Exception:
-            pytest.fail(f"byte {at} makes it unreadable, and was not noticed")
-        assert other.name == message.name
-        assert numbers(found, bytes(changed), message) == in_message(other)
+        assert said(compiled, bytes(changed)) == said(python, bytes(changed)), f"byte {at}"
+        assert said(compiled, raw) == said(python, raw)  # of a layout that is known
 
 
-def test_written_bytes_are_those_of_the_generated_serializer(rng: np.random.Generator) -> None:
-    """Byte by byte, but for the padding, in which a serializer leaves what was there before."""
+def test_what_is_written_is_read_by_the_generated_deserializer(rng: np.random.Generator) -> None:
+    """Names and frames of any length, some of the fields."""
     for _ in range(200):
-        message = random_message(rng)
-        length = len(message.name)
-        fields = [field for field in FIELDS if len(getattr(message, field)) == length]
-        for field in set(FIELDS) - set(fields):
-            setattr(message, field, [])
-        raw = serialize_message(message)
-        found = layout(message)
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        arrays = [np.array(getattr(message, field)) for field in fields]
-        writer = JointStateWriter(message.name, fields, message.header.frame_id)
-        written = writer.write(stamp, *arrays)
-        assert len(written) == len(found.fixed)
-        assert has(found, written)
-        assert written[4:12] == raw[4:12]
-        assert numbers(found, written, message) == numbers(found, raw, message)
+        count = int(rng.integers(0, 7))
+        names = [
+            "".join(rng.choice(list("abcé"), rng.integers(0, 9))) + str(i) for i in range(count)
+        ]
+        fields = [field for field in FIELDS if rng.random() < 0.7]
+        arrays = rng.normal(size=(len(fields), count))
+        message = JointState(name=names, **dict(zip(fields, arrays.tolist(), strict=True)))
+        message.header.frame_id = "x" * int(rng.integers(0, 9))
+        stamp = int(rng.integers(-(2**60), 2**60))
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        written = bytes(
+            JointStateWriter(names, fields, message.header.frame_id).write(stamp, *arrays)
+        )
+        assert deserialize_message(written, JointState) == message
 
 
 def test_messages_written_earlier_do_not_change() -> None:
@@ -147,23 +106,6 @@ def test_reads_the_other_byte_order(reader: Readers) -> None:
     np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
 
-def test_c_knows_what_came_once_of_several_publishers_in_any_order_of_joints(
-    reader: Readers, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    read, long_ways = reader(extra=True), list[bytes]()
-    monkeypatch.setattr(reading, "parsed", lambda raw: long_ways.append(raw) or parsed(raw))
-    orders = [NAMES, NAMES[::-1], [NAMES[1], NAMES[2], NAMES[0]], ["hand", *NAMES]]
-    for k in range(5):
-        for names in orders:
-            position = [float(k + len(name)) for name in names]
-            velocity = [-x for x in position]
-            message = JointState(name=names, position=position, velocity=velocity)
-            wanted = tuple(float(k + len(name)) for name in NAMES)
-            values = read.read(serialize_message(message))[1]
-            assert values == [wanted, tuple(-x for x in wanted)]
-    assert len(long_ways) == len(orders)
-
-
 def test_publishers_of_some_joints_in_turn_are_read_alike_by_both() -> None:
     clip = Clip([2.0] * 3, lambda numbers: tuple(min(x, 2.0) for x in numbers))
     expected = Expected(NAMES, ("position",), partial=True, extra=True)
@@ -185,23 +127,13 @@ def test_extra_joints_are_passed_over_when_allowed(reader: Readers) -> None:
         reader().read(raw)
 
 
-def test_beside_extra_joints_the_number_that_is_not_finite_is_named() -> None:
-    arm = models.dynamics("gripper").model.joint_names
-    message = JointState(name=[*arm, "lamp"], position=[0.0] * (len(arm) + 1))
-    message.velocity = [np.nan, *[0.0] * len(arm)]
-    reader = JointStateReader(Expected(arm, ("position", "velocity"), extra=True))
-    with pytest.raises(InvalidInput, match=f"velocity of joint '{arm[0]}' is nan"):
-        reader.read(serialize_message(message))
-
-
 ORDER = ("effort", "position", "velocity")
 FOLLOWERS = {
-    "agreeing": ({"position": [0.03, -0.011, 0.2]}, ""),
     "within rounding": ({"position": [0.03, -0.0115, 0.2]}, ""),
+    "without a number": ({"position": [0.03, float("nan"), 0.2]}, ""),
     "of all fields": (
         {"position": [0.03, -0.011, 0.2], "velocity": [0.1, -0.07, 0], "effort": [5.0, 0, 1]}, ""
     ),
-    "without a number": ({"position": [0.03, float("nan"), 0.2]}, ""),
     "contradicting": ({"position": [0.03, 0.03, 0.2]}, "right_slide is 0.03, but right_slide f"),
     "in velocity": ({"velocity": [0.1, 0.1, 0.0]}, "velocity: right_slide is 0.1, but"),
     "with an effort": ({"effort": [5.0, 5.0, 1.0]}, "follows left_slide, so 0 is expected"),
@@ -230,14 +162,6 @@ def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: 
             np.testing.assert_array_equal(row, [given[2], given[0]])
 
 
-def test_a_mimic_joint_alone_is_told_to_follow() -> None:
-    arm = models.dynamics("gripper").model.joint_names
-    reader = JointStateReader(Expected(arm, ("effort",), partial=True))
-    raw = serialize_message(JointState(name=["swing", "right_slide"], effort=[1.0, 0.0]))
-    with pytest.raises(InvalidInput, match="^right_slide follows left_slide; command that one$"):
-        reader.read(raw)
-
-
 def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:
     read = reader(partial=True)
     whole = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
@@ -254,7 +178,6 @@ def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:
     ("message", "complaint"),
     [
         (state(position=[1.0, 2.0, 3.0]), "velocity has 0 numbers for 3 joints"),
-        (state(position=[1.0], velocity=[1.0]), "position has 1 numbers for 3 joints"),
         (
             state(position=[1.0, np.nan, 3.0], velocity=[0.0] * 3),
             "position of joint 'elbow' is nan; allowed: finite numbers",
@@ -271,25 +194,23 @@ def test_useless_messages_are_refused(
         reader().read(serialize_message(message))
 
 
-@pytest.mark.parametrize(
-    "bits",
-    [
-        0x7FF0000000000000, 0xFFF0000000000000,  # infinities
-        0x7FF8000000000000, 0xFFF8000000000000, 0x7FF0000000000001, 0x7FFFFFFFFFFFFFFF,  # NaNs
-    ],
-    ids=hex,
-)  # fmt: skip
+INFINITIES = 0x7FF0000000000000, 0xFFF0000000000000
+NANS = 0x7FF8000000000000, 0xFFF8000000000000, 0x7FF0000000000001, 0x7FFFFFFFFFFFFFFF
+
+
 @pytest.mark.parametrize("place", range(6))
 def test_no_number_that_is_not_finite_gets_past_a_layout_that_is_known(
-    bits: int, place: int, reader: Readers
+    place: int, reader: Readers
 ) -> None:
     read, good = reader(), np.arange(6.0)
     for _ in range(3):  # C knows what came twice
         read.read(serialize_message(state(position=good[:3].tolist(), velocity=good[3:].tolist())))
-    bad = good.copy()
-    bad.view(np.uint64)[place] = bits
-    with pytest.raises(InvalidInput, match="allowed: finite numbers"):
-        read.read(serialize_message(state(position=bad[:3].tolist(), velocity=bad[3:].tolist())))
+    for bits in INFINITIES + NANS:
+        bad = good.copy()
+        bad.view(np.uint64)[place] = bits
+        message = state(position=bad[:3].tolist(), velocity=bad[3:].tolist())
+        with pytest.raises(InvalidInput, match="allowed: finite numbers"):
+            read.read(serialize_message(message))
 
 
 def test_refused_numbers_are_not_kept(reader: Readers) -> None:
@@ -298,13 +219,6 @@ def test_refused_numbers_are_not_kept(reader: Readers) -> None:
         read.read(serialize_message(state(position=[np.nan] * 3, velocity=[5.0] * 3)))
     part = JointState(name=NAMES[:1], position=[1.0], velocity=[1.0])
     np.testing.assert_array_equal(read.read(serialize_message(part))[1], [[1, 0, 0], [1, 0, 0]])
-
-
-def test_rubbish_is_refused(rng: np.random.Generator, reader: Readers) -> None:
-    good = serialize_message(state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0]))
-    for length in (0, 1, 3, 4, 11, 30, 60):
-        with pytest.raises(InvalidInput, match="are not a JointState"):
-            reader().read(good[:length])
 
 
 def test_numbers_beyond_their_limit_are_replaced(reader: Readers) -> None:
@@ -329,3 +243,100 @@ def test_who_speaks_is_told_of_every_message(reader: Readers) -> None:
         read.read(serialize_message(message))
     whole = frozenset({0, 1, 2})
     assert told == [("a", whole), ("b", whole), ("a", whole), ("a", whole - {0}), ("a", whole)]
+
+
+JOINTS = NAMES[:2]
+PATIENCE = 60.0  # [s]
+
+
+class Source:
+    """Messages of a topic, received in C."""
+
+    def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
+        self._newest, self._reader = PolledSubscription(node, topic), reader
+        reader.open(self._newest.pointer)
+
+    def take(self) -> tuple[int, Read] | None:
+        """Arrival and content of the next message, if there is one."""
+        if self._reader.take() == NONE:
+            return None
+        return self._reader.arrival, self._reader.read(self._reader.raw)
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._reader.close()
+        self._newest.close()
+
+
+def next_of(source: Source) -> tuple[int, Read]:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        if (taken := source.take()) is not None:
+            return taken
+        time.sleep(0.001)
+    pytest.fail("no message came")
+
+
+def matched(node: Node, topic: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not (node.count_subscribers(topic) and node.count_publishers(topic)):
+        assert time.monotonic() < end, "the two ends did not find each other"
+        time.sleep(0.01)
+    time.sleep(0.2)
+
+
+def test_what_is_published_arrives(ros: Ros) -> None:
+    node = ros.add(Node, "both")
+    arrays = [np.zeros(2) for _ in range(3)]
+    writer = JointStateWriter(JOINTS, frame_id="here")
+    sink = JointStateSink(node, JOINT_STATES, writer, arrays)
+    reader = JointStateReader(Expected(JOINTS, ("position", "effort")))
+    source, bytes_of = Source(node, JOINT_STATES, reader), PolledSubscription(node, JOINT_STATES)
+    matched(node, JOINT_STATES.name)
+    assert source.take() is None
+    for stamp in (0, 999_999_999, 12_345_678_901_234, -1):
+        for k, array in enumerate(arrays):
+            array[:] = [stamp + k, 1e-3 * k]
+        before = time.time_ns()
+        sink.send(stamp)
+        arrival, (at, values) = next_of(source)
+        assert at == stamp
+        assert before - 1_000_000 <= arrival <= time.time_ns()
+        assert values == [tuple(arrays[0]), tuple(arrays[2])]
+        raw = None
+        while raw is None:
+            raw = bytes_of.take()
+        message = deserialize_message(raw[0], JointState)
+        assert (message.header.frame_id, message.name) == ("here", JOINTS)
+        assert bytes(raw[0]) == writer.write(stamp, *arrays)
+    assert source.take() is None
+    assert reader.places[0]
+    source.close()
+    assert not reader.places[0]  # what it has given back
+    bytes_of.close()
+
+
+def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> None:
+    node = ros.add(Node, "both")
+    publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
+    reader = JointStateReader(Expected(JOINTS, ("effort",)))
+    source = Source(node, JOINT_COMMANDS, reader)
+    matched(node, JOINT_COMMANDS.name)
+    for _ in range(2):
+        publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
+        assert next_of(source)[1][1] == [(1.0, 2.0)]
+        for effort, complaint in (([1.0, np.nan], "'elbow' is nan"), ([1.0], "1 numbers for 2")):
+            publisher.publish(JointState(name=JOINTS, effort=effort))
+            with pytest.raises(InvalidInput, match=complaint):
+                next_of(source)
+    source.close()
+    assert source.take() is None
+
+
+def test_who_can_no_longer_publish_is_told_why(ros: Ros) -> None:
+    node = ros.add(Node, "gone")
+    sink = JointStateSink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
+    sink.send(0)
+    node.context.try_shutdown()
+    with pytest.raises(Exception, match="publish"):
+        sink.send(1)
