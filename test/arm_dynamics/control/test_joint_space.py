@@ -30,11 +30,8 @@ from arm_dynamics.control import (
     make_controller,
     tuned,
 )
-<<<<<<< HEAD
 from arm_dynamics.control.compiled_law import CompiledLaw
-=======
 from arm_dynamics.task_space import TaskSpace
->>>>>>> main
 from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 from tolerances import ALGEBRA, assert_close
@@ -52,13 +49,8 @@ def test_without_error_model_based_laws_are_inverse_dynamics(robot: str, rng) ->
     for control in (FeedForwardPD(dyn, 50.0, 5.0), JointImpedance(dyn.model, 50.0)):
         assert_close(control.torque(state, reference), rigid, ALGEBRA)
     weight = dyn.gravity(q)
-<<<<<<< HEAD
     assert_close(PDGravity(dyn.model, 50.0, 5.0).torque(state, reference), weight, ALGEBRA)
-    assert_close(GravityCompensation(dyn).torque(state), weight, ALGEBRA)
-=======
-    assert_close(PDGravity(dyn, 50.0, 5.0).torque(state, reference), weight, ALGEBRA)
     assert_close(GravityCompensation(dyn, 2.0).torque(state), weight - 2.0 * v, ALGEBRA)
->>>>>>> main
     assert_close(PD(dyn.n, 50.0, 5.0).torque(state, reference), np.zeros(dyn.n), ALGEBRA)
 
 

@@ -9,12 +9,8 @@ from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
-<<<<<<< HEAD
-from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states, slack
-from arm_dynamics.model.independent_rows import is_independent
-=======
 from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states
->>>>>>> main
+from arm_dynamics.model.independent_rows import is_independent
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.terms.verify import compare, random_states
 from arm_sim import Simulator
