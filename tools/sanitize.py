@@ -25,8 +25,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 NODES = [
     "test/arm_dynamics/ros/test_fuzz.py",
-    "test/arm_dynamics/ros/test_joint_state_bytes.py",
-    "test/arm_dynamics/ros/test_joint_state_compiled.py",
+    "test/arm_dynamics/ros/test_joint_state.py",
     "test/arm_dynamics/ros/test_compiled_services.py",
     "test/arm_dynamics/ros/test_compiled_answers.py",
 ]

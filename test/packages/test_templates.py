@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 
-import pytest
 from installed import ROOT, WORKFLOW, steps
 from packaging.requirements import Requirement
 
@@ -32,10 +31,10 @@ ELSEWHERE = {
 }
 
 
-@pytest.mark.parametrize("command", everywhere(), ids=lambda command: command[:30])
-def test_every_command_is_run_or_said_not_to_be(command: str) -> None:
-    assert command.startswith(tuple(ELSEWHERE))
-    subprocess.run(["bash", "-n"], input=command, text=True, check=True)
+def test_every_command_is_run_or_said_not_to_be() -> None:
+    for command in everywhere():
+        assert command.startswith(tuple(ELSEWHERE)), command
+        subprocess.run(["bash", "-n"], input=command, text=True, check=True)
 
 
 def test_the_workspace_is_made_as_its_page_says() -> None:
@@ -46,6 +45,6 @@ def test_the_workspace_is_made_as_its_page_says() -> None:
     assert wanted == {"casadi", "example-robot-data", "mcap", "pydantic", "numpy"}
 
 
-@pytest.mark.parametrize("file", re.findall(r"(?:\./arm|\.ci/run)\b", DOCKERFILE + str(WORKFLOW)))
-def test_scripts_that_they_start_are_there(file: str) -> None:
-    assert os.access(ROOT / file, os.X_OK)
+def test_scripts_that_they_start_are_there() -> None:
+    for file in re.findall(r"(?:\./arm|\.ci/run)\b", DOCKERFILE + str(WORKFLOW)):
+        assert os.access(ROOT / file, os.X_OK), file

@@ -116,7 +116,7 @@ def check_arguments(owner: object, method: Callable[..., Any], keywords: Iterabl
 
 
 def _called(owner: object, method: Callable[..., Any]) -> str:
-    return f"{getattr(owner, '_called', type(owner).__name__)}.{method.__name__}"
+    return f"{type(owner).__name__}.{method.__name__}"
 
 
 def _lacking(self: Any, name: str) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics import Dynamics
+from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array, vector
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ class ExternalWrenches:
     Virtual work: f·(J q̇) = (Jᵀ f)·q̇ for every q̇ (Craig, Introduction to Robotics, section 5.9).
     """
 
-    def __init__(self, dynamics: Dynamics, reference: str = "local") -> None:
+    def __init__(self, dynamics: Dynamics | ArmModel, reference: str = "local") -> None:
         """Start without any.
 
         Args:
-            dynamics: The arm.
+            dynamics: The arm, or its model.
             reference: Axes and point of the wrenches: ``local`` (the frame's), or
                 ``local_world_aligned`` (at the frame's origin, axes of the world).
 

@@ -72,19 +72,6 @@ def test_operational_space_is_khatibs_formula(rng: np.random.Generator) -> None:
     assert_close(OperationalSpace(task, 20.0).torque(state, reference), tau, INVERSE_PAIR)
 
 
-def test_impedance_gives_way_by_force_over_stiffness() -> None:
-    """A constant force on the hand moves it by K⁻¹ f."""
-    sim, task = models.simulator("two_link", dt=1e-3), two_link()
-    reference, f = at_rest(task, sim.state.q), np.array([4.0, -6.0])
-    control = CartesianImpedance(task, [300.0, 500.0], 1.0)
-    start = task.pose(sim.state.q).position
-    for _ in range(2500):
-        push = task.jacobian(sim.state.q).T @ f
-        sim.step(control.torque(sim.state, reference) + push)
-    moved = task.pose(sim.state.q).position - start
-    np.testing.assert_allclose(moved[[0, 2]], f / [300.0, 500.0], rtol=1e-3)
-
-
 def test_force_on_a_table_is_the_one_asked_for() -> None:
     """A stiff damped surface below the hand is pressed with 15 N while the hand slides on it."""
     sim, task = models.simulator("panda", dt=1e-3), panda()

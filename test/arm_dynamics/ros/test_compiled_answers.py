@@ -33,7 +33,6 @@ BENT = {
     "joints": {"*": {"friction": {"coulomb": 0.2, "viscous": 0.1}}},
     "initial": {"position": {"shoulder": 0.4, "elbow": 0.9}},
 }
-OWN = "own_controllers:Springs"
 NAMED = [name for name in CONTROLLERS if name not in ("computed_torque", "float")]
 NAMED += ["own_controllers:Pull"]
 DRIVEN = {
@@ -167,42 +166,6 @@ def test_one_motion_takes_over_from_another_at_its_time(
         assert pair.in_c > 190
 
 
-def test_gains_and_controllers_change_between_two_states(
-    ros: Ros, rng: np.random.Generator
-) -> None:
-    with side_by_side(ros, TWO_LINK, switch_time=0.01, controllers=[OWN]) as pair:
-        pair.led(20, rng)
-        pair.change(bandwidth=[35.0])
-        pair.led(20, rng)
-        assert pair.in_c > 30
-        pair.change(controller=OWN)  # it begins with C's last torque
-        before = pair.in_c
-        pair.led(20, rng)
-        assert pair.in_c == before
-        assert pair.fast.answers.obstacle == "the controller is not compiled"
-        pair.change(controller="computed_torque")
-        pair.led(40, rng)
-        assert pair.in_c > before + 20
-
-
-def test_a_state_that_arrives_during_a_change_is_answered_after_it(
-    ros: Ros, rng: np.random.Generator
-) -> None:
-    with side_by_side(ros, TWO_LINK) as pair:
-        for _ in range(5):
-            pair.led(5, rng)
-            pair.stamp += MS
-            raw, heard = pair.state(pair.q, pair.v), len(pair.heard)
-            with pair.fast.answers:
-                pair.shown(raw)
-                for _ in range(5):
-                    ros.spin_once()
-                assert len(pair.heard) == heard
-            ros.spin_until(lambda before=heard: len(pair.heard) > before)
-            assert pair.heard[-1] == pair.slow.on_joint_states(raw)
-        assert pair.in_c > 15
-
-
 def test_what_is_cut_is_said_by_python(ros: Ros, rng: np.random.Generator) -> None:
     def said() -> str:
         message: str = pair.fast.diagnostics()[0].message(pair.fast).message
@@ -253,31 +216,6 @@ def test_a_cartesian_motion_is_for_python(ros: Ros, rng: np.random.Generator) ->
             followed()
         assert pair.in_c == count
         assert pair.fast.answers.obstacle == "the motion is a Cartesian path"
-
-
-@pytest.mark.parametrize("which", ["planner", "builder"])
-def test_what_gets_ready_while_python_answers_is_not_left_to_c(
-    ros: Ros, rng: np.random.Generator, which: str
-) -> None:
-    """Too late to be delivered before that answer, but in time for the next one."""
-    with side_by_side(ros, TWO_LINK) as pair:
-        pair.led(10, rng)
-        fast, done = pair.fast, list[int]()
-        background = fast.goals.planner if which == "planner" else fast._selection.builder
-        answer = fast.on_joint_states
-
-        def busy(raw: bytes) -> bytes | None:
-            fast.on_joint_states = answer
-            command = answer(raw)
-            background.start(lambda: 7, lambda result: done.append(result()))
-            while not background.ready:
-                time.sleep(1e-4)
-            return command
-
-        with fast.answers:  # so Python answers the next state
-            fast.on_joint_states = busy
-        pair.led(2, rng)
-        assert done == [7]
 
 
 def test_goals_of_the_action_are_watched(ros: Ros, rng: np.random.Generator) -> None:
@@ -332,10 +270,3 @@ def test_who_is_destroyed_hears_no_more_states(ros: Ros) -> None:
     assert not thread.is_alive()
     ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 0)
     node.answers.close()  # once is enough
-
-
-def test_who_shuts_down_ends_the_thread(ros: Ros) -> None:
-    node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
-    ros.context.try_shutdown()
-    node.answers._thread.join(20.0)
-    assert not node.answers._thread.is_alive()

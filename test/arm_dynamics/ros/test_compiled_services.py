@@ -153,20 +153,6 @@ def test_friction_by_load_is_for_python(ros: Ros, ask: Ask) -> None:
     assert in_c(node) == 0
 
 
-def test_what_cannot_be_compiled_is_tried_once(
-    ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried: list[Any] = []
-    monkeypatch.setattr(compiled_services, "code_of", lambda what, _: tried.append(what))
-    node = ros.add(DynamicsNode, models.scene("two_link"))
-    assert node._compiled is not None
-    builder = node._compiled._builder
-    for _ in range(3):
-        assert ask(DYNAMICS_TERMS, position=[0.1, 0.2], velocity=[0.0, 0.0]).success
-        ros.spin_until(lambda: builder.ready or not builder.busy)
-    assert len(tried) == 1
-
-
 def test_another_arm_is_answered_for_at_once(ros: Ros, ask: Ask) -> None:
     node = ros.add(DynamicsNode, robot_description=TWO_LINK)
     warm(node, ask, INVERSE_DYNAMICS)

@@ -262,33 +262,6 @@ def test_description_as_a_parameter_may_change(ros: Ros) -> None:
         ros.spin_until(lambda: len(info(node).joint_names) == 3)
 
 
-def test_a_parameter_replaces_a_description_that_came_before_it(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Although that is still being built."""
-    node = ros.add(DynamicsNode)
-    publisher = ros.peer.create_publisher(String, "/robot_description", LATCHED)
-    begun, go_on, build = threading.Event(), threading.Event(), dynamics_node.Dynamics
-    joints: list[int] = []
-
-    def slow(scene: Any) -> Any:
-        made = build(scene)
-        if made.n == 3:
-            begun.set()
-            assert go_on.wait(20.0)
-        joints.append(made.n)
-        return made
-
-    monkeypatch.setattr(dynamics_node, "Dynamics", slow)
-    publisher.publish(String(data=chain(3)))
-    ros.spin_until(begun.is_set)
-    threading.Timer(0.1, go_on.set).start()
-    assert node.set_parameters([Parameter("robot_description", value=PENDULUM)])[0].successful
-    ros.spin_until(lambda: len(joints) == 2)
-    assert joints == [3, 1]
-    assert len(info(node).joint_names) == 1
-
-
 def chain(joints: int) -> str:
     """A description of as many joints that move."""
     links = "".join(f'<link name="l{i}"/>' for i in range(joints + 1))

@@ -331,12 +331,3 @@ def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> No
                 next_of(source)
     source.close()
     assert source.take() is None
-
-
-def test_who_can_no_longer_publish_is_told_why(ros: Ros) -> None:
-    node = ros.add(Node, "gone")
-    sink = JointStateSink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
-    sink.send(0)
-    node.context.try_shutdown()
-    with pytest.raises(Exception, match="publish"):
-        sink.send(1)

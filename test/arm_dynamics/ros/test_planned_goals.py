@@ -31,14 +31,12 @@ from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
+from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_dynamics.ros import ControllerNode
-from arm_dynamics.ros.controller.goals import Goal
+from arm_dynamics.ros.common.poses import in_world, pose_of
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.trajectory.follower import Outset
-from arm_dynamics.trajectory.reference import Motion
-from arm_dynamics.trajectory.trajectory import hold
 from arm_sim.ros import SimNode
-from tolerances import assert_close
+from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
 
@@ -251,31 +249,6 @@ def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
     assert_close(node.goals.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
 
 
-def test_a_goal_that_is_never_planned_in_time_is_refused(node: ControllerNode) -> None:
-    """Each plan gets twice the time of the one before it; the motion goes on."""
-    node.on_joint_trajectory(long_trajectory(10, 60.0))
-    see(node, 300 * MS)
-    before, begins = node.goals.follower, [299 * MS]
-    ended: list[object] = []
-
-    def plan(outset: Outset) -> Motion:
-        begins.append(outset.begin)
-        return hold(outset.here.q)
-
-    node.goals.follow(Goal("goal", "a stop", None, plan, ended.append))
-    end = time.monotonic() + 20.0
-    while not ended and time.monotonic() < end:
-        if node.goals.planner.ready:
-            node.goals.reference(begins[-1] + MS)
-            node.deliver()
-        time.sleep(1e-4)
-    assert ended == [None]
-    assert (np.diff(begins) - MS).tolist() == [50 * MS << k for k in range(9)]
-    assert node.goals.outcome.startswith("goal refused: the arm's reference changed faster")
-    assert node.goals.follower is before
-    assert_close(node.goals.follower.reference(60_000 * MS).q, HOME + 0.2, 1e-12)
-
-
 @pytest.mark.parametrize("order", sampled([">", "<"], 1))
 def test_a_long_trajectory_over_the_wire_is_followed(
     ros: Ros, node: ControllerNode, order: str
@@ -324,3 +297,39 @@ def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
     wanted = f"{MAX_GOAL_POINTS + 1} points; allowed: up to {MAX_GOAL_POINTS}"
     assert wanted in node.goals.outcome
     assert wanted in capfd.readouterr().err
+
+
+TURNED = """<robot name="turned">
+  <link name="ground"/>
+  <link name="stand"/>
+  <link name="arm"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="mount" type="fixed"><parent link="ground"/><child link="stand"/>
+    <origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/></joint>
+  <joint name="hinge" type="continuous"><parent link="stand"/><child link="arm"/></joint>
+</robot>"""
+HALF = np.sqrt(0.5)
+
+
+@pytest.fixture(scope="module")
+def model() -> ArmModel:
+    return ArmModel(load_scene({"robot": {"urdf": TURNED}}))
+
+
+@pytest.mark.parametrize("frame", ["stand", "link:stand", "joint:mount"])
+def test_a_pose_in_a_frame_that_stands_turned(model: ArmModel, frame: str) -> None:
+    """A step along its x is one along the world's y, and rotations follow one another."""
+    pose = in_world((1.0, 0.0, 0.5, HALF, 0.0, 0.0, HALF), frame, model)
+    assert_close(pose.position, [1.0, 3.0, 3.5], ALGEBRA)
+    quarter = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # about z, of the stand
+    roll = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # about x, of the pose
+    assert_close(pose.rotation, np.array(quarter) @ roll, ALGEBRA)
+
+
+@pytest.mark.parametrize("scale", [0.9989, 1.0011, 0.0])
+def test_a_quaternion_has_length_one(scale: float) -> None:
+    with pytest.raises(InvalidInput, match="expected 1"):
+        pose_of((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, scale))
+    for length in (0.9991, 1.0009):
+        slightly = pose_of((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, length))
+        assert_close(slightly.rotation, np.eye(3), ALGEBRA)

@@ -32,9 +32,6 @@ def run(*words: str) -> Result:
     return CliRunner().invoke(main, words)
 
 
-# --- help --------------------------------------------------------------------------------------
-
-
 def test_help_lists_commands_by_subject_in_whole_sentences() -> None:
     said = run("--help").output
     listed = re.findall(r"^  (\w\S*)  +[A-Z]", said, re.M)
@@ -53,9 +50,6 @@ def test_help_loads_no_ros_and_no_plotting() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.rstrip().endswith("[]"), done.stdout + done.stderr
-
-
-# --- describe ----------------------------------------------------------------------------------
 
 
 def test_a_panda_is_described_in_one_screen() -> None:
@@ -122,9 +116,6 @@ def test_names_are_shown_as_they_are(tmp_path: Path) -> None:
         assert name in said
 
 
-# --- vectors -----------------------------------------------------------------------------------
-
-
 def test_a_vector_is_in_order_or_by_name() -> None:
     for text in "1 -2 3e-1", "1,-2,0.3", " 1 , -2 ,.3 ", "[1, -2, 3e-1]":
         assert parse(text) == Vector(((1.0, -2.0, 0.3),), {})
@@ -142,8 +133,8 @@ def test_points(tmp_path: Path) -> None:
 
 def test_what_is_no_vector_is_refused() -> None:
     for text in (
-        "", " ", "a", "1 b", "a=", "=1", "a=b", "a=1 b=2 a=3", "[1, [2]]", "[[1], [2, 3]]",
-        "[true]", "{a", "1 2\n3",
+        "", " ", "[]", "[[]]", "{}", "a", "1 b", "a=", "=1", "a=b", "a=1 b=2 a=3", "{a: 1, a: 2}",
+        "[1, [2]]", "[[1], [2, 3]]", "[true]", "{a", "1 2\n3",
     ):  # fmt: skip
         with pytest.raises(ValueError, match=r"number|joint|JSON|list"):
             parse(text)
@@ -185,9 +176,6 @@ def test_limits_that_are_placeholders_are_named(tmp_path: Path) -> None:
         "robot: {urdf: arm.urdf}\njoints: {joint1: {limits: {effort: 1}}}"
     )
     assert "placeholder" not in run("describe", str(tmp_path / "arm.yaml")).output
-
-
-# --- the motion of the demo --------------------------------------------------------------------
 
 
 def test_demo_motion_suits_every_robot(robot: str) -> None:
@@ -236,16 +224,10 @@ def test_demo_motion_refuses_an_arm_that_cannot_carry_itself(pull: float) -> Non
         choose_motion(load_scene(weak), 5.0)
 
 
-# --- numbers -----------------------------------------------------------------------------------
-
-
 def test_rounding_is_not_printed_as_a_number() -> None:
     np.testing.assert_array_equal(readable(np.array([2.0, -1e-18, 0.0])), [2.0, 0.0, 0.0])
     np.testing.assert_array_equal(readable(np.array([1e-18, 3e-18])), [1e-18, 3e-18])
     np.testing.assert_array_equal(readable(np.array([np.inf, 1e-3])), [np.inf, 1e-3])
-
-
-# --- motions -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("method", "trusted"), [("euler", False), ("rk4", True)])

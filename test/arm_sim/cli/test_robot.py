@@ -34,9 +34,6 @@ SCENE = str(models.SCENES / "two_link.yaml")
 Shell = Callable[..., Result]
 
 
-# --- goals of joints ---------------------------------------------------------------------------
-
-
 def test_goals_are_positions_or_distances() -> None:
     """Of joints without a reference the controller decides; they may follow others."""
     goals = parse(["elbow=-0.5", "a+=1e-1", "b-=.2", "slash/joint=3", "hand+=0.2"])
@@ -51,8 +48,6 @@ def test_no_joint_hurries_when_no_duration_is_given() -> None:
     assert 15.0 / 8.0 * 3.0 / seconds == pytest.approx(1.0)
     assert unhurried({"a": 1e-6, "b": 1.0}, {"a": 0.0}) == LEAST
 
-
-# --- with nodes --------------------------------------------------------------------------------
 
 ros = pytest.mark.ros
 
@@ -88,8 +83,6 @@ def test_joints_go_where_they_are_sent(shell: Shell, domain: int) -> None:
     done = shell(domain, "go", "shoulder=-0.2", "elbow=0.6", "--duration", "0.4")
     assert done.exit_code == 0, done.output
     assert "elbow" in done.output and "arrived: largest error" in done.output
-    there = positions(shell, domain)
-    assert there == pytest.approx({"shoulder": -0.2, "elbow": 0.6}, abs=1e-3)
     done = shell(domain, "go", "shoulder+=0.1", "--duration", "0.3")
     assert done.exit_code == 0, done.output
     there = positions(shell, domain)

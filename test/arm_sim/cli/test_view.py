@@ -167,9 +167,6 @@ def test_pictures_are_written_as_they_are_asked_for(
     assert pages.asked[7] == ("picture", Path("b.png"), (960, 600), None)
 
 
-# --- running arms ------------------------------------------------------------------------------
-
-
 def heard(arm: live.RunningArm, listener: Listener) -> Any:
     """What is new next."""
     news: list[Any] = []

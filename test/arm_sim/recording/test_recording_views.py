@@ -119,6 +119,9 @@ def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     assert shown == ["T, kinetic", "V, potential", "T + V"]
     whole, part = (line.get_ydata() for line in figure.axes[-1].lines[-2:])
     np.testing.assert_array_equal(part, whole[:300])
+    lines = swing.plot(*4 * [swing]).legends[0].get_lines()[-5:]
+    assert [line.get_label()[-1] for line in lines] == ["1", "2", "3", "4", "5"]
+    assert len({(line.get_linestyle(), line.get_linewidth()) for line in lines}) == 5
 
 
 def test_a_change_between_ticks_does_not_affect_the_torque_before_it() -> None:

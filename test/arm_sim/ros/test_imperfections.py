@@ -106,6 +106,16 @@ def test_a_held_command_is_lost_once_and_not_again_in_each_tick() -> None:
     assert outcomes == {(0.0,) * 10, (1.0,) * 10}
 
 
+def test_a_delayed_command_that_is_sent_again_does_not_become_stale() -> None:
+    simulator, command = Simulator({**PLAIN, "commands": {"delay": 0.002}}), (0.0, 1.0)
+    engine = TickEngine(simulator, wrench_timeout=0.1, wrench_reference="local")
+    engine.configure(0.003, "zero")
+    for _ in range(9):
+        engine.commands.put(command)
+        engine.tick()
+    assert simulator.effort[1] == 1.0
+
+
 def test_time_that_waits_for_a_command_goes_on_when_one_is_on_the_way(ros: Ros) -> None:
     node = node_with(ros, commands={"delay": 0.002}, wait_for_command=True)
     ticks(node, 3)

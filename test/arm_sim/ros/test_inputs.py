@@ -142,9 +142,6 @@ def test_every_reason_is_told_once(inputs: Inputs, log: Log) -> None:
     assert len(log.warnings) == 3
 
 
-# --- before a tick -----------------------------------------------------------------------------
-
-
 def test_of_what_waits_the_newest_that_is_admitted_acts(
     inputs: Inputs, engine: TickEngine
 ) -> None:

@@ -147,7 +147,7 @@ def test_a_recording_has_states_and_account_of_the_node(
     ros: Ros, tmp_path: Path, rng: np.random.Generator, turn: int
 ) -> None:
     live = Live(ros, list(KINDS.values())[turn], tmp_path / "run.mcap")
-    given = {order(live, rng) for _ in range(300)}
+    given = {order(live, rng) for _ in range(150)}
     assert len(given) == 15  # each kind of order
     live.read()
     assert live.node.recorder is not None and live.node.engine.failure == ""

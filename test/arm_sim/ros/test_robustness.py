@@ -93,9 +93,6 @@ def alive(nodes: Nodes) -> None:
     assert np.isfinite(sim.simulator.state.q).all()
 
 
-# --- bytes that are no message -----------------------------------------------------------------
-
-
 @bounded
 @given(st.binary(max_size=300))
 def test_any_bytes(nodes: Nodes, raw: bytes) -> None:
@@ -127,9 +124,6 @@ def test_a_length_that_is_not_there_is_not_allocated(nodes: Nodes) -> None:
         raw[at : at + 4] = struct.pack("<I", length)
         nodes.sim.inputs.on_joint_commands(bytes(raw))
     alive(nodes)
-
-
-# --- messages that make no sense ---------------------------------------------------------------
 
 
 @bounded
@@ -182,9 +176,6 @@ def test_giant_messages(nodes: Nodes, size: int) -> None:
     nodes.sim.inputs.on_joint_commands(command(name=["x"] * (size // 10), effort=[]))
     nodes.controller.on_joint_states(state(position=[0.0] * size))
     alive(nodes)
-
-
-# --- requests ----------------------------------------------------------------------------------
 
 
 def fits(name: list[str], position: Any, *others: Any) -> bool:

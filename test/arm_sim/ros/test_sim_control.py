@@ -46,9 +46,6 @@ def command(source: str = "", effort: Any = TAU) -> bytes:
     return serialize_message(message)
 
 
-# --- pushes ------------------------------------------------------------------------------------
-
-
 def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0)
     publisher = ros.publisher(WrenchStamped, "/sim/wrench")
@@ -75,8 +72,6 @@ def test_bad_wrenches_are_passed_over(ros: Ros, capfd: pytest.CaptureFixture[str
         assert node.engine.wrenches.active == ()
         assert node.inputs.refused_wrenches == count
 
-
-# --- payload and friction ----------------------------------------------------------------------
 
 LOAD = {"frame": "tip", "mass": 0.5, "com": [0.0] * 3, "inertia": [0.0] * 6}
 
@@ -135,9 +130,6 @@ def test_what_a_payload_puts_in_is_accounted_for(ros: Ros) -> None:
     ros.peer.destroy_subscription(heard)
 
 
-# --- the first command -------------------------------------------------------------------------
-
-
 def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
     node = by_hand(ros, wait_for_command=True)
     ticks(node, 50)
@@ -148,9 +140,6 @@ def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
     node.requests.answer(RESET)
     ticks(node, 5)
     assert node.simulator.arm.step_count == 0
-
-
-# --- diagnostics -------------------------------------------------------------------------------
 
 
 def energy(node: SimNode) -> tuple[float, float]:

@@ -78,11 +78,14 @@ def test_energy_account_balances(ros: Ros) -> None:
 def test_energies_begin_again_after_a_reset(ros: Ros) -> None:
     node = by_hand(ros, energy_period=0.01)
     heard = ros.listen(Energy, "/sim/energy")
-    for count in 1, 2:
-        ticks(node, 10)
+    for count in 2, 4:
+        node.inputs.on_commands(Float64MultiArray(data=[1.5, -0.5]))
+        ticks(node, 20)
         ros.spin_until(lambda count=count: len(heard) == count)
         node.engine.reset()
-    assert heard[0].total == heard[1].total
+    first, again = heard[1], heard[3]
+    assert first.input != 0.0
+    assert (first.input, first.total) == (again.input, again.total)
 
 
 def test_simulated_time_goes_at_a_tenth_of_the_clock(ros: Ros) -> None:

@@ -209,8 +209,6 @@ def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
     assert not made.failure
 
 
-# --- wrenches ----------------------------------------------------------------------------------
-
 UP, ALONG = np.array([0.0, 0.0, 5.0, 0.0, 1.0, 0.0]), np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.5])
 
 
@@ -258,12 +256,6 @@ def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
     assert made.energy.read().input - start.input == pytest.approx(4.0 * fallen, rel=1e-2)
 
 
-# --- energy ------------------------------------------------------------------------------------
-
-
-# --- the queue ---------------------------------------------------------------------------------
-
-
 def asked(queue: TickQueue, action: Callable[[], Any]) -> tuple[threading.Thread, list[Any]]:
     """A thread that sends requests, and the responses."""
     got: list[Any] = []
@@ -303,6 +295,29 @@ def test_what_was_not_run_in_time_is_never_run() -> None:
     assert "did not respond in 0.05 s" in str(got[0])
     queue.serve()
     assert done == []
+
+
+def test_what_is_being_run_is_not_said_to_be_discarded() -> None:
+    queue, begun, end = TickQueue(timeout=0.2), threading.Event(), threading.Event()
+    queue.served = True
+    thread, got = asked(queue, lambda: begun.set() or end.wait())
+    while not begun.is_set():
+        serving = threading.Thread(target=queue.serve)
+        serving.start()
+        begun.wait(0.01) or serving.join()
+    thread.join()
+    end.set()
+    serving.join()
+    assert "after 0.2 s it is still being done" in str(got[0])
+
+
+def test_an_action_has_time_limits_of_its_own() -> None:
+    queue, error = TickQueue(), TimeoutError("no answer")
+    queue.served = True
+    thread, got = asked(queue, lambda: (_ for _ in ()).throw(error))
+    while thread.is_alive():
+        queue.serve()
+    assert got == [error]
 
 
 def test_a_refused_order_leaves_no_memory_to_the_garbage_collector() -> None:

@@ -12,7 +12,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.codegen import python_call
 from arm_sim import SimulationDiverged, Simulator, State
-from arm_sim.stepping.python_step import unanswered
+from arm_sim.stepping.python_function import unanswered
 
 ARM = {"robot": {"urdf": str(models.FOLDER / "planar_3r.urdf"), "lock": ["joint3"]}}
 MOTOR = {"resistance": 0.8, "inductance": 1e-3, "torque_constant": 0.1}

@@ -13,6 +13,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import SimulationDiverged, Simulator
+from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.threads import share
 from models import features
 from tolerances import BACKENDS, assert_close
@@ -175,7 +176,9 @@ def test_in_registers_arms_slide_stick_and_break_away() -> None:
     tau = np.repeat(rng.normal(0.0, 6.0, (9, 5, 2)), 60, axis=1)
     v[4] = 1e160
     rollouts = sim.arm.compiled.rollouts
-    batch = rollouts.batch(q, v, tau, 300, sim.arm.plant.parameters.nominal, last_only=False)
+    batch = Batch.of(
+        sim.arm.plant, q, v, tau, 300, sim.arm.plant.parameters.nominal, last_only=False
+    )
     assert rollouts.side_by_side(batch) == [], "no arm is left for the engine of one arm"
     np.testing.assert_array_equal(batch.out, sim.rollout(q, v, tau, 300, lanes=1))
     assert np.isnan(batch.out[4, 1:]).all() and np.isfinite(batch.out[[3, 5]]).all()

@@ -8,18 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import Page, needed, opened
 
-from arm_sim import Simulator
-from arm_sim.view import show
 from arm_sim.view.framing import FIELD, TO_CAMERA, axes, direction, fitted, keep_framed
-
-# What is in front at pixels of the page: 1 for the picture, 0 for a panel, -1 outside the page.
-_IN_FRONT = """points => points.map(([x, y]) => {
-  const top = document.elementFromPoint(x, y);
-  if (!top) return -1;
-  return Number(top === window.viewer.canvas);
-})"""
 
 
 def seen(points: np.ndarray, position: np.ndarray, look_at: np.ndarray, aspect: float) -> Any:
@@ -28,7 +18,7 @@ def seen(points: np.ndarray, position: np.ndarray, look_at: np.ndarray, aspect: 
     return np.stack([right / aspect, up], axis=1) / forward[:, None] / np.tan(FIELD / 2)
 
 
-@pytest.mark.parametrize("aspect", [0.3, 0.56, 0.9, 1.6, 4.0])
+@pytest.mark.parametrize("aspect", [0.3, 0.9, 4.0])
 def test_a_camera_that_is_fitted_sees_all_points_and_is_as_near_as_can_be(
     aspect: float, rng: np.random.Generator
 ) -> None:
@@ -71,36 +61,3 @@ def test_a_camera_of_ours_follows_every_size_of_the_page(rng: np.random.Generato
     camera.aspect = 0.3  # a camera that the visitor has moved stays
     asyncio.run(updates[0]())
     assert camera.position is mine
-
-
-def corners(places: np.ndarray) -> np.ndarray:
-    """Pixels of the corners of the box around pixels, and of points along its edges."""
-    (left, top), (right, bottom) = places.min(axis=0), places.max(axis=0)
-    x, y = np.meshgrid(np.linspace(left, right, 9), np.linspace(top, bottom, 9))
-    return np.stack([x.ravel(), y.ravel()], axis=1)
-
-
-def free(page: Page, places: np.ndarray) -> bool:
-    return page.handle.evaluate(_IN_FRONT, corners(places).tolist()) == [1] * 81
-
-
-@pytest.mark.group("view")
-@pytest.mark.nightly  # the frame itself is computed by fitted, above
-@pytest.mark.parametrize("size", [[1000, 640], [480, 854], [1440, 900], [3840, 1200]])
-def test_the_box_of_the_arm_is_in_what_the_panels_leave_free(size: list[int]) -> None:
-    needed()
-    with (
-        show(Simulator("two_link"), port=0) as view,
-        opened(view.url, "/two_link/elbow", size=size) as page,
-    ):
-        page.handle.add_style_tag(content=".mantine-Notifications-root {display: none}")
-        (base,) = page.places("/two_link/base")
-        points = view.actors[0].extent @ base[:3, :3].T + base[:3, 3]  # in the axes of the page
-        page.until(lambda: free(page, page.pixels(points)), "the arm in the free area")
-        box = page.pixels(points)
-        spans = np.ptp(box, axis=0) / page.handle.evaluate(
-            "() => [window.viewer.canvas.clientWidth, window.viewer.canvas.clientHeight]"
-        )
-        assert spans.max() > 0.2  # and not just a dot
-        folded = page.handle.locator(".uplot").filter(visible=True).count() == 0
-        assert folded == (size[0] < 1200)

@@ -50,7 +50,7 @@ def test_a_film_holds_its_pictures(tmp_path: Path) -> None:
         pictures.write_film(tmp_path / "none" / "film.mp4", iter(FRAMES), 25.0)
 
 
-@pytest.mark.parametrize(("rate", "duration"), [(25.0, 40), (8.0, 120), (1000.0, 20)])
+@pytest.mark.parametrize(("rate", "duration"), [(8.0, 120), (1000.0, 20)])
 def test_a_gif_holds_its_pictures_and_is_repeated(
     rate: float, duration: int, tmp_path: Path
 ) -> None:

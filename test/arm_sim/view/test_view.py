@@ -4,6 +4,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from PIL import Image, ImageSequence
 import models
 from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
-from arm_sim.view import pictures, show
+from arm_sim.view import page, pictures, show
 from arm_sim.view.player import Player, instant
 
 pytestmark = pytest.mark.group("view")
@@ -69,10 +70,42 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(
     slow = look(playing.film(tmp_path / "b.gif", (60, 20), rate=2.0, speed=0.5))
     assert (len(slow[0]), slow[2]) == (9, 500)
     assert look(playing.film(tmp_path / "c.gif", (60, 20), rate=2.0, speed=50.0))[0] == [0.0, 2.0]
-    with pytest.raises(ViewError, match="0 pictures per second"):
-        playing.film(tmp_path / "d.gif", rate=0.0)
+    slow = look(playing.film(tmp_path / "d.gif", (60, 20), rate=100.0, speed=4.0))
+    assert (len(slow[0]), slow[2]) == (26, 20)  # half a second in what a GIF can show
+    for numbers in ({"rate": 0.0}, {"speed": 0.0}, {"rate": -25.0, "speed": -1.0}):
+        with pytest.raises(ViewError, match="more than 0 is expected"):
+            playing.film(tmp_path / "d.gif", **numbers)
     with pytest.raises(ViewError, match="unknown format"):
         playing.film(tmp_path / "d.avi")
+
+
+def test_a_long_film_has_fewer_pictures_at_the_same_speed(
+    playing: Player, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page, "MOST", 11)
+    film = look(playing.film(tmp_path / "a.gif", (60, 20)))
+    assert (len(film[0]), film[2]) == (11, 200)
+    assert playing._times(25.0, 1.0)[1] == 0.2  # of a page, too
+
+
+def test_a_visitor_waits_until_a_film_is_written(
+    playing: Player, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = pictures.camera
+
+    @contextmanager
+    def visited(*given: Any) -> Iterator[Any]:
+        def shoot() -> Any:
+            playing._order(lambda: playing.seek(0.25))
+            sleep(0.05)
+            return picture()
+
+        with camera(*given) as picture:
+            yield shoot
+
+    monkeypatch.setattr(pictures, "camera", visited)
+    film = look(playing.film(tmp_path / "a.gif", (60, 20), rate=2.0))
+    assert film[0] == [0.0, 0.5, 1.0, 1.5, 2.0]
 
 
 def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
@@ -91,8 +124,8 @@ def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
 
 
 def test_the_last_state_up_to_a_time_is_shown_with_its_forces() -> None:
-    sim = Simulator("panda_table")
-    run = sim.run(0.3, control=lambda state: sim.dynamics.gravity(state.q))
+    sim = Simulator("table_arm")
+    run = sim.run(0.3)
     for time, row in ((-1.0, 0), (0.0, 0), (0.1, 100), (0.1009, 100), (9.0, 300)):
         np.testing.assert_array_equal(instant(run, time).q, run.q[row])
     (point, force, _), contact = instant(run, 0.3).contacts[0], sim.contact_forces()[0]
@@ -111,18 +144,6 @@ def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
     np.testing.assert_allclose(energy["total"], energy["kinetic"] + energy["potential"])
     total, flows = energy["total"], energy["supplied"] - energy["lost"] + energy["balance"]
     np.testing.assert_allclose(total - flows, total[0], rtol=1e-12)
-
-
-def test_requests_are_served_in_turn_by_one_thread() -> None:
-    import threading
-
-    served, done = list[object](), threading.Event()
-    with show(models.simulator("two_link"), port=0) as view:
-        for _ in range(2):
-            view._order(lambda: served.append(threading.current_thread()))
-        view._order(done.set)
-        assert done.wait(10.0)
-    assert served == 2 * [view._thread] and not view._thread.is_alive()
 
 
 def test_a_simulation_has_no_film(tmp_path: Path) -> None:

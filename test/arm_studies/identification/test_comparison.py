@@ -79,6 +79,8 @@ def test_the_error_of_another_scene_is_what_it_lacks() -> None:
         heavy.inverse(*x) - bare.inverse(*x) for x in zip(q, v, a, strict=True)
     ])[rows]  # fmt: skip
     np.testing.assert_allclose(found.error, np.sqrt(np.mean(lacking**2, axis=0)), rtol=5e-3)
+    size = np.sqrt(np.mean(found.measured[rows] ** 2, axis=0))
+    np.testing.assert_allclose(found.relative, found.error / size, rtol=1e-6)
     assert found.whole > 0.1
     assert found.free_run is not None and np.all(found.free_run.relative > 0.02)
 

@@ -8,6 +8,4 @@ built workspace. It contains no equations.
 from arm_dynamics.client.client import ArmClient
 from arm_dynamics.client.results import ConstrainedMotion, ModelFacts, NotReached, Postures, Terms
 
-__all__ = [
-    "ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms",
-]  # fmt: skip
+__all__ = ["ArmClient", "ConstrainedMotion", "ModelFacts", "NotReached", "Postures", "Terms"]

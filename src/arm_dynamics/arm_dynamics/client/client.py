@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +32,7 @@ _U32 = 2**32 - 1
 
 
 @sealed
-class ArmClient:
+class ArmClient(AbstractContextManager["ArmClient"]):
     """Calls the services of a dynamics node and a sim node; one instance for each thread.
 
     Every method waits for the node and for its answer, each at most ``timeout``. The reply to a
@@ -62,10 +63,6 @@ class ArmClient:
     def close(self) -> None:
         """Leave the ROS graph; may be called repeatedly."""
         self._caller.close()
-
-    def __enter__(self) -> Self:
-        """Return the client itself."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Leave the ROS graph."""

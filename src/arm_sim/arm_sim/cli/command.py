@@ -117,7 +117,7 @@ def _parameter(parameter: inspect.Parameter, hint: Any, about: str) -> click.Par
 
 
 def option_name(name: str) -> str:
-    """As it is typed."""
+    """How an option is typed: ``--no-wait`` for ``no_wait``."""
     return "--" + name.replace("_", "-")
 
 

@@ -40,9 +40,9 @@ def plot(
 ) -> None:
     """Draw a RECORDING: positions, velocities, torques and the energy account.
 
-    OTHERs are drawn over it, dashed. A recording is a file written by the sim node's parameter
-    record or by Recording.save (.mcap), a bag of a robot (.mcap, .db3 or a folder), or a
-    .csv table.
+    OTHERs are drawn over it, in other lines. A recording is a file written by the sim node's
+    parameter record or by Recording.save (.mcap), a bag of a robot (.mcap, .db3 or a folder), or
+    a .csv table.
 
     Args:
         out: Figure to write (.png, .pdf or .svg).  [default: NAME.png]

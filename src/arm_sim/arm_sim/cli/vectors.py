@@ -48,11 +48,12 @@ class VectorType(click.ParamType):
 
     Args:
         name: What help shows.
-        row: What one row of numbers is expected to be, with their count in front; empty: anything.
+        size: Length of the one row that is expected; None: anything is.
+        row: What its numbers are.
     """
 
-    def __init__(self, name: str = "numbers", row: str = "") -> None:
-        self.name, self._row = name, row
+    def __init__(self, name: str = "numbers", size: int | None = None, row: str = "") -> None:
+        self.name, self._size, self._row = name, size, row
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -64,9 +65,8 @@ class VectorType(click.ParamType):
             self.fail(f"'{error.filename}': {error.strerror}; {HOW}", param, ctx)
         except ValueError as error:
             self.fail(f"{error}; {HOW}", param, ctx)
-        count = self._row.partition(" ")[0]
-        if count and [str(len(row)) for row in vector.rows] != [count]:
-            self.fail(f"{value!r}; {self._row}", param, ctx)
+        if self._size and [len(row) for row in vector.rows] != [self._size]:
+            self.fail(f"{value!r}; {self._size} numbers are expected, {self._row}", param, ctx)
         return vector
 
 
@@ -112,11 +112,15 @@ def _structured(text: str) -> Vector:
         data = yaml.safe_load(text)
     except yaml.YAMLError:
         raise ValueError(f"{shortened(text)!r} is neither JSON nor YAML") from None
+    if not data:
+        raise ValueError("no numbers given")
     if isinstance(data, dict):
+        if len(data) < len(yaml.compose(text, yaml.SafeLoader).value):
+            raise ValueError(f"{shortened(text)!r} names a joint twice")
         return Vector((), {str(name): _number(value) for name, value in data.items()})
     nested = any(isinstance(row, list) for row in data)
     rows = data if nested else [data]
-    if not rows or not all(isinstance(row, list) and len(row) == len(rows[0]) for row in rows):
+    if not all(isinstance(row, list) and row and len(row) == len(rows[0]) for row in rows):
         raise ValueError(f"{shortened(text)!r} is not a list of numbers, nor lists of one length")
     return Vector(tuple(tuple(map(_number, row)) for row in rows), {}, nested)
 

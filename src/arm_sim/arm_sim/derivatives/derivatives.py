@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from typing import Any, overload
 
@@ -22,7 +22,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import packed
 from arm_sim.plant.plant import Plant
 from arm_sim.state import State
-from arm_sim.stepping.rollout import Rollouts
+from arm_sim.stepping.batch import Batch, by_tick, states
 from arm_sim.stepping.stepper import Stepper
 
 
@@ -36,22 +36,11 @@ class Derivatives:
         plant: The scene's equations.
         choice: Method, tick and tolerance.
         stepper: Runs its ticks.
-        rollouts: Returns what runs many arms, which may have to be built.
         backend: As for ``Kernel``.
     """
 
-    _called = "Simulator"  # whose methods these are, too
-
-    def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        stepper: Stepper,
-        rollouts: Callable[[], Rollouts],
-        backend: str,
-    ) -> None:
-        self._plant, self._choice, self._stepper = plant, choice, stepper
-        self._rollouts, self._backend = rollouts, backend
+    def __init__(self, plant: Plant, choice: Choice, stepper: Stepper, backend: str) -> None:
+        self._plant, self._choice, self._stepper, self._backend = plant, choice, stepper, backend
         self._linearizers = dict[tuple[int, ...], Linearizer]()
 
     def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
@@ -133,8 +122,7 @@ class Derivatives:
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slope = linearizer(x, command, ticks, one_side(side))
-        A, B, *parts = self._split(slope, places)
-        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
+        return self._split(slope, by, places)
 
     def jvp(
         self,
@@ -266,14 +254,12 @@ class Derivatives:
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
         whole("ticks", ticks, 1)
-        rollouts = self._rollouts()
-        x = rollouts.states(self._stepper.p, q=q, v=v)
-        commands = rollouts.by_tick("tau", tau, len(x), 1)[:, 0]
+        x = states(self._plant, self._stepper.p, q, v, ("q", "v"))
+        commands = by_tick("tau", tau, len(x), 1, self._plant.model.n)[:, 0]
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
-        A, B, *parts = self._split(slopes, places)
-        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))
+        return self._split(slopes, by, places)
 
     def rollout_jvp(
         self,
@@ -316,9 +302,9 @@ class Derivatives:
             NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
-        plant, rollouts = self._plant, self._rollouts()
+        plant = self._plant
         p = plant.parameters.merged(parameters or {}, self._stepper.p)
-        batch = rollouts.batch(q0, v0, tau, steps, p, last_only=True)
+        batch = Batch.of(plant, q0, v0, tau, steps, p, last_only=True)
         count, ticks, n = len(batch.x0), batch.steps, plant.model.n
         dx0 = np.hstack([rows("dq0", dq0, count, n), rows("dv0", dv0, count, n)])
         if plant.nz:
@@ -326,7 +312,7 @@ class Derivatives:
             dz0 = [initial_slope(plant, x[: 2 * n]) @ dx for x, dx in arms]
             dx0 = np.hstack([dx0, np.array(dz0)])
         initial = np.ascontiguousarray(dx0)[:, :, None]
-        held = rollouts.by_tick("dtau", dtau, count, ticks)[:, :ticks, :, None]
+        held = by_tick("dtau", dtau, count, ticks, n)[:, :ticks, :, None]
         columns = Arms(batch.x0, batch.tau[:, :ticks], batch.p, initial, held)
         moved = self.linearizer().jvps(columns, threads, lanes, every=True, side=one_side(side))
         return np.concatenate([initial[:, None], moved], axis=1)[..., : 2 * n, 0]
@@ -368,7 +354,7 @@ class Derivatives:
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
         p = self._plant.parameters.merged(parameters or {}, self._stepper.p)
-        batch = self._rollouts().batch(q0, v0, tau, steps, p, last_only=True)
+        batch = Batch.of(self._plant, q0, v0, tau, steps, p, last_only=True)
         shape = len(batch.x0), batch.steps + 1, 2 * self._plant.model.n
         weights = np.ascontiguousarray(real_array("g", g))
         if weights.shape != shape or not np.isfinite(weights).all():
@@ -395,7 +381,10 @@ class Derivatives:
             return {}
         return self._plant.parameters.places((by,) if isinstance(by, str) else tuple(by))
 
-    def _split(self, slope: Array, places: dict[str, tuple[int, ...]]) -> list[Array]:
+    def _split(
+        self, slope: Array, by: Sequence[str] | None, places: dict[str, tuple[int, ...]]
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
         """Derivatives by state, torque and quantities, from all of them side by side."""
         sizes = self._plant.nx, self._plant.model.n, *map(len, places.values())
-        return np.split(slope, np.cumsum(sizes)[:-1], axis=-1)
+        A, B, *parts = np.split(slope, np.cumsum(sizes)[:-1], axis=-1)
+        return (A, B) if by is None else (A, B, dict(zip(places, parts, strict=True)))

@@ -116,7 +116,7 @@ class EventFreeGradients:
     ) -> None:
         self._nonsmooth, self._engine = nonsmooth, engine
         self._nx, self.length = plant.nx, choice.dt
-        event_free = EventFreeTick.of(plant, range(len(plant.parameters.nominal)))
+        event_free = EventFreeTick.of(plant)
         _, *functions = tick_functions(plant, choice)
         functions += [*event_free.functions, *event_free.adjoints]
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]

@@ -238,7 +238,7 @@ class EventfulTicks:
         functions += [function for name, function in plant.events.items() if name in ENGINE]
         functions += resting_functions(plant)
         if plant.layout.directions or plant.points:
-            functions += self._rest.matrices
+            functions += self._rest.matrices()
         if plant.points:
             functions.append(mobility_across(plant))
         if plant.points or plant.model.stops.rigid.any():

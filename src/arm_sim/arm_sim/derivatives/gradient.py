@@ -35,9 +35,10 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Marks
+from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, alike, built_of_lanes, lanes_source, widest
-from arm_sim.stepping.rollout import Batch
+from arm_sim.stepping.lane_widths import widest
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source, takes_equal_steps
 from arm_sim.stepping.threads import share
 
 
@@ -209,7 +210,7 @@ class Gradients:
         arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, None)
 
         def work(first: int, last: int) -> None:
-            motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
+            motion = np.empty((batch.steps, batch.x0.shape[1], width))
             code.engine.rollout_gradient(
                 code.scene, ctypes.byref(arms), first, last, address(g), address(motion),
                 address(gradients.by_x), address(gradients.by_tau), address(gradients.by_p),
@@ -245,8 +246,8 @@ class Gradients:
         return gradients if gradients.code else None
 
     def _built(self, width: int) -> Compiled | None:
-        same = self._backend != "vm" and alike(self._plant, self._choice)
-        if not same or operations(self._functions[1]) > LONGEST:
+        in_lanes = self._backend != "vm" and takes_equal_steps(self._plant, self._choice)
+        if not in_lanes or operations(self._functions[1]) > LONGEST:
             return None
         types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
         write = partial(lanes_source, self._without_stops, self._choice, self._functions)

@@ -12,7 +12,7 @@ from arm_dynamics.codegen.header import Header
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.engine import NATIVE, address_of
-from arm_sim.stepping.python_step import function_of_structure, unanswered
+from arm_sim.stepping.python_function import function_of_structure, unanswered
 
 # Function of a state and a command: derivatives by both side by side, or None where they are left
 # to Python, and where the command is not an array or a list of n finite floats.

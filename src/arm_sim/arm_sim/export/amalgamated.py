@@ -15,7 +15,7 @@ OWN = Path(__file__).parent / "native"
 ELSEWHERE = frozenset({"scalar.h"})
 _FOLDERS = (OWN, NATIVE, compiler.NATIVE)
 _FIRST_COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
-_INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)
+_INCLUDE = re.compile(r'^#include "([\w/]+\.[ch])"\n', re.MULTILINE)
 
 
 def of_files(files: Sequence[str], included: Iterable[str] = ()) -> str:
@@ -30,14 +30,14 @@ def amalgamated(text: str, included: set[str]) -> str:
 
     Args:
         text: The source.
-        included: Names of files that are there already; those of others are added.
+        included: Files that are there already, as they are included; others are added.
     """
 
     def contents(include: re.Match[str]) -> str:
         if (file := include[1]) in included:
             return ""
         included.add(file)
-        path = next(path for folder in _FOLDERS for path in folder.rglob(file))
+        [path] = (folder / file for folder in _FOLDERS if (folder / file).is_file())
         own = path.read_text(encoding="utf-8").replace("\nEXPORTED ", "\nstatic ")
         return amalgamated(_FIRST_COMMENT.sub("", own) if path.parent == OWN else own, included)
 

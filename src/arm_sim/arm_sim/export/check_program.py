@@ -55,7 +55,7 @@ class _Checks:
             self.tables.append(_table(f"{name}{k}", values))
 
     def add_term(self, k: int, term: Term, results: Sequence[Array]) -> None:
-        tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}
+        tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}  # a or tau
         inputs = [tables.get(x, "NULL") for x in term.arguments]
         outputs = [f"result{i}" for i in range(len(results))]
         lines = [f"double result{i}[{values.size}];" for i, values in enumerate(results)]
@@ -72,11 +72,10 @@ class _Checks:
         motion = test_motion(tick.simulator, tick.differentiable)
         name, n, tolerance = self._name, tick.simulator.n, _ROUNDING
         ticks = motion.held * len(motion.commands)
-        self.tables += [
-            _table("commands", motion.commands.ravel()),
-            _table("last_q", motion.q),
-            _table("last_v", motion.v),
-        ]
+        tables = {"commands": motion.commands.ravel(), "last_q": motion.q, "last_v": motion.v}
+        for matrix, slope in zip("AB", motion.slopes or (), strict=False):
+            tables[f"expected_{matrix}"] = slope.ravel()
+        self.tables += [_table(table, values) for table, values in tables.items()]
         self.calls.append(
             "  {\n"
             f"    double q[{n}], v[{n}];\n"
@@ -89,19 +88,17 @@ class _Checks:
             f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
             f'    if (!code) wrong += differs("{ticks} ticks, q", q, last_q, {n}, {tolerance});\n'
             f'    if (!code) wrong += differs("{ticks} ticks, v", v, last_v, {n}, {tolerance});\n'
-            f"{self._slopes(motion)}"
+            f"{self._check_of_slopes(motion)}"
             f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
             "    free(sim);\n"
             "  }"
         )
 
-    def _slopes(self, motion: ExpectedMotion) -> str:
+    def _check_of_slopes(self, motion: ExpectedMotion) -> str:
         """Derivatives at the end of the ticks; a refusal, which they may get, is no mistake."""
         if motion.slopes is None:
             return ""
         name, sizes = self._name, [slope.size for slope in motion.slopes]
-        for matrix, slope in zip("AB", motion.slopes, strict=True):
-            self.tables.append(_table(f"expected_{matrix}", slope.ravel()))
         last = motion.commands.size - motion.commands.shape[1]
         checks = "".join(
             f'    if (!code) wrong += differs("derivatives, {matrix}", {matrix}, '

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-_DEFINE = re.compile(r"#define (\w+)(?: (.*))?$")
+_DEFINE = re.compile(r"#define (\w+)(.*)$")
 _IF = re.compile(r"#(ifdef|ifndef|if) ([A-Za-z_]\w*)(?: == (\d+))?(?: */\*.*)?$")
 
 
@@ -21,7 +21,7 @@ class _Conditional:
 def without_decided_conditions(source: str) -> str:
     """C source in which every condition on names is decided, but for those of compilers (``__``).
 
-    A name counts as defined from its definition on.
+    A name counts as defined from its definition on, in whichever branch of a compiler's condition.
 
     Raises:
         ValueError: If one is none of ``#ifdef NAME``, ``#ifndef NAME``, ``#if NAME`` and ``#if
@@ -42,7 +42,7 @@ def without_decided_conditions(source: str) -> str:
         else:
             keeps = active
             if active and (definition := _DEFINE.match(line.rstrip())):
-                defined[definition[1]] = definition[2] or ""
+                defined[definition[1]] = definition[2].strip()
         if keeps:
             lines.append(line)
     return "".join(lines)

@@ -50,9 +50,7 @@ def readme(library: Library) -> str:
 
 
 def _joint_rows(model: ArmModel) -> list[str]:
-    limits = (
-        model.position_lower, model.position_upper, model.velocity_limit, model.effort_limit,
-    )  # fmt: skip
+    limits = (model.position_lower, model.position_upper, model.velocity_limit, model.effort_limit)
     rows = []
     for i, name in enumerate(model.joint_names):
         of_joint = (float(values[i]) for values in limits)

@@ -128,9 +128,8 @@ def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope
         return Step(x, h, ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:]), [])
     if tableau.positions:
         slopes = nystrom.slopes(tableau, rhs, slope, n, x, u, p, h)
-        return Step(
-            x, h, nystrom.stage(tableau, len(slopes), slopes, x, h, n), [], tableau, slopes
-        )
+        after = nystrom.stage(tableau, len(slopes), slopes, x, h, n)
+        return Step(x, h, after, [], tableau, slopes)
     slopes = []
     for i, row in enumerate(tableau.a):
         slopes.append(slope(i, x + h * weighed_sum(row, slopes, x) if any(row) else x))

@@ -18,13 +18,7 @@ from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
 from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions
 from arm_sim.plant.options import Options
-from arm_sim.plant.response import (
-    AnyResponse,
-    Reactions,
-    Response,
-    joint_reactions,
-    response_of,
-)
+from arm_sim.plant.response import AnyResponse, Reactions, Response, joint_reactions, response_of
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 _log = logging.getLogger(__name__)

@@ -129,10 +129,10 @@ class Contents:
         """Rows at which a change, a tuning, a hold or a gap begins, the first and the last row."""
         last = len(self.time) - 1
         tuned = np.flatnonzero(np.any(self.p[1:] != self.p[:-1], axis=1)) + 1
-        held = [] if self.hold is None else (np.flatnonzero(np.diff(self.hold)) + 1).tolist()
+        begun = [] if self.hold is None else (np.flatnonzero(np.diff(self.hold)) + 1).tolist()
         jumps = (jump.row for jump in self.jumps)
         before = (row - 1 for row in self.gaps)
-        return sorted({0, last, *jumps, *self.gaps, *before, *tuned.tolist(), *held})
+        return sorted({0, last, *jumps, *self.gaps, *before, *tuned.tolist(), *begun})
 
     @property
     def first_jumps(self) -> tuple[Jump, ...]:

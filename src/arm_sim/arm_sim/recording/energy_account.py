@@ -186,8 +186,7 @@ class EnergyAccount:
 
     @built_once
     def _ledger(self) -> Stepper:
-        plant = self._plant.variant(energies=True)
-        return Stepper(plant, self.choice, self._backend, acted=True)
+        return Stepper(self._plant.variant(energies=True), self.choice, self._backend, acted=True)
 
 
 def relative_error(balance: float, moved: float, size: float) -> float:

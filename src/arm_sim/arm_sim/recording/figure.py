@@ -19,7 +19,7 @@ from arm_sim.recording.motion import RecordedMotion
 QUANTITIES = {
     "position": ("q", "rad", "m"), "velocity": ("v", "rad/s", "m/s"), "effort": ("tau", "N m", "N")
 }  # fmt: skip
-_LINES = ("-", "--", ":", "-.")
+_LINES = ("-", "--", ":", "-.")  # of recordings; further ones have them again, thinner
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
 _APART = 5e-3  # of the range of a panel: curves that are closer to each other coincide
@@ -40,8 +40,44 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     import matplotlib as mpl
     from matplotlib import pyplot
 
-    names, first = _joints(recordings, joints), recordings[0]
-    words, panels = figures.joint_words(names), dict[str, list[_Curve]]()
+    panels = _panels(recordings, _joints(recordings, joints))
+    pyplot.draw_if_interactive()  # loads the backend, which may set rcParams to stay
+    with mpl.rc_context(figures.STYLE | {"axes.xmargin": 0.0}):
+        figure, axes = pyplot.subplots(
+            len(panels), 1, sharex=True, squeeze=False, layout="constrained",
+            figsize=(figures.WIDTH, 1.7 * len(panels) + 0.5),
+        )  # fmt: skip
+        ends = np.cumsum([len(one) for one in recordings])[:-1]
+        width = mpl.rcParams["lines.linewidth"]
+        styles = [
+            {"ls": _LINES[i % len(_LINES)], "lw": width / (1 + i // len(_LINES))}
+            for i in range(len(recordings))
+        ]
+        for axis, (title, curves) in zip(axes[:, 0], panels.items(), strict=True):
+            for label, values, color in curves:
+                own = np.split(values[:, None], ends)
+                for i, (recording, y) in enumerate(zip(recordings, own, strict=True)):
+                    curve = thinned(recording.time, y, _POINTS)
+                    axis.plot(*curve, color=color, label=None if i else label, **styles[i])
+            axis.set_ylabel(title)
+            _marks(axis, recordings[0])
+        for i, style in enumerate(styles if len(styles) > 1 else (), 1):
+            axes[0, 0].plot([], [], color="0.4", label=f"recording {i}", **style)
+        if _ENERGY in panels:
+            axes[-1, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=6)
+        figures.legend_outside(figure)
+        axes[-1, 0].set(xlabel="time [s]")
+        figure.align_ylabels()
+    if pyplot.get_backend().lower() == "agg":  # it would show nothing, without a word
+        figure.canvas.manager.show = lambda: _log.warning(
+            "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
+        )
+    return figures.shown_once(figure, figure)
+
+
+def _panels(recordings: Sequence[RecordedMotion], names: Sequence[str]) -> dict[str, list[_Curve]]:
+    """Curves by the titles of their panels, of which none is empty."""
+    words, panels, first = figures.joint_words(names), dict[str, list[_Curve]](), recordings[0]
     types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
     stacked = {
         part: np.hstack([getattr(one, attribute)[:, _columns(one, names)].T for one in recordings])
@@ -56,34 +92,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
             if part == "position" or numbers[group].any()
         ]
     panels[_ENERGY] = _energies(recordings)
-    panels = {title: curves for title, curves in panels.items() if curves}
-    pyplot.draw_if_interactive()  # loads the backend, which may set rcParams to stay
-    with mpl.rc_context(figures.STYLE | {"axes.xmargin": 0.0}):
-        figure, axes = pyplot.subplots(
-            len(panels), 1, sharex=True, squeeze=False, layout="constrained",
-            figsize=(figures.WIDTH, 1.7 * len(panels) + 0.5),
-        )  # fmt: skip
-        ends = np.cumsum([len(one) for one in recordings])[:-1]
-        for axis, (title, curves) in zip(axes[:, 0], panels.items(), strict=True):
-            for label, values, color in curves:
-                own = np.split(values[:, None], ends)
-                for recording, y, line in zip(recordings, own, cycle(_LINES), strict=False):
-                    curve = thinned(recording.time, y, _POINTS)
-                    axis.plot(*curve, line, color=color, label=label if line == "-" else None)
-            axis.set_ylabel(title)
-            _marks(axis, first)
-        for i, line in enumerate(_LINES[: len(recordings)] if len(recordings) > 1 else (), 1):
-            axes[0, 0].plot([], [], line, color="0.4", label=f"recording {i}")
-        if _ENERGY in panels:
-            axes[-1, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=6)
-        figures.legend_outside(figure)
-        axes[-1, 0].set(xlabel="time [s]")
-        figure.align_ylabels()
-    if pyplot.get_backend().lower() == "agg":  # it would show nothing, without a word
-        figure.canvas.manager.show = lambda: _log.warning(
-            "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
-        )
-    return figures.shown_once(figure, figure)
+    return {title: curves for title, curves in panels.items() if curves}
 
 
 def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> list[str]:

@@ -56,8 +56,7 @@ class Origin:
 
     def texts(self) -> dict[str, str]:
         """Files from which ``read`` restores the scene."""
-        urdf = self.scene.robot.urdf
-        return {SCENE_FILE: scene_text(self.scene, URDF_FILE), URDF_FILE: urdf}
+        return {SCENE_FILE: scene_text(self.scene, URDF_FILE), URDF_FILE: self.scene.robot.urdf}
 
     def about(self) -> dict[str, str]:
         """The rest, as texts by name."""

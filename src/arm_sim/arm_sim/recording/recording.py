@@ -131,7 +131,7 @@ class Recording(RecordedMotion):
         the energy balance.
 
         Args:
-            *others: Recordings to draw over this one, dashed.
+            *others: Recordings to draw over this one, in other lines, without their events.
             joints: Joints to draw; if none is named all, or of many the seven that move most.
 
         Returns:

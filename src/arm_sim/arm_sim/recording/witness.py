@@ -179,7 +179,7 @@ def _open_loop(stepper: Stepper, state: Array, commands: Array, after: Array) ->
 def _closed_loop(
     stepper: Stepper, state: Array, control: Control, row: int, nu: int, after: Array
 ) -> int:
-    """The same under a controller that answers to each state, from a row of the motion."""
+    """Ticks under a controller that answers to each state, from a row of the motion."""
     command, trace = np.empty(nu), np.empty((FINER, len(state)))
     tick = stepper.ticks(state, command, trace, np.empty((FINER, nu)), np.empty((FINER, 2)))
     for k in range(len(after)):

@@ -59,7 +59,7 @@ class EnergyTrail:
             self._ticks.noted = kept
 
     def note_before_full(self) -> None:
-        """As ``note``, if C has no room for further ticks."""
+        """Evaluate the ticks executed so far if C has no room for further ones."""
         if self._ticks.kept - self._ticks.noted >= ROWS:
             self.note()
 

@@ -90,7 +90,7 @@ class TickEngine:
         """
         self.simulator, self._arm = simulator, simulator.arm
         self._q = self._arm.x[: simulator.n]
-        line: Line[Command] | None = command_line(simulator.model.scene, simulator.dt)
+        line: Line[tuple[Command]] | None = command_line(simulator.model.scene, simulator.dt)
         self.commands = LatestCommand(simulator.dynamics, line)
         self.arbiter, self.queue = Arbiter(self.duration(_SILENCE)), TickQueue()
         self.failure = ""
@@ -242,23 +242,27 @@ class TickEngine:
         expires = library().expires(byref(commands), c_double(self.ticks.share))
         return arriving and expires and commands.age - commands.timeout < self.duration(_SILENCE)
 
-    def _move(self) -> bool:
-        """Execute a tick under what C does not compute; return whether it can be computed."""
-        arm, stopping = self._arm, self.stopping
-        command: str | Command | None = self.commands.command(self.ticks.acts, self._q)
+    def _acting(self) -> Command | None:
+        """What acts in a tick that C does not compute: a command, or None for the brakes."""
+        stopping, command = self.stopping, self.commands.command(self.ticks.acts, self._q)
         if isinstance(command, str):
-            command = stopping.stop(command)
-        elif isinstance(command, JointCommand) and not stopping.servos.request(wait=self.paused):
-            command = None
-        elif stopping.acts:
+            return stopping.stop(command)
+        if isinstance(command, JointCommand) and not stopping.servos.request(wait=self.paused):
+            return None
+        if stopping.acts:
             stopping.release()
             if stopping.servos.in_background and self.stale_policy in (BRAKE, SERVO):
                 stopping.servos.request()  # which may have to stop the arm
+        return command
+
+    def _move(self) -> bool:
+        """Execute a tick that C does not compute; return whether it can be computed."""
+        arm, command = self._arm, self._acting()
         try:
             if command is None:
-                if not stopping.locked:  # the energy that brakes absorb is a change
+                if not self.stopping.locked:  # the energy that brakes absorb is a change
                     self._accounted(arm.lock)
-                    stopping.locked = True
+                    self.stopping.locked = True
                 arm.stand()
             elif isinstance(command, JointCommand):
                 arm.follow(command)
@@ -321,7 +325,7 @@ class TickEngine:
         """
         simulator = self.simulator
         if not self._pushable:
-            ExternalWrenches(simulator.dynamics).push(frame, wrench, 0)  # refuses at once
+            ExternalWrenches(simulator.model).push(frame, wrench, 0)  # refuses at once
             pushable = external_change(simulator)
             self.queue.run(lambda: self._accounted(pushable))
             self._pushable = True

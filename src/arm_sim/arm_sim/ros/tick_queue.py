@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from ctypes import c_int64
 from queue import SimpleQueue
 from typing import Any
@@ -15,7 +15,8 @@ from arm_dynamics import InvalidInput
 class TickQueue:
     """A queue of actions; while no thread serves it, an action runs immediately.
 
-    A caller waits for up to ``timeout`` in [s].
+    A caller waits for up to ``timeout`` in [s]. Both sides delete a future when it is done: its
+    exception refers to their frames, which would be a cycle, freed only much later.
 
     Attributes:
         served: Whether another thread empties the queue.
@@ -31,7 +32,7 @@ class TickQueue:
         """Run an action between two ticks; return its result, or raise its exception.
 
         Raises:
-            InvalidInput: If it was not run in time; it is discarded then.
+            InvalidInput: If it was not done in time: it is discarded, unless it has begun.
         """
         if not self.served:
             return action()
@@ -39,12 +40,14 @@ class TickQueue:
         self._queue.put((action, future))
         self.ring()
         try:
-            return future.result(self._timeout)
-        except TimeoutError:
-            future.cancel()
-            raise InvalidInput(f"the simulation did not respond in {self._timeout:g} s") from None
+            wait([future], self._timeout)
+            if future.cancel():
+                raise InvalidInput(f"the simulation did not respond in {self._timeout:g} s")
+            if not future.done():
+                raise InvalidInput(f"after {self._timeout:g} s it is still being done")
+            return future.result()
         finally:
-            del future  # its exception refers to this frame: a cycle, freed only much later
+            del future
 
     def post(self, action: Callable[[], Any]) -> None:
         """Run an action between two ticks, without waiting; it must not raise."""
@@ -69,4 +72,4 @@ class TickQueue:
                 future.set_result(action())
             except Exception as error:
                 future.set_exception(error)
-                del action, future  # likewise
+                del action, future

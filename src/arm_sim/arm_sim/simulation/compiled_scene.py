@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
+from arm_sim.derivatives import Derivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.parameters import EXTERNAL
@@ -19,7 +20,6 @@ from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.trial import keeps_accuracy
 
 if TYPE_CHECKING:
-    from arm_sim.derivatives import Derivatives
     from arm_sim.servo import Rest, Servo
 
 
@@ -105,7 +105,4 @@ class CompiledScene(Physics):
     @cached_property
     def derivatives(self) -> Derivatives:
         """Derivatives of ticks and rollouts."""
-        from arm_sim.derivatives import Derivatives
-
-        rollouts = lambda: self.rollouts  # noqa: E731 - built when they are needed
-        return Derivatives(self.plant, self.choice, self.stepper, rollouts, self.backend)
+        return Derivatives(self.plant, self.choice, self.stepper, self.backend)

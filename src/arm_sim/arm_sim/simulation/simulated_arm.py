@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import replace
 from struct import Struct
 from typing import TYPE_CHECKING, Any
@@ -81,7 +82,7 @@ class SimulatedArm:
         self._x, self._command = np.zeros(compiled.plant.nx), np.zeros(self.n)
         self._q, self._v = self._x[: self.n], self._x[self.n : 2 * self.n]
         self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
-        self._put = Struct(f"{self.n}d").pack_into
+        self._pack_command = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only_view(self._x), read_only_view(self._effort[0])
         self.notes, self.compiled = read_only_view(self._notes[0]), compiled
         self.pointers: Arm | None = None
@@ -168,22 +169,22 @@ class SimulatedArm:
             step = self._step = python_step(self.pointers, self.n, self.plant.nz)
         try:
             state = step(tau, self._now.step_count) if self.line is None else None
+            if state is None:
+                self._step_by_python(tau)
+                return self.state
         except BaseException:
             self._catch_up()
             raise
-        if state is None:
-            self._step_by_python(tau)
-            return self.state
         if state is False:
             raise self.diverged()
-        self._passed(state.step, state, self._saturation)
+        self._passed(state, self._saturation)
         return state
 
     def _catch_up(self) -> None:
         """Register a tick at the end of which the handler of a signal raised an exception."""
         state, x = self._now.state, self._x.tobytes()
         if state is not None and x != np.concatenate([state.q, state.v, state.z]).tobytes():
-            self._passed(self.step_count + 1, None, self._saturation)
+            self._passed(None, self._saturation)
 
     def _step_by_python(self, tau: object) -> None:
         if isinstance(tau, JointCommand):
@@ -204,6 +205,10 @@ class SimulatedArm:
             return command
         return self.line.carry(self.step_count + ahead, command) or [0.0] * self.n
 
+    def _arrived_rows(self, commands: Array) -> Array:
+        """The effective commands when ``commands`` are sent in the next ticks, a row in each."""
+        return np.array([self.arrived(row, k) for k, row in enumerate(commands.tolist())])
+
     def advance(self, tau: Sequence[float]) -> None:
         """Advance by a tick under n finite numbers, for a loop that reads ``x``.
 
@@ -212,11 +217,11 @@ class SimulatedArm:
         Raises:
             SimulationDiverged: If the tick cannot be computed; the state is kept.
         """
-        self._put(self._command, 0, *tau)
+        self._pack_command(self._command, 0, *tau)
         self._advance(self._saturation)
 
     def follow(self, command: JointCommand) -> None:
-        """The same under a command of shape (n,).
+        """Advance by a tick under a command of shape (n,), which its servos turn into torques.
 
         The same object means the same command; another one, the next command of a stream. A joint
         that a servo holds at a position stays exactly at rest there.
@@ -244,14 +249,17 @@ class SimulatedArm:
     def _advance(self, notice: SaturationNotice) -> None:
         if self._tick() != 1:
             raise self.diverged()
-        self._passed(self.step_count + 1, None, notice)
+        self._passed(None, notice)
 
-    def _passed(self, count: int, state: State | None, notice: SaturationNotice) -> None:
-        """Register ticks up to the ``count``-th, and the state after them if that is known."""
-        now = self._now
-        now.step_count, now.state, now.hold = count, state, FREE
+    def _passed(self, state: State | None, notice: SaturationNotice) -> None:
+        self._count(1, FREE, state)
         notice.check(self._command, self._effort)
         self._sense()
+
+    def _count(self, ticks: int, hold: int, state: State | None = None) -> None:
+        """Register ticks, what held the arm in them, and the state after them if it is known."""
+        now = self._now
+        now.step_count, now.state, now.hold = now.step_count + ticks, state, hold
 
     def share(self, now: Any) -> None:
         """Keep ``step_count``, ``hold`` and ``state`` in an object of other code.
@@ -269,8 +277,7 @@ class SimulatedArm:
 
     def stand(self) -> None:
         """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
-        now = self._now
-        now.step_count, now.state, now.hold = now.step_count + 1, None, BRAKES
+        self._count(1, BRAKES)
         self._sense()
 
     def _sense(self) -> None:
@@ -282,19 +289,25 @@ class SimulatedArm:
     ) -> int:
         """Advance by ticks of a stepper in one call, see ``Stepper.ticks``.
 
-        If a signal breaks it off, what was done is registered.
+        Commands are sent as by ``step``. If a signal breaks it off, what was done is registered.
         """
-        start, ticks = self._x.copy(), -1
+        start, line, ticks = self._x.copy(), deepcopy(self.line), -1
+        if line is not None:
+            sent = np.broadcast_to(command, (len(trace), self.n))
+        trace[:, 0] = np.nan  # equals no state, where no tick is made
         try:
+            command = command if line is None else self._arrived_rows(sent)
             ticks = stepper.ticks(self._x, command, trace, effort, notes)()
         finally:
             if ticks < 0:  # the handler of a signal raised an exception when they were made
                 same = np.flatnonzero((trace == self._x).all(axis=1))
                 ticks = int(same[-1]) + 1 if len(same) else 0
                 self._x[:] = trace[ticks - 1] if ticks else start
+            if line is not None and ticks < len(trace):  # nothing is sent in ticks not made
+                _put(self, "line", line)
+                self._arrived_rows(sent[:ticks])
             if ticks:
-                now = self._now
-                now.step_count, now.state, now.hold = now.step_count + ticks, None, FREE
+                self._count(ticks, FREE)
                 self._effort[0], self._notes[0] = effort[ticks - 1], notes[ticks - 1]
                 if stepper is self._stepper:  # else the command is a controller's reference
                     commands = command[:ticks] if command.ndim == 2 else command

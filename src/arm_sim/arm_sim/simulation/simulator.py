@@ -6,17 +6,15 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import replace
+from functools import wraps
 from pathlib import Path
-from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed, with_arguments
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -25,73 +23,47 @@ from arm_dynamics.exceptions import choices, not_copied
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
-from arm_sim.exceptions import SimulationDiverged
+from arm_sim.derivatives import Derivatives
 from arm_sim.imperfections import delivered
-from arm_sim.inputs import named, tick_count, torque, torque_table
+from arm_sim.inputs import named, tick_count
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.placing import closed, placed, warn_of_degrees, warn_of_speeds
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
-from arm_sim.recording.witness import Control as Again
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
-from arm_sim.simulation.control import Control, check_function, commands_of
 from arm_sim.simulation.plan import Plan
 from arm_sim.simulation.progress import Progress
+from arm_sim.simulation.run import Control, driver_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
 from arm_sim.state import State
+from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
     from arm_dynamics.control.controller import AnyController
-    from arm_sim.derivatives import Derivatives
 
-FIRST_SLICE, TICKS_PER_PART = 10, 2000  # of a controller in Python, and of a recording
-
+TICKS_PER_PART = 2000  # of a run that is recorded in a file
 
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Driver:
-    """What makes the ticks of a run.
+def _of_derivatives[**P, R](
+    method: Callable[Concatenate[Derivatives, P], R],
+) -> Callable[Concatenate[Simulator, P], R]:
+    """A method of ``Derivatives`` as one of a simulator, whose present values it uses."""
 
-    Attributes:
-        make: Makes those of a trace; returns the control by row, if a second run can repeat it.
-        open_loop: Whether the commands are known in advance.
-    """
+    @with_arguments
+    @wraps(method)
+    def call(simulator: Simulator, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        return method(simulator.arm.compiled.derivatives, *args, **kwargs)
 
-    make: Callable[[Trace], Again | None]
-    open_loop: bool
-
-
-class _Derivative[**P, R]:
-    """A method of ``Derivatives`` as one of a simulator, from its state and scene.
-
-    It is imported when it is first used, since most runs need no derivatives.
-    """
-
-    def __init__(self, method: Callable[[], Callable[Concatenate[Derivatives, P], R]]) -> None:
-        self._method = method
-
-    def __get__(self, simulator: Simulator | None, owner: type[Simulator]) -> Callable[P, R]:
-        function: Any = self._method()
-        if simulator is not None:
-            function = MethodType(with_arguments(function), simulator.arm.compiled.derivatives)
-        method: Callable[P, R] = function
-        return method
-
-
-@cache
-def _derivatives() -> type[Derivatives]:
-    from arm_sim.derivatives import Derivatives
-
-    return Derivatives
+    return call
 
 
 @sealed
@@ -162,10 +134,10 @@ class Simulator:
 
     def __repr__(self) -> str:
         """The arm, the method and the time."""
-        head, choice = repr(self.dynamics.model).split(" ", 1)[1][:-1], self.choice
+        head, choice = repr(self.dynamics).removeprefix("<Dynamics").removesuffix(">"), self.choice
         tolerance = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
         method = f"{choice.method.name}, dt {self.dt:g} s{tolerance}"
-        return f"<Simulator {head}; {method}; t = {self.state.time:.6g} s>"
+        return f"<Simulator{head}; {method}; t = {self.state.time:.6g} s>"
 
     @property
     def model(self) -> ArmModel:
@@ -285,16 +257,17 @@ class Simulator:
         """
         ticks = tick_count(duration, self.dt)
         with Progress(ticks * self.dt) as progress:
-            driver = self._driver_of(control, reference, ticks)
-            trace = Trace(self.arm, ticks, progress)
-            try:
-                return self._advance(driver, trace)
-            except KeyboardInterrupt as stop:
-                stop.add_note(
-                    f"interrupted at t = {self.state.time:.6g} s: the simulator has this state, "
-                    "and the exception's attribute 'recording' the motion until then"
-                )
-                raise
+            driver = driver_of(self.arm, control, reference, ticks)
+            motion, stop = driver.drive(Trace(self.arm, ticks, progress))
+        if isinstance(stop, KeyboardInterrupt):
+            vars(stop)["recording"] = motion
+            stop.add_note(
+                f"interrupted at t = {self.state.time:.6g} s: the simulator has this state, "
+                "and the exception's attribute 'recording' the motion until then"
+            )
+        if stop is not None:
+            raise stop
+        return motion
 
     @with_arguments
     def record(
@@ -306,8 +279,8 @@ class Simulator:
     ) -> Path:
         """Advance by a duration and record every tick in a file, not in memory.
 
-        If it is broken off, by Ctrl-C or because the state becomes non-finite, the file is
-        complete up to there. ``Recording.load`` reads it.
+        If it is broken off, by Ctrl-C, because the state becomes non-finite, or by an error of the
+        controller, the file is complete up to there. ``Recording.load`` reads it.
 
         Args:
             path: A new file (``.mcap``), or a new folder, for a bag; see ``Recording.save``.
@@ -326,97 +299,15 @@ class Simulator:
         from arm_sim.recording.files import Stream  # imports libraries that a run does not require
 
         ticks = tick_count(duration, self.dt)
-        driver = self._driver_of(control, reference, ticks)
+        driver = driver_of(self.arm, control, reference, ticks)
         with Progress(ticks * self.dt) as progress, Stream(path) as stream:
             for at in range(0, max(ticks, 1), TICKS_PER_PART):
                 trace = Trace(self.arm, min(TICKS_PER_PART, ticks - at), progress, at)
-                try:
-                    part = self._advance(driver, trace)
-                except (KeyboardInterrupt, SimulationDiverged) as stop:
-                    until: Recording = vars(stop)["recording"]
-                    stream.append(until, until.tau)
-                    raise
+                part, stop = driver.drive(trace)
                 stream.append(part, part.tau)
+                if stop is not None:
+                    raise stop
         return stream.path
-
-    def _advance(self, driver: Driver, trace: Trace) -> Recording:
-        """The motion of a trace; what breaks it off has that until then, as ``recording``."""
-        try:
-            recording = trace.recording(driver.open_loop, driver.make(trace))
-        except KeyboardInterrupt as stop:
-            vars(stop)["recording"] = trace.recording(driver.open_loop)
-            raise
-        if trace.done < trace.ticks:
-            diverged = self.arm.diverged()
-            diverged.recording = recording
-            raise diverged
-        return recording
-
-    def _driver_of(self, control: Any, reference: Motion | None, ticks: int) -> Driver:
-        if hasattr(control, "torque"):
-            control = commands_of(control, reference, self.dynamics, self.measured)
-        elif reference is not None:
-            raise InvalidInput("a reference is for a controller with torque(state, reference)")
-        if isinstance(control, CompiledControl):
-            if self.arm.sensors is not None or self.arm.line is not None:
-                raise InvalidInput(
-                    "a compiled controller uses the true state without delay, but the scene has "
-                    "'sensors' or 'commands'; allowed: a controller that is a function of the "
-                    "state"
-                )
-            return Driver(partial(self._run_compiled, control), open_loop=False)
-        if isinstance(control, JointCommand):
-            commands = control.rows(ticks, self.n, self.dt)
-            return Driver(partial(self._run_function, lambda _: next(commands)), open_loop=False)
-        if callable(control):
-            check_function(control)
-            return Driver(partial(self._run_function, control), open_loop=False)
-        table = torque_table(control, ticks, self.joint_names, self.dt)
-        open_loop = not gravity_compensated(self.model.scene)
-        return Driver(partial(self._run_table, table), open_loop)
-
-    def _run_compiled(self, control: CompiledControl, trace: Trace) -> Again:
-        """Its ticks; returns the controller by row, for a second run."""
-        stepper = self.arm.compiled.controlled(control)
-        reference = control.reference(trace.time[:-1])
-        trace.roll(stepper, lambda first, end: reference[first:end])
-        return lambda x, k: stepper.actuated(x, reference[k])
-
-    def _run_table(self, table: Array, trace: Trace) -> None:
-        arm, n, at = self.arm, self.n, trace.at
-
-        def commands(first: int, end: int) -> Array:
-            sent = table[at + first : at + end] if table.ndim == 2 else table
-            if arm.line is None:
-                return sent
-            rows = np.broadcast_to(sent, (end - first, n)).tolist()
-            return np.array([arm.arrived(row, k) for k, row in enumerate(rows)])
-
-        trace.roll(self._stepper, commands)
-
-    def _run_function(self, control: Control, trace: Trace) -> Again | None:
-        """Its ticks; returns the function by row, for a second run, if it gave torques only."""
-        arm, begin, stepper = self.arm, self.arm.step_count, self._stepper
-        torques = arm.sensors is None and arm.line is None
-        for first, end in trace.slices(FIRST_SLICE):
-            for k in range(first, end):
-                command = control(arm.measured)
-                torques = torques and not isinstance(command, JointCommand)
-                trace.begin(k)
-                try:
-                    arm.step(command)
-                except SimulationDiverged:
-                    return None
-                except BaseException:
-                    trace.break_off(k)
-                    raise
-                trace.end(k)
-
-        def again(x: Array, k: int) -> Array:
-            command = control(State.of(x, arm.n, begin + k, arm.dt, 0.0))
-            return stepper.actuated(x, np.array(torque(command, arm.joint_names)))
-
-        return again if torques else None
 
     @with_arguments
     def reset(
@@ -502,18 +393,18 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        p = self.arm.plant.parameters.merged(parameters or {}, self._stepper.p)
-        rollouts = self.arm.compiled.rollouts
-        batch = rollouts.batch(q0, v0, tau, steps, p, last_only)
+        plant = self.arm.plant
+        p = plant.parameters.merged(parameters or {}, self._stepper.p)
+        batch = Batch.of(plant, q0, v0, tau, steps, p, last_only)
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
-        return rollouts.run(batch, threads, lanes)
+        return self.arm.compiled.rollouts.run(batch, threads, lanes)
 
-    linearize = _Derivative(lambda: _derivatives().linearize)
-    linearize_many = _Derivative(lambda: _derivatives().linearize_many)
-    jvp = _Derivative(lambda: _derivatives().jvp)
-    vjp = _Derivative(lambda: _derivatives().vjp)
-    rollout_jvp = _Derivative(lambda: _derivatives().rollout_jvp)
-    rollout_gradient = _Derivative(lambda: _derivatives().rollout_gradient)
+    linearize = _of_derivatives(Derivatives.linearize)
+    linearize_many = _of_derivatives(Derivatives.linearize_many)
+    jvp = _of_derivatives(Derivatives.jvp)
+    vjp = _of_derivatives(Derivatives.vjp)
+    rollout_jvp = _of_derivatives(Derivatives.rollout_jvp)
+    rollout_gradient = _of_derivatives(Derivatives.rollout_gradient)
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""

@@ -33,6 +33,7 @@ class Trace:
         at: Ticks of the run before.
 
     Attributes:
+        arm: The arm, as it is now.
         ticks: Their number.
         at: Ticks of the run before.
         done: How many of the ticks were made.
@@ -45,7 +46,7 @@ class Trace:
     def __init__(self, arm: SimulatedArm, ticks: int, progress: Progress, at: int = 0) -> None:
         row = 3 + arm.plant.nx + arm.n + len(arm.parameters) + 3 * arm.n * bool(arm.sensors)
         refuse_beyond_memory(ticks, 8 * row)
-        self._arm, self.ticks, self.at, self.done = arm, ticks, at, 0
+        self.arm, self.ticks, self.at, self.done = arm, ticks, at, 0
         self._progress = progress
         steps = arm.step_count + np.arange(ticks + 1)
         self.time = np.asarray(steps * arm.dt, dtype=np.float64)
@@ -62,7 +63,7 @@ class Trace:
         """Slices of the ticks, the first of ``few``; progress is reported after each."""
         for first, end in slices(self.ticks, few):
             yield first, end
-            self._progress.update((self.at + end) * self._arm.dt)
+            self._progress.update((self.at + end) * self.arm.dt)
 
     def roll(self, stepper: Stepper, commands: Callable[[int, int], Array]) -> None:
         """Make the ticks in compiled code, or fewer, if one cannot be computed.
@@ -71,7 +72,7 @@ class Trace:
             stepper: What makes them.
             commands: Commands of the ticks from one row to another, shape (k, n), or one for all.
         """
-        self._substep, arm = stepper.substep, self._arm
+        self._substep, arm = stepper.substep, self.arm
         for first, end in self.slices(stepper.few):
             trace, acted = self._x[first + 1 : end + 1], self._command[first:end]
             notes, before = self._notes[first + 1 : end + 1], arm.step_count
@@ -86,7 +87,7 @@ class Trace:
 
     def _measure(self, row: int, trace: Array, command: Array) -> None:
         """Update the sensors with ticks that were executed in one call, from a row on."""
-        arm = self._arm
+        arm = self.arm
         if arm.sensors is None or self._measured is None:
             return
         n, step = arm.n, arm.step_count - len(trace) + 1
@@ -101,18 +102,13 @@ class Trace:
 
     def end(self, row: int) -> None:
         """Record the tick from a row, which the arm has executed."""
-        arm = self._arm
+        arm = self.arm
         self._x[row + 1], self._command[row], self._notes[row + 1] = arm.x, arm.acted, arm.notes
         self._changes.state, self.done = arm.state, row + 1
         if arm.hold != FREE:
             self._changes.held(row, arm.hold)
         if arm.sensors is not None and self._measured is not None:
             self._measured[row + 1] = arm.sensors.measured
-
-    def break_off(self, row: int) -> None:
-        """Record the tick from a row if it was made when the handler of a signal raised."""
-        if self._arm.x.tobytes() != self._x[row].tobytes():
-            self.end(row)
 
     def recording(self, open_loop: bool, control: Control | None = None) -> Recording:
         """The motion over the ticks that were made.
@@ -121,7 +117,7 @@ class Trace:
             open_loop: Whether their commands were given in advance.
             control: The controller, if it can be evaluated again.
         """
-        arm, changes, command, done = self._arm, self._changes, self._command, self.done
+        arm, changes, command, done = self.arm, self._changes, self._command, self.done
         command[done] = command[done - 1] if done else 0.0
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)

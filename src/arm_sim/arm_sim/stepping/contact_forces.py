@@ -80,17 +80,14 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
     force = force + _shared(plant, stepper, x, u, modes)
     sites = np.array(contact.sites(x[: plant.model.n])).T.reshape(-1, 4, 3)
     forces = []
-    for i, mode in enumerate(modes.contact):
+    for i, (contact_point, mode) in enumerate(zip(plant.points, modes.contact, strict=True)):
         state = "apart" if not mode["closed"] else "sticks" if mode["sticks"] else "slides"
         normal, tangents, point = sites[i, 0], sites[i, 1:3], sites[i, 3]
         tangential = read_only(force[i, 1:] @ tangents)
         total = read_only(tangential + force[i, 0] * normal)
         gap, size = float(gaps[i]), float(force[i, 0])
-        forces.append(
-            ContactForce(
-                plant.points[i].name, state, gap, size, tangential, total, read_only(point)
-            )
-        )
+        name, site = contact_point.name, read_only(point)
+        forces.append(ContactForce(name, state, gap, size, tangential, total, site))
     return tuple(forces)
 
 

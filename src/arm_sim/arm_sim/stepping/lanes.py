@@ -10,7 +10,6 @@ from types import MappingProxyType
 
 import casadi as ca
 
-from arm_dynamics import InvalidInput
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -23,7 +22,6 @@ from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
 from arm_sim.stepping.tick_functions import MOVING, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
-WIDTHS = (8, 4, 2, 1)
 # Functions of events that ticks without events need as well, see native/lanes/eventful_ticks.h.
 PREDICTED = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
@@ -70,8 +68,11 @@ def lanes_source(
     return f"{head}{code}{scene_source(plant, choice, functions, more=more)}"
 
 
-def alike(plant: Plant, choice: Choice) -> bool:
-    """Whether all arms take the same steps away from stops: smooth, without error control."""
+def takes_equal_steps(plant: Plant, choice: Choice) -> bool:
+    """Whether arms in any states take the same steps away from stops.
+
+    That is so without events, switches and error control.
+    """
     smooth = choice.tolerance is None and not (plant.free or plant).eventful
     return smooth and not has_unmonitored_switches(plant)
 
@@ -101,41 +102,3 @@ def built_of_lanes(
         return None
     getattr(engine, name).argtypes = [ADDRESS, *types]  # engine[name] is another object each time
     return Compiled(own, engine)
-
-
-def check_lanes(lanes: int | None) -> None:
-    """Refuse a number of lanes that is not one of ``WIDTHS``; None is allowed."""
-    if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
-        raise InvalidInput(f"lanes = {lanes!r}; allowed: {', '.join(map(str, WIDTHS))}")
-
-
-def widths(lanes: int | None) -> tuple[int, ...]:
-    """Numbers of lanes to try in turn: as requested, else the processor's and fewer; then one.
-
-    Code compiled elsewhere, for all processors of a level, may be of fewer lanes than fit here.
-
-    Raises:
-        InvalidInput: As of ``check_lanes``.
-    """
-    check_lanes(lanes)
-    if lanes is None:
-        return WIDTHS[WIDTHS.index(natural_width()) :]
-    return (lanes, 1) if lanes > 1 else (1,)
-
-
-def widest(
-    lanes: int | None, code_of: Callable[[int], Compiled | None]
-) -> tuple[Compiled | None, int]:
-    """Code for the first of the ``widths`` of which there is any, and that width."""
-    for width in widths(lanes):
-        if (code := code_of(width)) is not None:
-            return code, width
-    return None, 1
-
-
-def natural_width() -> int:
-    """Doubles in a vector register of the processor that code is compiled for."""
-    extensions = compiler.instructions()
-    if "avx512f" in extensions:
-        return 8
-    return 4 if "avx2" in extensions else 2

@@ -3,54 +3,22 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
-from ctypes import byref, c_ssize_t, c_void_p, py_object
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from arm_dynamics.codegen.python_call import python_function
-from arm_dynamics.exceptions import KernelError
 from arm_sim.state import State
-from arm_sim.stepping.arm import ARM, Arm
+from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.engine import NATIVE
+from arm_sim.stepping.python_function import function_of_structure, unanswered
 
 # Function of a command and the number of ticks before: it advances by a tick and returns the
 # state, or False if it cannot be computed; None, and nothing is done, if the command is not an
 # array or a list of n finite floats.
 PythonStep = Callable[[object, int], State | Literal[False] | None]
 
-_TAKES = c_void_p, c_ssize_t, c_ssize_t, py_object, py_object
-_log = logging.getLogger(__name__)
-
-
-def unanswered(*_: object) -> None:
-    """No result: it is left to Python."""
-
-
-def function_of_structure(
-    source: Path, structure: Any, n: int, nz: int, kept: object
-) -> Callable[..., Any]:
-    """A Python function in C, bound to a structure; ``unanswered`` where it cannot be compiled.
-
-    Args:
-        source: A file of ``native/``, which defines ``python_function``.
-        structure: What that takes a pointer to, and has to live as long as ``kept``.
-        n: Degrees of freedom.
-        nz: Number of internal states.
-        kept: What the function keeps alive.
-    """
-    try:
-        make = python_function(source, _TAKES, source.parent, ARM.folder)
-    except (KernelError, OSError) as error:
-        _log.info("calls from Python are slower: %s", error)
-        return unanswered
-    function: Callable[..., Any] = make(byref(structure), n, nz, State, kept)
-    return function
-
 
 def python_step(arm: Arm | None, n: int, nz: int) -> PythonStep:
-    """The tick of an arm with n joints and nz internal states; None on the virtual machine."""
+    """The tick of an arm; ``unanswered`` on the virtual machine."""
     if arm is None:
         return unanswered
     return function_of_structure(NATIVE / "arm/python_step.c", arm, n, nz, arm)

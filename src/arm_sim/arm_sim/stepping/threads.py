@@ -50,13 +50,13 @@ def share(
     count = max(1, min(count, groups - first))
     edges = [first + (groups - first) * i // count for i in range(count + 1)]
     parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
-    here = parts[: (groups - first) * ticks <= FEW_TICKS]
-    if len(here) == len(parts) == 1:
-        work(*here[0])
+    own = parts[:1] if (groups - first) * ticks <= FEW_TICKS else []  # of this thread
+    if own == parts:
+        work(*own[0])
         return
-    futures = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
+    futures = [_kept_threads().submit(work, *part) for part in parts[len(own) :]]
     try:
-        for part in here:
+        for part in own:
             work(*part)
         wait(futures)
     except BaseException:

@@ -114,9 +114,8 @@ class DrawnArm:
     def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
         """Draw an instant; the caller groups changes that appear together."""
         marks = self.marker.at(instant)
-        for frame, position, wxyz in zip(
-            self._joints.values(), marks.position, marks.rotation, strict=True
-        ):
+        joints = zip(self._joints.values(), marks.position, marks.rotation, strict=True)
+        for frame, position, wxyz in joints:
             frame.position, frame.wxyz = position, wxyz
         contacts = self._visible(instant.contacts)
         arrows = self._arrows(contacts)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 SIZE = 960, 600
 RATE = 25.0  # [Hz] frame rate of a film
-MOST = 3000  # pictures of a page or film
+MOST = 3000  # pictures of a page or film; of long motions they are farther apart
 UPDATES = 60.0  # [Hz] at which pictures change at most
 ENDLESS = "a simulation has no end; films and times require a recording"
 
@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 class View(AbstractContextManager["View"]):
     """A page that shows arms until it is closed.
 
-    Only its own thread changes what it shows: it draws, and runs the requests of visitors.
+    Its own thread draws, and runs the requests of visitors, which wait while pictures are written.
 
     Args:
         server: The page.
@@ -54,7 +54,7 @@ class View(AbstractContextManager["View"]):
     def __init__(self, server: viser.ViserServer, actors: Sequence[DrawnArm]) -> None:
         self._server, self.actors = server, tuple(actors)
         self._orders = queue.SimpleQueue[Callable[[], object]]()
-        self._ended = threading.Event()
+        self._ended, self._drawing = threading.Event(), threading.RLock()
         self._thread = threading.Thread(target=self._run, name="arm view", daemon=True)
 
     @property
@@ -110,10 +110,11 @@ class View(AbstractContextManager["View"]):
 
         path = self._writable(path)
         pictures.refuse(path, (".png", ".jpg"))
-        if time is not None:
-            self._seek(time)
-        with self._camera(size) as shoot:
-            Image.fromarray(shoot()).save(path)
+        with self._drawing:
+            if time is not None:
+                self._seek(time)
+            with self._camera(size) as shoot:
+                Image.fromarray(shoot()).save(path)
         return path
 
     def film(
@@ -125,16 +126,18 @@ class View(AbstractContextManager["View"]):
         Args:
             path: Path of the file.
             size: Width and height in pixels.
-            rate: Frames per second.
+            rate: Frames per second; fewer of motions of more than 3000, and at most 50 of a GIF.
             speed: Playback speed: 2 for twice as fast.
             progress: Called with a description of each step.
 
         Raises:
-            ViewError: If it is not a motion, there is no browser, or writing fails.
+            ViewError: If it is not a motion, a number is not positive, there is no browser, or
+                writing fails.
         """
-        path, times = self._writable(path), self._times(rate / speed)
+        path = self._writable(path)
         pictures.refuse(path, (".gif", ".mp4"))
-        with self._camera(size) as shoot:
+        times, pause = self._times(rate, speed, path.suffix == ".gif")
+        with self._drawing, self._camera(size) as shoot:
 
             def frames() -> Iterator[np.ndarray]:
                 for i, now in enumerate(times, 1):
@@ -143,25 +146,26 @@ class View(AbstractContextManager["View"]):
                     yield shoot()
                 progress("writing the file")
 
-            pictures.write_film(path, frames(), rate)
+            pictures.write_film(path, frames(), 1.0 / pause)
         return path
 
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
-        """Write a standalone page that plays without a server; arguments as those of ``film``.
+        """Write a standalone page that plays without a server, beside the figure of its motion.
 
-        It has a figure of a motion.
+        Arguments are those of ``film``.
 
         Raises:
-            ViewError: If the file cannot be written.
+            ViewError: If a number is not positive, or the file cannot be written.
         """
         path = self._writable(path)
-        times = self._times(rate / speed) if np.isfinite(self._end) else []
-        for now in times[:1]:
-            self._seek(now)
-        recorder = self._server.get_scene_serializer()
-        for now in times:
-            self._seek(now)
-            recorder.insert_sleep(1.0 / rate)
+        times, pause = self._times(rate, speed) if np.isfinite(self._end) else ([], 0.0)
+        with self._drawing:
+            for now in times[:1]:
+                self._seek(now)
+            recorder = self._server.get_scene_serializer()
+            for now in times:
+                self._seek(now)
+                recorder.insert_sleep(pause)
         path.write_text(self._with_figures(recorder.as_html()), encoding="utf-8")
         return path
 
@@ -182,16 +186,21 @@ class View(AbstractContextManager["View"]):
         warn_if_replaced(path)
         return path
 
-    def _times(self, rate: float) -> list[float]:
+    def _times(self, rate: float, speed: float, gif: bool = False) -> tuple[list[float], float]:
+        """Times of the pictures, and for how long each of them is shown in [s]."""
         if not np.isfinite(self._end):
             raise ViewError(ENDLESS)
-        if not rate > 0.0:
-            raise ViewError(f"{rate:g} pictures per second of the motion; more than 0 is expected")
-        count = min(MOST, max(2, round((self._end - self._begin) * rate) + 1))
-        return [float(t) for t in np.linspace(self._begin, self._end, count)]
+        if not (0.0 < rate < np.inf and 0.0 < speed < np.inf):
+            raise ViewError(f"rate = {rate:g}, speed = {speed:g}; more than 0 is expected")
+        length = (self._end - self._begin) / speed
+        pause = max(1.0 / rate, length / (MOST - 1))
+        if gif:  # counts hundredths of a second, and browsers show no picture for less than two
+            pause = max(2.0, np.ceil(100.0 * pause - 1e-6)) / 100.0
+        count = max(2, round(length / pause) + 1)
+        return np.linspace(self._begin, self._end, count).tolist(), pause
 
     def _seek(self, time: float) -> None:
-        """Draw a time of the motion immediately: the thread draws only when it plays."""
+        """Stop playing, and draw a time of the motion immediately."""
         raise ViewError(ENDLESS)
 
     # --- for pages of simulations, recordings or robots ---------------------------------------
@@ -234,8 +243,9 @@ class View(AbstractContextManager["View"]):
             now = time.monotonic()
             passed, last = now - last, now
             self._order(partial(self._update, passed))
-            while not self._orders.empty():
-                self._try(self._orders.get())
+            with self._drawing:
+                while not self._orders.empty():
+                    self._try(self._orders.get())
             self._ended.wait(max(0.0, now + 1.0 / UPDATES - time.monotonic()))
 
     def _try(self, action: Callable[[], object]) -> None:

@@ -168,11 +168,7 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
             else:
                 wide = 2 * float(np.clip(radius, thin, THICK * size))
                 add(joint, "capsule", axes[:, 0], body.lever, wide, float(length))
-        ways = [
-            model.jointPlacements[child].translation
-            for child in range(1, model.njoints)
-            if model.parents[child] == joint
-        ]
+        ways = [model.jointPlacements[child].translation for child in model.children[joint]]
         axis = np.asarray(model.joints[joint].createData().S).ravel()[3:]
         if model.parents[joint] and axis.any():
             add(joint, "cylinder", axis, np.zeros(3), 4 * thin, 9 * thin, BEARING)

@@ -19,7 +19,7 @@ from arm_sim.cli.vectors import Vector, VectorType
 if TYPE_CHECKING:
     from arm_studies.identification.excitation import Excitation, Room
 
-BOX = VectorType('"X Y Z X Y Z"', "6 numbers are expected, x y z of two opposite corners in m")
+BOX = VectorType('"X Y Z X Y Z"', 6, "x y z of two opposite corners in m")
 POSITION = VectorType('"Q …"')
 
 

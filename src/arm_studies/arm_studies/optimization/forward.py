@@ -15,6 +15,7 @@ from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper, lanes
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
+from arm_sim.stepping.lane_widths import widest
 from arm_studies.optimization.backward import OWN, Policy
 
 
@@ -118,7 +119,6 @@ class Forward:
             return None
         array, number = lanes.ADDRESS, lanes.NUMBER
         types = [array, number, *[array] * 8, number, array, number]
-        wide = (1,) if self.eventful else lanes.widths(None)
         write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
-        built = (lanes.built_of_lanes(write, width, "follow", types, unit, OWN) for width in wide)
-        return next((code for code in built if code is not None), None)
+        build = partial(lanes.built_of_lanes, write, name="follow", types=types, units=unit)
+        return widest(1 if self.eventful else None, partial(build, folders=OWN))[0]

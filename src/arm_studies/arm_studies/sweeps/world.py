@@ -25,7 +25,7 @@ from arm_sim.inputs import tick_count
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
-from arm_sim.stepping.rollout import Batch, Rollouts
+from arm_sim.stepping import Batch, Rollouts
 from arm_sim.stepping.stepper import Stepper
 from arm_studies.sweeps import course
 from arm_studies.sweeps.controllers import IMPERFECT, controller_of, gains, law, runs_compiled

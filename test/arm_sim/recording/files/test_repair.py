@@ -127,6 +127,8 @@ def test_the_files_of_a_bag_become_one(tmp_path: Path) -> None:
     found = repair(folder, tmp_path / "one.mcap")
     assert found.count["/sim/ticks"] == 1100
     assert set(found.extras) == {"arm_sim", "scene.yaml", "robot.urdf"}
+    attached = [name for name, *_ in content(tmp_path / "one.mcap")[2]]
+    assert sorted(attached) == ["robot.urdf", "scene.yaml"]
     assert len(found.damage) == 1 and "is damaged" in found.damage[0]
     assert opened_by_rosbags(tmp_path / "one.mcap") == found.count
 

@@ -25,9 +25,7 @@ from rclpy.parameter import Parameter
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 
 SCENE = "Scene: name of a bundled one, scene file or URDF (path or package:// URI), or URDF text"
-_WRITTEN = {
-    float: "a number", int: "a whole number, as in 5", bool: "true or false", str: "text",
-}  # fmt: skip
+_WRITTEN = {float: "a number", int: "a whole number, as in 5", bool: "true or false", str: "text"}
 
 
 def parameter(

@@ -164,21 +164,15 @@ class TrajectoryAction:
         if verdict is Verdict.REACHED:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
         elif verdict is not None:
-            self._log_violation(active, verdict, reference, state)
+            self._late.update()  # late states may be the cause
+            farthest = active.tolerances.worst(verdict, self._model.joint_names, reference, state)
+            self._log.warning("; ".join(filter(None, (farthest, self._late.message))))
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             code, why = "PATH_TOLERANCE_VIOLATED", "Aborted due to path tolerance violation"
             if verdict is Verdict.MISSED_GOAL:
                 code = "GOAL_TOLERANCE_VIOLATED"
                 why = f"Aborted due to goal_time_tolerance exceeding by {overdue:f} seconds"
             self._end("abort", code, why)
-
-    def _log_violation(
-        self, active: Active, verdict: Verdict, reference: Reference, state: Moving
-    ) -> None:
-        """Name the joint that is farthest outside its tolerance, and late states as the cause."""
-        text = active.tolerances.worst(verdict, self._model.joint_names, reference, state)
-        self._late.update()
-        self._log.warning("; ".join(filter(None, (text, self._late.message))))
 
     def _feedback(self, active: Active, stamp: int, reference: Reference, state: Moving) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,7 +90,7 @@ class Observer(Listener):
         self.subscribe(ENERGY, "sim/energy", self._energies.append)
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """As a listener's, with periodic checks."""
+        """Process messages, with periodic checks, until a condition holds; whether it does."""
 
         def checked_condition() -> bool:
             if (now := time.monotonic()) >= self._next_check:
@@ -141,14 +142,14 @@ class Observer(Listener):
         here, first = list(self._states[-1].reference_position), len(self._states)
         self._trajectory.publish(trajectory_message(self._names, waypoints))
 
-        def moving() -> Iterator[int]:
-            """Indices of the states whose reference differs from the start."""
-            later = enumerate(self._states[first:], first)
-            return (k for k, state in later if list(state.reference_position) != here)
+        def last_at_rest() -> Any:
+            """The state before the first one whose reference differs from the start, or None."""
+            pairs = pairwise(self._states[first - 1 :])
+            return next((a for a, b in pairs if list(b.reference_position) != here), None)
 
-        if not self.until(lambda: any(moving()), _MOTION_TIMEOUT):
+        if not self.until(lambda: last_at_rest() is not None, _MOTION_TIMEOUT):
             return False
-        self.start = to_nanoseconds(self._states[next(moving()) - 1].header.stamp)
+        self.start = to_nanoseconds(last_at_rest().header.stamp)
         return True
 
     def now(self) -> float:

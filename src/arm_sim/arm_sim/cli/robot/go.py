@@ -27,9 +27,7 @@ LEAST = 1.0  # [s]
 _GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<operator>\+=|-=|=)(?P<number>.+)", re.DOTALL)
 _SAME = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
-POSE = VectorType(
-    '"X Y Z QX QY QZ QW"', "7 numbers are expected, x y z in m and quaternion x y z w"
-)
+POSE = VectorType('"X Y Z QX QY QZ QW"', 7, "x y z in m and quaternion x y z w")
 
 
 @command(

@@ -11,7 +11,8 @@ from arm_sim.derivatives.tangents.tangents import Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import Engine
-from arm_sim.stepping.lanes import alike, natural_width
+from arm_sim.stepping.lane_widths import natural_width
+from arm_sim.stepping.lanes import takes_equal_steps
 from arm_sim.stepping.stepper import Stepper
 
 
@@ -67,7 +68,7 @@ class CompiledTangents:
     @cached_property
     def _in_lanes(self) -> bool:
         """Whether arms away from their stops are differentiated side by side."""
-        return alike(self._plant, self._choice) and self._free.native
+        return takes_equal_steps(self._plant, self._choice) and self._free.native
 
     @cached_property
     def _free(self) -> Tangents:

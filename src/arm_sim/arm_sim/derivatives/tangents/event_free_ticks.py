@@ -9,7 +9,6 @@ derivative.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -29,19 +28,17 @@ class EventFreeTick:
         functions: Those of states, ``mode_margin``, ``mode_margin_in_motion``, ``rest_begin``,
             ``rest_end``, before them with contacts ``contact_geometry``.
         columns: Those of columns, ``begin_at_rest``, ``end_at_rest``.
-        tuned: Number of places in p to differentiate by.
     """
 
     functions: tuple[ca.Function, ...]
     columns: tuple[ca.Function, ...]
-    tuned: int
 
     @property
     def adjoints(self) -> tuple[ca.Function, ...]:
         """Transposed functions of columns.
 
         ``begin_adjoint`` (c, gradient) -> gradient, and ``end_adjoint`` (c, gradient) -> gradients
-        by x at the beginning, x at the end, and parameters.
+        by x at the beginning and x at the end.
         """
         adjoints = []
         for function, name in zip(self.columns, ("begin_adjoint", "end_adjoint"), strict=True):
@@ -49,20 +46,18 @@ class EventFreeTick:
             weight = ca.SX.sym("weight", function.size1_out(0))
             moved = function(c, *changes)
             gradients = [ca.densify(ca.jtimes(moved, by, weight, True)) for by in changes]
-            if name == "end_adjoint":
-                gradients[2] = gradients[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
             adjoints.append(ca.Function(name, [c, weight], gradients, {"cse": True}))
         return tuple(adjoints)
 
     @classmethod
-    def of(cls, plant: Plant, tuned: Sequence[int]) -> EventFreeTick:
-        """Those of a plant with events, with places in p to differentiate by."""
-        rest = RestProjection(plant, tuned)
+    def of(cls, plant: Plant) -> EventFreeTick:
+        """Those of a plant with events."""
+        rest = RestProjection(plant)
         names = ("mode_margin", True), ("mode_margin_in_motion", False)
         margins = (_margins(plant, name, held) for name, held in names)
         geometry = [plant.events["contact_geometry"]] if plant.mechanics.contact else []
         functions = (*geometry, *margins, rest.rest_begin, rest.rest_end)
-        return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
+        return cls(functions, (rest.begin_at_rest, rest.end_at_rest))
 
     @property
     def members(self) -> dict[str, int]:

@@ -30,6 +30,8 @@ _MEMBERS = Header(NATIVE / "derivatives/tangents.h", only="tangents_t").fields("
 class TangentFunctions:
     """Functions of states and of columns.
 
+    A column is a change in one direction, with an entry for each of x, u, the quantities, and h.
+
     Args:
         plant: The equations.
         choice: Method and tick.
@@ -42,8 +44,8 @@ class TangentFunctions:
     """
 
     def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int], ticks: bool) -> None:
-        self._plant, self._choice, self._held = plant, choice, plant.model.n + len(tuned)
-        self.event_free = EventFreeTick.of(plant, tuned) if ticks else None
+        self._plant, self._choice, self._tuned = plant, choice, len(tuned)
+        self.event_free = EventFreeTick.of(plant) if ticks else None
         self.step = StepTangent(plant, choice, tuned, dense=ticks)
         self._sliding: StepTangent | None = None
         if ticks and (plant.layout.directions or plant.mechanics.contact):
@@ -81,7 +83,7 @@ class TangentFunctions:
         return (self.event_free.members if self.event_free else {}) | {
             "nstep": max(step.advance.size1_out(1) for step in self._steps),
             "na": self._acting.size1_out(1),
-            "nt": self._held - self._plant.model.n,
+            "nt": self._tuned,
             "dense_derivative": int(self.step.advance.n_out() > 2),
         }
 

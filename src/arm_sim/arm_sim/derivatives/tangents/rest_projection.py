@@ -3,7 +3,8 @@
 
 A held joint that is given a small velocity stops at once; the reaction of its friction or stop
 acts on the other joints as an impulse. That is the projection onto the motions that the modes
-allow, along the forces that hold.
+allow, along the forces that hold. Positions are projected alike at a rigid stop against which the
+load presses a joint: displaced, it is led back.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from arm_dynamics.equations.contact import Mode
 from arm_sim.coefficients import Coefficients
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import dense_function, jacobian_by
+
+CLOSING_STEPS = 2  # of the projection onto closed contacts, see ``native/events/closing.h``
 
 
 class RestProjection:
@@ -32,17 +35,16 @@ class RestProjection:
         begin_at_rest: CasADi function (c, dx) -> dx with held joints and closed contacts at rest.
         rest_end: CasADi function (x at the beginning, x at the end, p) -> coefficients c, of an
             end that satisfies the contacts already.
-        end_at_rest: CasADi function (c, dx at the beginning, dx at the end, dw) -> dx at the end,
-            on closed contacts and anchors.
+        end_at_rest: CasADi function (c, dx at the beginning, dx at the end) -> dx at the end, on
+            closed contacts and anchors.
     """
 
     def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         self._plant = plant
         self.rest_begin, self.begin_at_rest = _beginning(plant)
-        self.rest_end, self.end_at_rest = _end(plant, tuned)
+        self.rest_end, self.end_at_rest = _end(plant)
         self._tuned = tuned
 
-    @property
     def matrices(self) -> tuple[ca.Function, ...]:
         """The projections as derivatives of positions, velocities and internal states.
 
@@ -50,19 +52,17 @@ class RestProjection:
         ``closing`` (x at the beginning, x at the end, p) -> those of ``rest_end``, of positions
         and velocities by both ends.
         """
-        n, (x, u, p), dx = self._plant.model.n, self.rest_begin.sx_in(), self._changes("dx")
+        n, nx = self._plant.model.n, self._plant.nx
+        (x, u, p), dx = self.rest_begin.sx_in(), ca.SX.sym("dx", nx)
         moved = self.begin_at_rest(self.rest_begin(x, u, p), dx)
         functions = [dense_function("at_rest", [x, u, p], ca.jacobian(moved, dx))]
         if self._plant.mechanics.contact:
             x, end, p = self.rest_end.sx_in()
-            dbegin, dend, qv = self._changes("dbegin"), self._changes("dend"), slice(2 * n)
-            moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend, 0)[qv]
+            dbegin, dend, qv = ca.SX.sym("dbegin", nx), ca.SX.sym("dend", nx), slice(2 * n)
+            moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend)[qv]
             slopes = (ca.jacobian(moved, by)[:, qv] for by in (dbegin, dend))
             functions.append(dense_function("closing", [x, end, p], *slopes))
         return tuple(functions)
-
-    def _changes(self, name: str) -> ca.SX:
-        return ca.SX.sym(name, self._plant.nx)
 
     @built_once
     def closed(self) -> ca.Function:
@@ -77,7 +77,7 @@ class RestProjection:
         x, p = ca.MX.sym("x", 2 * n), ca.MX.sym("p", self._plant.rhs.numel_in(2))
         before = ca.MX.sym("before", 2 * n)
         place, closed = ca.reshape(contact.geometry(before)[0], 3, -1), x
-        for _ in range(2):
+        for _ in range(CLOSING_STEPS):
             closed = contact.close(closed, p, ca.vec(place[1:, :]))
         by_ends = (ca.jacobian(closed, by) for by in (before, x))
         slopes = ca.densify(ca.horzcat(*by_ends, jacobian_by(closed, p, self._tuned)))
@@ -120,13 +120,12 @@ def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     return push > plant.model.friction.level
 
 
-def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
+def _end(plant: Plant) -> tuple[ca.Function, ca.Function]:
     """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
     n, c = plant.model.n, Coefficients()
     names = ("begin", "end", "dbegin", "dend")
     begin, end, dbegin, dend = (ca.SX.sym(name, plant.nx) for name in names)
-    p, dw = ca.SX.sym("p", plant.rhs.size1_in(2)), ca.SX.sym("dw", n + len(tuned))
-    moved = dend
+    p, moved = ca.SX.sym("p", plant.rhs.size1_in(2)), dend
     if contact := plant.mechanics.contact:
         before, after = begin[: 2 * n], end[: 2 * n]
         anchor = ca.vec(ca.reshape(contact.geometry(before)[0], 3, -1)[1:, :])
@@ -136,8 +135,7 @@ def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
         danchor = c.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
         back = c.matrix(by_anchor) @ danchor
         moved = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
-    arguments = [c.symbols, dbegin, dend, dw]
     return (
         ca.Function("rest_end", [begin, end, p], [c.values], {"cse": True}),
-        ca.Function("end_at_rest", arguments, [ca.densify(moved)], {"cse": True}),
+        ca.Function("end_at_rest", [c.symbols, dbegin, dend], [ca.densify(moved)], {"cse": True}),
     )

@@ -24,7 +24,8 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, widest
+from arm_sim.stepping.lane_widths import widest
+from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes
 from arm_sim.stepping.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are

@@ -121,7 +121,7 @@ class JointState(NamedTuple):
 
 
 def read_joint_state(raw: bytes) -> JointState:
-    """As ``read``."""
+    """Read a serialized joint state; errors are those of ``read``."""
     fields = vars(read(JOINT_STATE, raw))
     return JointState(**{name: fields[name] for name in JointState._fields})
 

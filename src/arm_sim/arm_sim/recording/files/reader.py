@@ -116,8 +116,7 @@ def _read_mcap(path: Path, contents: BagContents, keep: Callable[[str, str], boo
     for record in intact_records(path, contents.damage):
         match record:
             case records.Message():
-                topic = channels.get(record.channel_id, "")
-                contents.add(topic, record.log_time, record.data)
+                contents.add(channels.get(record.channel_id, ""), record.log_time, record.data)
             case records.Schema():
                 schemas[record.id] = record.name
             case records.Channel():
@@ -126,8 +125,7 @@ def _read_mcap(path: Path, contents: BagContents, keep: Callable[[str, str], boo
                 readable = record.message_encoding == "cdr"
                 contents.add_topic(record.topic, kind, readable and keep(record.topic, kind))
             case records.Attachment():
-                text = record.data.decode(errors="replace")
-                contents.attachments.setdefault(record.name, text)
+                contents.attachments.setdefault(record.name, record.data.decode(errors="replace"))
             case records.Metadata():
                 contents.metadata.setdefault(record.name, record.metadata)
                 if record.name == REPAIRED:
@@ -217,7 +215,7 @@ def _summarized(file: BinaryIO) -> Iterator[records.McapRecord]:
     """Schemas and channels in the summary of a file, if it is intact."""
     summary = None
     file.seek(0)
-    with suppress(Exception):  # as above
+    with suppress(Exception):  # whatever damaged bytes make of what reads them
         summary = SeekingReader(file, validate_crcs=True).get_summary()
     if summary is not None:
         yield from summary.schemas.values()

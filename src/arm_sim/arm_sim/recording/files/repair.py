@@ -114,8 +114,7 @@ class _Copier:
         if not self._begun:
             raise InvalidInput(f"'{source}' contains nothing that can be repaired")
         if self._damage:
-            damage = {"damage": "; ".join(dict.fromkeys(self._damage))}
-            self._writer.add_metadata(REPAIRED, damage)
+            self._writer.add_metadata(REPAIRED, {"damage": "; ".join(dict.fromkeys(self._damage))})
         self._writer.finish()  # type: ignore[no-untyped-call]
         return Repaired(self._count, tuple(self._extras), self._damage)
 

@@ -44,10 +44,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         )  # fmt: skip
     if contents.of_robot:
         if path.suffix != ".csv":
-            raise InvalidInput(
-                f"'{path}' is to be of a robot, of which only joint states are known; allowed: "
-                ".csv"
-            )
+            raise InvalidInput(f"'{path}': of a robot only joint states are known; allowed: .csv")
         check_folder(path)
         with replacing(path) as part:
             measured.to_table(contents, efforts(), part)
@@ -118,8 +115,8 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     """Read a recording; see ``Recording.load``."""
     path = _path(path)
     if not path.exists():
-        pair = "; every pair has its own option, as --map a=b --map c=d" * ("=" in path.name)
-        raise NoRecording(f"no recording '{path}'{pair}")
+        pairs = "; every pair has its own option, as --map a=b --map c=d"
+        raise NoRecording(f"no recording '{path}'{pairs if '=' in path.name else ''}")
     if path.suffix == ".npz":
         return npz.read(path)
     if path.suffix == ".csv":
@@ -131,6 +128,6 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
     bag = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
     if topic is None and bag.of(CHANGE) and tick_writer.METADATA in bag.metadata:
-        return replace(tick_reader.read(bag, path), left=tick_reader.left(bag))
+        return replace(tick_reader.read(bag, path), left=tick_reader.other_topics(bag))
     bag = bag if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
     return measured.from_bag(bag, topic, path)

@@ -67,7 +67,7 @@ def read(bag: BagContents, path: Path) -> Contents:
     return replace(contents, events=tuple(events))
 
 
-def left(bag: BagContents) -> tuple[str, ...]:
+def other_topics(bag: BagContents) -> tuple[str, ...]:
     """Topics of a file that are not of the recording itself, such as commands as received."""
     kinds = bag.topics.items()
     states = [topic for topic, kind in kinds if kind == JOINT_STATE][:1]
@@ -92,6 +92,8 @@ def _motion(
     places = np.array([message.place for message in (*changes, *ticks)])
     timeline = Timeline(places, np.round(stamps / origin.dt).astype(np.int64), len(states))
 
+    # Of a tick and the changes after it, which share a row, the last one has the row's state, and
+    # the first one the errors; its command and hold are those of the tick that follows.
     p = np.array([_complete(change, scene, n) for change in states])
     last_change = np.cumsum(~timeline.is_tick)[timeline.last] - 1
     x = np.concatenate([[change.state for change in states], rows["state"]])[timeline.order]
@@ -100,7 +102,7 @@ def _motion(
         np.append([getattr(change, name) for change in states], rows[name])[timeline.order]
         for name in ("error", "time_stepped")
     )
-    number, ticking = timeline.following_ticks()
+    number, ticking = timeline.following_ticks()  # 0: none so far, hence the rows in front
     command = np.vstack([np.zeros(n), rows["command"]])[number]
     hold = np.append(np.uint8(FREE), rows["hold"])[number] * ticking
     arrays = {

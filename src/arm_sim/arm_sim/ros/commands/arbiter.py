@@ -86,11 +86,10 @@ class Arbiter(Structure):
                         f"two controllers: '{plain(source, 80)}' is refused while "
                         f"'{plain(other, 80)}' commands these joints"
                     )
-                    allowed = "allowed: one stream for each joint"
-                    raise InvalidInput(f"{self.last_refusal}; {allowed}")
+                    raise InvalidInput(f"{self.last_refusal}; allowed: one stream for each joint")
         stream = self._streams.setdefault(source, Source())
         stream.joints = joints
-        library().hear(byref(stream), self.now, self.patience)
+        library().count_command(byref(stream), self.now, self.patience)
         self._share_only()
 
     def _is_recent(self, stream: Source) -> bool:

@@ -16,16 +16,16 @@ from arm_sim.servo import JointCommand
 
 BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
 POLICIES = (BRAKE, SERVO, ZERO, HOLD, GRAVITY)
+_POLICY_OF = {TICKS.constants[policy.upper()]: policy for policy in POLICIES}
 EFFORTS, JOINTS = TICKS.constants["EFFORTS"], TICKS.constants["JOINTS"]
+
+# Efforts of n joints, or a command for each joint
+type Command = Sequence[float] | JointCommand
 
 
 def in_force(policy: str) -> str:
     """What holds the arm without commands, for messages."""
     return f"{'brakes engaged' if policy == BRAKE else 'fallback'} (stale_policy: {policy})"
-
-
-# Efforts of n joints, or a command for each joint
-type Command = Sequence[float] | JointCommand
 
 
 class LatestCommand(Structure):
@@ -49,20 +49,20 @@ class LatestCommand(Structure):
 
     _fields_ = TICKS.fields("slot_t")
 
-    def __init__(self, dynamics: Dynamics, line: Line[Command] | None = None) -> None:
+    def __init__(self, dynamics: Dynamics, line: Line[tuple[Command]] | None = None) -> None:
         self._efforts = np.zeros(dynamics.n)
         super().__init__(efforts=self._efforts.ctypes.data)
         self.dynamics, self.line = dynamics, line
         self.joints: JointCommand | None = None
         self._sent: Command | None = None
-        self._arrived: Command | None = None
+        self._arrived: tuple[Command] | None = None
         self.configure(0, ZERO)
 
     def configure(self, timeout: int, policy: str) -> None:
         """Set the ticks for which a command may act, 0: forever, and what acts without one.
 
-        ``brake`` and ``servo`` stop the arm and hold it; ``zero`` effort; ``hold`` of the last
-        command; or ``gravity``, the effort that compensates gravity and springs.
+        ``brake`` and ``servo`` stop the arm and hold it; ``zero`` is no effort; ``hold`` goes on
+        with the last command; ``gravity`` is the effort that compensates gravity and springs.
         """
         self.timeout, self.policy = timeout, TICKS.constants[policy.upper()]
 
@@ -79,12 +79,12 @@ class LatestCommand(Structure):
         if self.line is None:
             return
         if self._sent is not None:
-            self.line.send(tick, self._sent)
+            self.line.send(tick, (self._sent,))  # a new object, also for an equal command
             self._sent = None
-        command = self.line.receive(tick)
-        if command is not None and command is not self._arrived:
-            self._arrived = command
-            self._use(command)
+        message = self.line.receive(tick)
+        if message is not None and message is not self._arrived:
+            self._arrived = message
+            self._use(*message)
 
     def _use(self, command: Command) -> None:
         self.fresh, self.unread = True, False
@@ -108,13 +108,13 @@ class LatestCommand(Structure):
         return tuple(self._efforts.tolist())
 
     def command(self, acts: int, q: Array) -> str | Command:
-        """What acts, as a number of ticks.h, at q: a command, or the policy that stops the arm."""
+        """The command that acts at q, by a number of ticks.h, or the policy that stops the arm."""
         if acts == JOINTS:
             assert self.joints is not None
             return self.joints
         if acts == EFFORTS:
             return self._efforts
-        policy = POLICIES[acts - JOINTS - 1]
+        policy = _POLICY_OF[acts]
         if policy == GRAVITY:
             return self.gravity(q)
         return np.zeros(len(q)) if policy == ZERO else policy

@@ -12,17 +12,16 @@ int64_t time_of(clockid_t clock) {
   return SECOND * now.tv_sec + now.tv_nsec;
 }
 
-void show(int64_t* number, int64_t value) { __atomic_store_n(number, value, __ATOMIC_RELAXED); }
+void store(int64_t* number, int64_t value) { __atomic_store_n(number, value, __ATOMIC_RELAXED); }
 
 void count_duration(histogram_t* h, int64_t duration) {
-  int64_t bin = duration / 1000;
+  int64_t bin = duration > 0 ? duration / 1000 : 0;
   if (bin >= FINE) {
     bin = (int64_t)(STEPS * log2((double)bin / FINE));
     bin = FINE + (bin < COARSE - 1 ? bin : COARSE - 1);
   }
-  if (bin < 0) bin = 0;
-  show(h->bins + bin, h->bins[bin] + 1);
-  if (duration > h->longest) show(&h->longest, duration);
+  store(h->bins + bin, h->bins[bin] + 1);
+  if (duration > h->longest) store(&h->longest, duration);
 }
 
 void sent(trip_t* t, int64_t stamp) {
@@ -42,22 +41,22 @@ int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
     if (t->stamps[k] != stamp) continue;
     t->stamps[k] = -1;
     count_duration(t->trips, arrival - t->times[k]);
-    if (age > t->oldest) show(&t->oldest, age);
+    if (age > t->oldest) store(&t->oldest, age);
     t->acting = stamp;
     break;
   }
   return stamp && stamp == t->newest;
 }
 
-/* Look once a second whether stamps lag: they then advance faster, or jump. */
+/* Check once a second whether stamps lag: they then advance faster, or jump. */
 static void watch(times_t* t, int64_t now, int64_t lag) {
-  if (lag < t->least) t->least = lag;
-  if (now < t->look) return;
-  const int64_t behind = t->tick < t->least && t->least < NEVER ? t->least : 0, jumps = behind > SECOND;
+  if (lag < t->min_lag) t->min_lag = lag;
+  if (now < t->next_check) return;
+  const int64_t behind = t->tick < t->min_lag && t->min_lag < NEVER ? t->min_lag : 0, jumps = behind > SECOND;
   if (jumps) t->offset += behind;
   t->owed = jumps ? 0 : behind;
-  t->least = NEVER;
-  t->look = now + SECOND;
+  t->min_lag = NEVER;
+  t->next_check = now + SECOND;
 }
 
 /* The stamp after another one, ahead by a part of what is owed. */
@@ -97,17 +96,17 @@ int64_t next_start(const due_t* d) { return d->deadline > d->earliest ? d->deadl
 void begin_tick(due_t* d, int64_t now) {
   const int64_t late = d->period ? now - d->deadline : 0;
   count_duration(d->lateness, late);
-  if (late > d->period) show(&d->missed, d->missed + 1);
+  if (late > d->period) store(&d->missed, d->missed + 1);
   d->share = late > d->period ? fmin(1.0, (double)(now - d->began) / d->period) : 1.0;
   d->current = d->period ? d->deadline : 0;
   d->began = now;
   d->earliest = now + d->closest;
   d->deadline += d->period;
-  if (late > d->give_up) {
-    const int64_t beyond = d->slow_down ? late : late - d->give_up + d->period - 1, dropped = beyond / d->period;
-    show(&d->dropped, d->dropped + dropped);
-    d->deadline += d->slow_down ? late : dropped * d->period;
-  }
+  if (late <= d->give_up) return;
+  /* Shift all deadlines by the lag; or drop as few as leave no more of it than allowed, so that this is rounded up. */
+  const int64_t dropped = (d->slow_down ? late : late - d->give_up + d->period - 1) / d->period;
+  store(&d->dropped, d->dropped + dropped);
+  d->deadline += d->slow_down ? late : dropped * d->period;
 }
 
 void await_tick(due_t* d) {
@@ -120,7 +119,7 @@ void await_tick(due_t* d) {
 
 int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->last_time <= patience; }
 
-void hear(stream_t* s, double now, int64_t patience) {
+void count_command(stream_t* s, double now, int64_t patience) {
   s->count = is_remembered(s, now, patience) ? s->count + 1 : 1;
   s->last_time = now;
 }

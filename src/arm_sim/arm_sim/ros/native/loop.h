@@ -54,7 +54,7 @@ typedef struct {
   int64_t simulated;   /* simulated time of the last stamp */
   int64_t last;        /* the last stamp */
   int64_t offset;      /* stamp of simulated time zero */
-  int64_t least, look; /* smallest lag since the last check, and time of the next one */
+  int64_t min_lag, next_check; /* lag since the last check, and time of the next one */
   int64_t owed;        /* lag that remains to be recovered */
   const int64_t* due;  /* time of the monotonic clock when the current tick was due; 0: unknown */
 } times_t;
@@ -63,7 +63,7 @@ typedef struct {
  * order: if the thread is stopped between the two, no stamp is later than it should be. */
 QUICK int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
 
-/* The same, of a state that is published now. */
+/* The stamp of a state that is published now, from its simulated time. */
 int64_t stamp_now(times_t* t, int64_t simulated);
 
 /* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */
@@ -116,11 +116,11 @@ typedef struct {
 QUICK int64_t is_remembered(const stream_t* s, double now, int64_t patience);
 
 /* Count a command of a source. */
-QUICK void hear(stream_t* s, double now, int64_t patience);
+QUICK void count_command(stream_t* s, double now, int64_t patience);
 
 /* --- for ticks.c -------------------------------------------------------------------------------------------------- */
 
 int64_t time_of(clockid_t clock);
 
 /* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
-void show(int64_t* number, int64_t value);
+void store(int64_t* number, int64_t value);

@@ -53,7 +53,7 @@ static int64_t accept(ticks_t* t) {
   slot_t* s = t->slot;
   t->stamp = t->reader->stamp;
   memcpy(s->efforts, t->reader->numbers, 8 * t->joints);
-  hear(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
+  count_command(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
   s->kind = EFFORTS;
   s->fresh = s->any = s->unread = 1;
   s->lasting = 0;

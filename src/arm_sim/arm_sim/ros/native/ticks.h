@@ -26,7 +26,7 @@ enum {
 
 /* --- latest.LatestCommand: the newest command, or the policy -------------------------------------------------------- */
 
-/* What acts: efforts; a command of the servos, which Python keeps; or a policy, in the order of POLICIES. */
+/* What acts: efforts; a command of the servos, which Python keeps; or a policy. */
 enum { NOTHING, EFFORTS, JOINTS, BRAKE, SERVO, ZERO, HOLD, GRAVITY };
 
 typedef struct {

@@ -34,9 +34,8 @@ def attach_recorder(
     """
     name = path.replace("{time}", datetime.now().strftime("%Y%m%d-%H%M%S"))
     names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
-    topics = {
-        names[topic.name]: (kind := kind_of(topic.type), definition_of(kind)) for topic in _TOPICS
-    }
+    kinds = {names[topic.name]: kind_of(topic.type) for topic in _TOPICS}
+    topics = {name: (kind, definition_of(kind)) for name, kind in kinds.items()}
     try:
         recorder = TickRecorder(
             Path(name).expanduser(), engine, node.get_fully_qualified_name(),

@@ -36,8 +36,8 @@ class TickCopy(Structure):
         layout, numbers = tick_layout(arm.plant.nx, arm.n), (arm.x, arm.acted, arm.notes)
         self.message, self._numbers = bytearray(layout.raw), numbers
         super().__init__(
-            raw=address(self.message), size=len(layout.raw), stamp=layout.place("stamp"),
-            hold=layout.place("hold"), tick=tick, state=state,
+            raw=address(self.message), size=len(layout.raw), stamp_at=layout.place("stamp"),
+            hold_at=layout.place("hold"), tick_channel=tick, state_channel=state,
         )  # fmt: skip
         for k, (name, array) in enumerate(zip(_PARTS, numbers, strict=True)):
             self.at[k], self.sizes[k] = layout.place(name), array.nbytes

@@ -106,8 +106,7 @@ class TopicRecorder(Node):
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         if latched:
             profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-        about = LATCHED if latched else ""
-        channel = self.thread.channel(topic, kind, definition_of(kind), about)
+        channel = self.thread.channel(topic, kind, definition_of(kind), LATCHED if latched else "")
         self.count[topic] = 0
         take = partial(self._take, topic, channel, kind == JOINT_STATE)
         self.create_subscription(type_, topic, take, profile, raw=True)

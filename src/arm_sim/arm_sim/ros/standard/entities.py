@@ -37,19 +37,16 @@ class Entities:
     def __init__(self, simulator: Simulator) -> None:
         self._model = model = simulator.model
         self._data = pin.Data(model.pin)
-        frames = [
-            (i, frame)
-            for i, frame in enumerate(model.pin.frames)
-            if frame.type == pin.FrameType.BODY
-        ]
+        frames = model.pin.frames
+        bodies = [i for i, frame in enumerate(frames) if frame.type == pin.FrameType.BODY]
         robot, joints = model.whole.name or "robot", ", ".join(model.joint_names)
         about = f"an arm of {model.n} joints: {joints}"
-        self._all = {robot: Entity(robot, ROBOT, about, ("arm",), frames[0][0])}
-        for i, frame in frames:
-            joint = frame.parentJoint
+        self._all = {robot: Entity(robot, ROBOT, about, ("arm",), bodies[0])}
+        for i in bodies:
+            joint = frames[i].parentJoint
             moves = f"moved by {model.pin.names[joint]}" if joint else "fixed to the world"
             tags = ("link", "moving" if joint else "fixed")
-            link = f"{robot}/{frame.name}"
+            link = f"{robot}/{frames[i].name}"
             self._all[link] = Entity(link, OBJECT, f"a link, {moves}", tags, i)
 
     def named(self, name: str) -> Entity:

@@ -120,10 +120,8 @@ class StandardServices:
         """Reset time, state, or both; a running simulation continues to run."""
         scope = request.scope or ALL
         if not scope & (TIME | STATE):
-            raise Refusal(
-                results.UNSUPPORTED,
-                f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)",
-            )
+            allowed = "a sum of 1 (time) and 2 (state), or 0 (all)"
+            raise Refusal(results.UNSUPPORTED, f"scope {scope}; allowed: {allowed}")
         self._engine.queue.run(lambda: self._back(scope & (TIME | STATE)))
 
     def _back(self, scope: int) -> None:

@@ -34,8 +34,7 @@ class SimulateSteps:
         result, total, completed = self._kind.Result(), goal.request.steps, 0
         with filled_result(result.result, self._log):
             if self._busy:
-                why = "another goal is under way; cancel it, or wait for it"
-                raise Refusal(INCORRECT_STATE, why)
+                raise Refusal(INCORRECT_STATE, "another goal is under way; cancel it, or wait")
             if not total:
                 raise Refusal(FAILED, "steps = 0; allowed: 1 or more")
             part, self._busy = max(1, min(total // _PARTS, _LARGEST)), True
@@ -44,11 +43,8 @@ class SimulateSteps:
                     steps = min(part, total - completed)
                     self._engine.queue.run(partial(self._engine.step, steps))
                     completed += steps
-                    goal.publish_feedback(
-                        self._kind.Feedback(
-                            completed_steps=completed, remaining_steps=total - completed
-                        )
-                    )
+                    counts = {"completed_steps": completed, "remaining_steps": total - completed}
+                    goal.publish_feedback(self._kind.Feedback(**counts))
                     await asyncio.sleep(0)  # a turn of the other callbacks
             finally:
                 self._busy = False

@@ -87,14 +87,14 @@ class NodeTime(Structure):
 
     def at(self, simulated: int) -> int:
         """The stamp of a state, in [ns], from its simulated time; time that stands still stays."""
-        look, now = self.look, self.now
+        next_check, now = self.next_check, self.now
         stamp = library().stamp_at(byref(self), simulated, now, self._steady())
-        if self.look != look:  # once a second
+        if self.next_check != next_check:  # once a second
             self.update_source()
         return int(stamp)
 
     def near(self, simulated: int) -> int:
-        """As ``at``, for a time close to that of the last stamp, in any thread."""
+        """The stamp of a simulated time close to that of the last stamp; for any thread."""
         return int(simulated + self.offset)
 
     @property

@@ -31,7 +31,7 @@ typedef struct {
   int free; /* whether there are functions without modes, for joints away from their stops, ... */
   int moving; /* ... and simpler functions where every joint slides and nothing touches */
   int joints_and_contacts_only; /* whether modes are those of sliding joints and of contacts alone */
-  int event_free_shortcut; /* whether ticks that clearly have no event are made without modes */
+  int event_free_shortcut; /* whether ticks that certainly have no event are made without modes */
   int near_loads; /* whether steps return the loads at a stage at their end */
   int dense_derivative; /* whether derivatives of steps return their continuous output */
   int indeterminate; /* whether statics may not determine the reactions of what is held */

@@ -41,24 +41,25 @@ typedef struct {
 
 #define OF(kind, part, field) offsetof(arm_msgs__srv__##kind##_##part, field)
 static const layout_t LAYOUTS[SERVICES] = {
-    {3,
-     1,
-     {OF(InverseDynamics, Request, position), OF(InverseDynamics, Request, velocity),
-      OF(InverseDynamics, Request, acceleration)},
-     {OF(InverseDynamics, Response, effort)},
-     {1}},
-    {3,
-     1,
-     {OF(ForwardDynamics, Request, position), OF(ForwardDynamics, Request, velocity), OF(ForwardDynamics, Request, effort)},
-     {OF(ForwardDynamics, Response, acceleration)},
-     {1}},
-    {2,
-     7,
-     {OF(DynamicsTerms, Request, position), OF(DynamicsTerms, Request, velocity)},
-     {OF(DynamicsTerms, Response, mass_matrix), OF(DynamicsTerms, Response, coriolis_matrix),
-      OF(DynamicsTerms, Response, gravity), OF(DynamicsTerms, Response, friction), OF(DynamicsTerms, Response, spring),
-      OF(DynamicsTerms, Response, kinetic_energy), OF(DynamicsTerms, Response, potential_energy)},
-     {2, 2, 1, 1, 1, 0, 0}},
+    {.inputs = 3,
+     .from = {OF(InverseDynamics, Request, position), OF(InverseDynamics, Request, velocity),
+              OF(InverseDynamics, Request, acceleration)},
+     .outputs = 1,
+     .to = {OF(InverseDynamics, Response, effort)},
+     .power = {1}},
+    {.inputs = 3,
+     .from = {OF(ForwardDynamics, Request, position), OF(ForwardDynamics, Request, velocity),
+              OF(ForwardDynamics, Request, effort)},
+     .outputs = 1,
+     .to = {OF(ForwardDynamics, Response, acceleration)},
+     .power = {1}},
+    {.inputs = 2,
+     .from = {OF(DynamicsTerms, Request, position), OF(DynamicsTerms, Request, velocity)},
+     .outputs = 7,
+     .to = {OF(DynamicsTerms, Response, mass_matrix), OF(DynamicsTerms, Response, coriolis_matrix),
+            OF(DynamicsTerms, Response, gravity), OF(DynamicsTerms, Response, friction), OF(DynamicsTerms, Response, spring),
+            OF(DynamicsTerms, Response, kinetic_energy), OF(DynamicsTerms, Response, potential_energy)},
+     .power = {2, 2, 1, 1, 1, 0, 0}},
 };
 static const size_t NAMES[SERVICES] = {OF(InverseDynamics, Request, joint_names), OF(ForwardDynamics, Request, joint_names),
                                        OF(DynamicsTerms, Request, joint_names)};
@@ -180,8 +181,9 @@ static bool compute_response(service_t* s) {
   return true;
 }
 
-static void send_response(service_t* s, rmw_request_id_t* to, void* response) {
-  if (rcl_send_response(s->service, to, response) == RCL_RET_OK) return;
+/* Answer the pending request. */
+static void send_response(service_t* s, void* response) {
+  if (rcl_send_response(s->service, &s->header, response) == RCL_RET_OK) return;
   rcutils_reset_error();
   ++s->lost;
 }
@@ -196,7 +198,7 @@ static int attend(service_t* s) {
   int64_t began = now();
   if (!compute_response(s)) return FOR_PYTHON;
   ++s->answered;
-  send_response(s, &s->header, s->answer.response);
+  send_response(s, s->answer.response);
   for (int i = 0; i < layout->inputs; ++i) shrink(of(s->request, layout->from[i]));
   for (int i = 0; i < layout->outputs; ++i) shrink(of(s->answer.response, layout->to[i]));
   s->busy += now() - began;
@@ -245,10 +247,7 @@ void use(server_t* s, int64_t k, const answer_t* answer) {
   pthread_mutex_unlock(&s->lock);
 }
 
-void respond(server_t* s, int64_t k, void* response) {
-  service_t* service = s->services + k;
-  send_response(service, &service->header, response);
-}
+void respond(server_t* s, int64_t k, void* response) { send_response(s->services + k, response); }
 
 void counts(server_t* s, counts_t* sums) {
   *sums = (counts_t){0};

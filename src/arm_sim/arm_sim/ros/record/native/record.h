@@ -25,10 +25,10 @@ QUICK int64_t has_room(const chunk_t* c, int64_t now, int64_t size);
 /* The data copied with every tick. */
 typedef struct {
   uint8_t* raw; /* a serialized arm_msgs/Tick, and the offsets of its variable parts */
-  int64_t size, stamp, hold, at[3];
+  int64_t size, stamp_at, hold_at, at[3];
   const uint8_t* numbers[3]; /* state, effective command, and notes */
   int64_t sizes[3];          /* in bytes */
-  int64_t tick, state;       /* numbers of the channels */
+  int64_t tick_channel, state_channel;
 } tick_t;
 
 /* Copy a message of a channel; `log` and `publish` are times in [ns]. */

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Ticks of an arm, one or many in one call.
+ * Ticks of an arm: one or many in one call, and traced ones.
  */
 
 #include "arm/arm.h"
 
 #include "arm/tick.h"
+#include "arm/traced_tick.h"
 
 /* Advance by some ticks; returns the number of computed ones.
  *
@@ -35,4 +36,13 @@ EXPORTED int arm_tick(arm_t* arm) {
   if (!arm_ticks(arm, 1, arm->command, 0, after, acted, arm->notes)) return 0;
   copy(arm->acted, acted, NU);
   return 1;
+}
+
+EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
+                        trace_t* trace, real* after) {
+  report_t report = {0};
+  LOCAL_TICK(segment, u);
+  segment.control = control;
+  copy(segment.p.all, p, NP);
+  return tick_with_events(scene, x, &segment, h, &report, trace, after) == NONE;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What holds together: joints and contacts at rest whose reactions statics does not determine.
+ * Statically indeterminate sets: joints and contacts at rest whose reactions statics does not determine.
  *
  * Two rails that a rod connects, or a rail and a table, share their load in many ways: all that differ by a self-stress, a
  * combination of reactions that causes no motion. The parts hold while any of these distributions is within all static limits
@@ -14,13 +14,13 @@
 #pragma once
 #include "contact/limit_cones.h"
 
-#define MOST_ROOM -1.0   /* s below which more room is not searched for */
-#define HOLDS 1e-10      /* s up to which a set holds: that of the solution is accurate to less */
-#define CLEARLY -2e-9    /* s at which a set certainly holds: no smaller one is searched for */
+#define ENOUGH_MARGIN -1.0   /* s below which more margin is not searched for */
+#define SET_HOLDS 1e-10      /* s up to which a set holds: that of the solution is accurate to less */
+#define CERTAIN_MARGIN -2e-9 /* s at which a set certainly holds: no smaller one is searched for */
 
 /* Which parts hold together. */
 typedef struct {
-  double* set;          /* as above */
+  double* set;          /* its set of self-stresses, from 1 on; 0: none */
   double* excess;       /* of each set, at most one for each force: the s above, or a clearly negative one */
   double *share, *way; /* of each part, in the motion in which its set gives way: amount, direction of two numbers */
 } indeterminate_t;
@@ -37,11 +37,11 @@ static double find_excess(const scene_t* scene, const part_t* parts, const stres
   double z[MOST_ROWS];
   LOCAL_LIMITS(limits);
   begin_limits(scene, &limits, parts, from, number, 0.0, 1.0);
-  add_row(&limits, -MOST_ROOM, 0.0, 0, 1.0);
+  add_row(&limits, -ENOUGH_MARGIN, 0.0, 0, 1.0);
   end_cone(&limits, -1, 0, 1);
   for (int j = 0; j < limits.stresses; ++j) y[j] = 0.0;
   y[limits.stresses] = 1.0 + excess_of(&limits.conic, y);
-  const double excess = least_last(scene, &limits.conic, y, z, CLEARLY);
+  const double excess = least_last(scene, &limits.conic, y, z, CERTAIN_MARGIN);
   for (int k = 0, i = 0; k < limits.conic.cones; i += limits.conic.size[k++]) {
     const int part = limits.part[k];
     if (part < 0) continue;
@@ -76,7 +76,7 @@ static void find_indeterminate(const scene_t* scene, const statics_t* statics, c
   for (int i = 0; i < PARTS; ++i) sets->set[i] = stresses.set[i];
   for (int number = 1; number <= stresses.sets; ++number) {
     const int beyond = always || is_beyond(scene, parts, &stresses, number);
-    sets->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, sets, y) : MOST_ROOM;
+    sets->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, sets, y) : ENOUGH_MARGIN;
   }
 }
 
@@ -91,10 +91,10 @@ static void find_nearest(const scene_t* scene, const statics_t* statics, const p
   for (int number = 1; number <= stresses.sets; ++number) {
     double z[MOST_ROWS];
     if (!is_beyond(scene, parts, &stresses, number)) continue;
-    if (find_excess(scene, parts, &stresses, number, &sets, y) > HOLDS) continue;
+    if (find_excess(scene, parts, &stresses, number, &sets, y) > SET_HOLDS) continue;
     LOCAL_LIMITS(limits);
-    begin_limits(scene, &limits, parts, &stresses, number, 2.0 * HOLDS, 0.0);
-    const int first = limits.conic.rows;
+    begin_limits(scene, &limits, parts, &stresses, number, 2.0 * SET_HOLDS, 0.0);
+    const int first = limits.conic.rows; /* of a cone in which the slack, to be least, bounds the length of the change */
     double* slack = y + limits.stresses;
     add_row(&limits, 0.0, 0.0, 0, 1.0);
     for (int i = 0; i < FORCES; ++i)

@@ -13,8 +13,8 @@ typedef struct {
 } kept_t;
 #define KEPT (3 * NX + P_LENGTH)
 
-static kept_t kept_of(const scene_t* scene, const double* motion, long long tick) {
-  double* numbers = (double*)motion + tick * KEPT;
+static kept_t kept_of(const scene_t* scene, double* motion, long long tick) {
+  double* numbers = motion + tick * KEPT;
   kept_t kept = {numbers, numbers + NX, numbers + 2 * NX, numbers + 3 * NX};
   return kept;
 }
@@ -47,33 +47,33 @@ EXPORTED long long event_free_motion(const scene_t* scene, const double* x0, con
   return ticks;
 }
 
-/* Gradients of a motion of event_free_motion, from the weight of its last state, which becomes that of its first one.
+/* Gradients of a motion of event_free_motion.
  *
+ * weight: gradient by its last state, which becomes that by its first one, going back tick by tick.
  * g:      gradients by the states at the beginning of each tick, NX numbers.
  * by_tau: receives gradients by the commands, NU for each tick.
  * by_p:   gradients by parameters, NP, added to what is there.
  */
-EXPORTED void event_free_gradient(const scene_t* scene, const double* motion, const double* tau, double h, long long ticks,
+EXPORTED void event_free_gradient(const scene_t* scene, double* motion, const double* tau, double h, long long ticks,
                                   const double* g, double* weight, double* by_tau, double* by_p) {
   for (long long k = ticks - 1; k >= 0; --k) {
-    const kept_t kept = kept_of(scene, motion, k), *tick = &kept;
-    real u[NU], back[NX], begun[NX], at_end[NX], more[NX], of_u[NU], of_p[NP + 1], coefficients[NBEGIN + NEND + 1];
-    clear(begun, NX);
-    CALL(scene->acting, (tick->x, tau + k * NU), (u));
-    if (any_closed(scene, tick->p)) { /* which are closed at the end */
-      CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (coefficients));
-      CALL(scene->end_adjoint, (coefficients, weight), (begun, at_end, of_p));
-      copy(weight, at_end, NX);
-      for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
+    const kept_t tick = kept_of(scene, motion, k);
+    real u[NU], back[NX], by_begin[NX], by_end[NX], more[NX], of_u[NU], of_p[NP + 1], coefficients[NBEGIN + NEND + 1];
+    clear(by_begin, NX);
+    CALL(scene->acting, (tick.x, tau + k * NU), (u));
+    if (any_closed(scene, tick.p)) { /* which are closed at the end */
+      CALL(scene->rest_end, (tick.begin, tick.end, tick.p), (coefficients));
+      CALL(scene->end_adjoint, (coefficients, weight), (by_begin, by_end));
+      copy(weight, by_end, NX);
     }
-    CALL(scene->adjoint, (tick->begin, u, tick->p, &h, weight), (back, of_u, of_p));
-    for (int i = 0; i < NX; ++i) back[i] += begun[i];
-    if (!all_moves(scene, tick->p)) { /* what is held is brought to rest at the beginning */
-      CALL(scene->rest_begin, (tick->begin, u, tick->p), (coefficients));
-      CALL(scene->begin_adjoint, (coefficients, back), (begun));
-      copy(back, begun, NX);
+    CALL(scene->adjoint, (tick.begin, u, tick.p, &h, weight), (back, of_u, of_p));
+    for (int i = 0; i < NX; ++i) back[i] += by_begin[i];
+    if (!all_moves(scene, tick.p)) { /* what is held is brought to rest at the beginning */
+      CALL(scene->rest_begin, (tick.begin, u, tick.p), (coefficients));
+      CALL(scene->begin_adjoint, (coefficients, back), (by_begin));
+      copy(back, by_begin, NX);
     }
-    CALL(scene->limit_adjoint, (tick->x, tau + k * NU, of_u), (more, by_tau + k * NU));
+    CALL(scene->limit_adjoint, (tick.x, tau + k * NU, of_u), (more, by_tau + k * NU));
     for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i] + g[k * NX + i];
     for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
   }

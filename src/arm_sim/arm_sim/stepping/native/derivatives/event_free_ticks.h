@@ -73,7 +73,7 @@ static void make_event_free(const scene_t* scene, const prediction_t* tick, cons
   }
   if (!any) return;
   read_arms(lanes->p, P_LENGTH, motions->p, EVENT_FREE, of_lane);
-  read_arms(limit, NC, motions->grip, EVENT_FREE, of_lane);
+  read_arms(limit, NC, motions->stick_limit, EVENT_FREE, of_lane);
   read_arms(lanes->begin, NX, motions->begin, EVENT_FREE, of_lane);
   read_arms(lanes->end, NX, motions->end, EVENT_FREE, of_lane);
   read_arms(lanes->after, NX, motions->after, EVENT_FREE, of_lane);

@@ -4,16 +4,17 @@
  * between them. See derivatives/linearization.py.
  */
 
+#include "arm/traced_tick.h"
 #include "derivatives/guard_derivatives.h"
 #include "derivatives/impact_derivatives.h"
 #include "derivatives/rest_stability.h"
 #include "derivatives/tangents.h"
-#include "motion/flow.h"
 
 #define SATISFIED 1e-12 /* change of a state by closing contacts that were closed to rounding */
 
 /* What the engine does not know: its own scene, whose ticks are traced; a smooth step with NX + NW + 1 rows of columns, by x,
- * what is held, and its length; and derivatives of an end by the end, the beginning and tunable quantities, wherever it is. */
+ * what is held, and its length; and derivatives of a segment's end by its beginning, the end itself, and tunable quantities,
+ * each column by column with 2 NU rows, wherever the end is. */
 typedef struct {
   const scene_t* traced;
   const scene_t* stepped;
@@ -22,10 +23,6 @@ typedef struct {
                          const double* h, const double* columns_before, long long count, double* after, double* columns);
   void (*close)(const double* end, const double* p, const double* begin, double* slopes);
 } helpers_t;
-
-/* One traced tick of length h from x: 0 if it cannot be computed. See events.h. */
-EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
-                        trace_t* trace, real* after);
 
 /* Numbers in a segment that is recorded. */
 EXPORTED long long numbers_recorded(const scene_t* scene) { return RECORD; }
@@ -71,7 +68,8 @@ static void close_end(const scene_t* scene, const helpers_t* helpers, const reco
   real slopes[2 * NU * (4 * NU + NT)];
   real *by_begin = slopes, *by_end = slopes + 2 * NU * 2 * NU, *by_p = by_end + 2 * NU * 2 * NU;
   clear(slopes, 2 * NU * (4 * NU + NT));
-  if (segment->off < SATISFIED) CALL(scene->closing, (segment->begin, motion->x, segment->p.all), (by_begin, by_end));
+  if (segment->closing_change < SATISFIED)
+    CALL(scene->closing, (segment->begin, motion->x, segment->p.all), (by_begin, by_end));
   else helpers->close(motion->x, segment->p.all, segment->begin, slopes);
   multiply_rows(scene, 2 * NU, by_end, ROWS(motion));
   add_product(scene, 2 * NU, 2 * NU, by_begin, begun, ROWS(motion));
@@ -82,7 +80,7 @@ static void close_end(const scene_t* scene, const helpers_t* helpers, const reco
 /* Refuse a tick that begins or ends with an event, or on the boundary of a mode. */
 static enum refusal check_ends(const scene_t* scene, const tick_t* tick, const trace_t* trace, int begins) {
   const record_t *first = trace->records, *last = first + trace->count - 1;
-  if (first->hit) return BEGINS_WITH_IMPACT;
+  if (first->has_impact) return BEGINS_WITH_IMPACT;
   if (find_boundaries(scene, first->begin, tick, first)) return BEGINS_ON_BOUNDARY;
   if (find_boundaries(scene, last->end, tick, last)) return ENDS_ON_BOUNDARY;
   enum refusal refused = check_rest(scene, tick, first, begins);
@@ -94,7 +92,7 @@ static enum refusal check_ends(const scene_t* scene, const tick_t* tick, const t
 /* Derivatives of the state with which a segment begins, after its impact and with what is held at rest. */
 static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const record_t* segment, motion_t* motion) {
   const enum refusal refused =
-      (NC || scene->rigid) && segment->hit ? pass_impact(scene, tick, segment, ROWS(motion)) : NO_REFUSAL;
+      (NC || scene->rigid) && segment->has_impact ? pass_impact(scene, tick, segment, ROWS(motion)) : NO_REFUSAL;
   if (refused) return refused;
   copy(motion->x, segment->begin, NX);
   if (NK) lead_back(scene, tick, segment, ROWS(motion));
@@ -108,7 +106,7 @@ static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const
 /* Move over the steps of a segment; `speed` receives the derivative of its end by the length of the last. */
 static void take_steps(const scene_t* scene, const helpers_t* helpers, const tick_t* tick, const record_t* segment,
                        const double* steps, motion_t* motion, real* speed) {
-  for (int k = 0; k < segment->steps; ++k) {
+  for (long long k = 0; k < segment->steps; ++k) {
     real before[NX + NW + 1][NV + 1], moved[NX][NV + 1], x[NX];
     memset(before, 0, sizeof before);
     for (int i = 0; i < NX; ++i) copy(before[i], ROWS(motion)[i], NV);
@@ -171,7 +169,7 @@ EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const
   const tick_t tick = {u, h, subjects};
   LOCAL(motion_t, motion, motion_of, MOTION);
   enum refusal refused = NO_REFUSAL;
-  subjects[0] = trace->count = trace->step_count = 0;
+  subjects[0] = trace->count = trace->step_count = trace->time_stepped = 0;
   CALL(scene->acting, (x, r), (u, u_x, u_r));
   if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->step_count > trace->most_steps)
     return DIVERGES;
@@ -186,7 +184,7 @@ EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const
   for (long long k = 0; k < trace->count && !refused; ++k) {
     const record_t* segment = trace->records + k;
     refused = pass_segment(scene, helpers, &tick, segment, steps, k == trace->count - 1, &motion);
-    steps += (long long)segment->steps;
+    steps += segment->steps;
   }
   if (!refused) pass_limits(scene, &motion, u_x, u_r, slope);
   return refused;

@@ -10,7 +10,7 @@
 /* The arms first … last-1; an arm is marked that meets a stop or diverges, and its gradients are invalid.
  *
  * g:      gradients by the states of every tick, the first included, NX per tick.
- * motion: work space, (ticks + 1) * NX * LANES numbers.
+ * motion: work space, ticks * NX * LANES numbers.
  * by_x, by_tau, by_p: receive gradients, NX, ticks * NU and NP per arm.
  */
 EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long long first, long long last, const double* g,
@@ -24,13 +24,12 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, arms->x0, NX, of_lane);
     read_arms(p, NP, arms->p, arms->p_arm, of_lane);
-    memcpy(motion, x, (size_t)NX * sizeof *x);
     for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
+      memcpy(motion + k * NX * LANES, x, (size_t)NX * sizeof *x);
       read_commands(arms, k, NU, of_lane, r);
       make_tick(scene, x, r, p, &length, LANES, 0, next, u);
       mark_stops(scene, arms, of_lane, x, next, 0);
       copy(x, next, NX);
-      memcpy(motion + (k + 1) * NX * LANES, x, (size_t)NX * sizeof *x);
     }
     for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= !is_lane_within_reach(scene, x, j);
     clear(sum, NP);

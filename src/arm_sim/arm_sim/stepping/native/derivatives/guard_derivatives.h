@@ -23,7 +23,7 @@ static guards_t guards_of(const scene_t* scene, real* numbers) {
 }
 
 static void find_guards(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment, guards_t* at) {
-  CALL(scene->guards, (x, tick->u, segment->p.all, segment->limit), (at->value, at->size, at->rate, at->active, at->a));
+  CALL(scene->guards, (x, tick->u, segment->p.all, segment->stick_limit), (at->value, at->size, at->rate, at->active, at->a));
 }
 
 /* Whether a guard is zero, or passes zero within an instant. */
@@ -101,7 +101,7 @@ static void find_change(const scene_t* scene, int guard, const real* x, const ti
                         const real (*slope)[NV], real* by_x, real* change) {
   real weight[NG], by_w[NW + 1];
   for (int i = 0; i < NG; ++i) weight[i] = i == guard;
-  CALL(scene->guard_gradient, (x, tick->u, segment->p.all, segment->limit, weight), (by_x, by_w));
+  CALL(scene->guard_gradient, (x, tick->u, segment->p.all, segment->stick_limit, weight), (by_x, by_w));
   for (int j = 0; j < NV; ++j) {
     change[j] = j < NX ? 0.0 : by_w[j - NX];
     for (int i = 0; i < NX; ++i) change[j] += by_x[i] * slope[i][j];

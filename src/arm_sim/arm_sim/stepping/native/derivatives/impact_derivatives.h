@@ -49,7 +49,7 @@ static void solve_impact(const scene_t* scene, const record_t* segment, const ju
 static void find_restitutions(const scene_t* scene, const record_t* segment, jump_t* jump) {
   real place[3 * NC + 1], met[3 * NC + 1], size[NC + 1];
   copy(jump->p.all, segment->p.all, P_LENGTH);
-  copy(jump->p.direction, segment->meets, ND);
+  copy(jump->p.direction, segment->impact_direction, ND);
   for (int i = 0; i < NU; ++i)
     if (segment->leaves[i] != 0.0) jump->e[i] = -segment->leaves[i] / segment->before[NU + i];
   if (NC) CALL(scene->contact_geometry, (segment->before), (place, met, size));
@@ -76,7 +76,7 @@ static enum refusal pass_impact(const scene_t* scene, const tick_t* tick, const 
   real moved[3 * NC * GIVEN_JUMP + 1], V[3 * NC * 3 * NC + 1], after[NU][NV];
   LOCAL(jump_t, jump, jump_of, JUMP);
   LOCAL(jump_derivatives_t, solution, jump_derivatives_of, JUMP_DERIVATIVES);
-  if (segment->part < 1.0) return REDUCED_REBOUND;
+  if (segment->rebound_fraction < 1.0) return REDUCED_REBOUND;
   find_restitutions(scene, segment, &jump);
   if (NC) solve_impact(scene, segment, &jump, &solution);
   const enum refusal refused = find_parts(scene, tick, segment, &solution, &jump);

@@ -6,6 +6,7 @@
 
 #pragma once
 #include "derivatives/tangents.h"
+#include "lanes/lanes.h"
 
 #include <string.h>
 
@@ -52,3 +53,11 @@ static inline void write_rows(const column* from, const matrices_t* to, int rows
       for (int i = 0; i < to->count; ++i) row[i] = LANE(PLACE(from[i], k), j);
     }
 }
+
+/* Propagate tangents of the arms first … last-1 over their ticks.
+ *
+ * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so
+ * close to one that it might: its state is then that before this tick, and of one lane also its columns.
+ */
+EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
+                              long long last, const columns_t* to);

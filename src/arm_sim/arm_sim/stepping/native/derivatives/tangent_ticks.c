@@ -87,7 +87,7 @@ static void differentiate_by_rows(const scene_t* scene, const group_t* group, co
 /* Columns of the state after tick k from those before it, with what is held at rest and contacts that are closed. */
 static void propagate_columns(const scene_t* scene, const group_t* group, const columns_t* to, long long k) {
   column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX], projected[NX];
-  const column *of_law[2] = {dx, dr}, *of_step[2] = {dx, dw}, *of_begin[1] = {dx}, *of_end[3] = {dx, moved, dw};
+  const column *of_law[2] = {dx, dr}, *of_step[2] = {dx, dw}, *of_begin[1] = {dx}, *of_end[2] = {dx, moved};
   const tangents_t* by = group->tangents;
   const matrices_t initial = {(double*)to->initial, to->initial_arm, to->count, group->of_lane};
   const matrices_t held = {(double*)to->held + k * to->held_tick, to->held_arm, to->count, group->of_lane};
@@ -109,11 +109,6 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   }
 }
 
-/* Propagate tangents of the arms first … last-1 over their ticks.
- *
- * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so
- * close to one that it might: its state is then that before this tick, and of one lane also its columns.
- */
 EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
                               long long last, const columns_t* to) {
   for (long long arm = first; arm < last; arm += LANES) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Ticks of LANES arms that clearly have no event: their modes, a step in these, and bounds of what may happen within it.
+ * Ticks of LANES arms that certainly have no event: their modes, a step in these, and bounds of what may happen within it.
  *
  * The engine makes the same steps in the same modes, so the motion does not depend on which of both made a tick.
  */
@@ -49,9 +49,9 @@ static void make_steps(const scene_t* scene, const real* x, const real* u, const
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
 #define FAR_BELOW (0.9 - NEAR) /* loads that are not near a limit at either end of a tick */
 
-/* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `modes` receives their modes if
+/* Lanes in which every contact is apart and every joint slides or is at rest, beyond rounding; `modes` receives their modes if
  * what is at rest stays there. */
-static real find_clear_modes(const scene_t* scene, const real* x, const geometry_t* at, const modes_t* modes) {
+static real find_certain_modes(const scene_t* scene, const real* x, const geometry_t* at, const modes_t* modes) {
   const real none = 0.0;
   real event_free = 1.0, fastest = 1.0;
   for (int i = 0; i < NU; ++i) fastest = fmax(fastest, fabs(x[NU + i]));
@@ -82,9 +82,9 @@ static real stays_held(const scene_t* scene, const real* load, const modes_t* mo
   return held;
 }
 
-/* Of lanes whose modes are clear, those in which no joint turns or meets a stop and no contact comes near within a step. */
-static real clear_within_step(const scene_t* scene, const real* x, const step_of_lanes_t* step, const geometry_t* begin,
-                              const geometry_t* end, const modes_t* modes, real h) {
+/* Of lanes whose modes are certain, those in which no joint turns or meets a stop and no contact comes near within a step. */
+static real event_free_within_step(const scene_t* scene, const real* x, const step_of_lanes_t* step, const geometry_t* begin,
+                                   const geometry_t* end, const modes_t* modes, real h) {
   const real none = 0.0;
   real event_free = 1.0, low, high;
   for (int i = 0; i < NX; ++i) event_free = event_free && fabs(step->next[i]) <= scene->largest;
@@ -103,15 +103,15 @@ static real clear_within_step(const scene_t* scene, const real* x, const step_of
   return event_free;
 }
 
-/* Lanes that are clear at the beginning of a tick. `p` receives tunable numbers and modes, `holds` whether a joint is held in
+/* Lanes without events at the beginning of a tick. `p` receives tunable numbers and modes, `holds` whether a joint is held in
  * some lane, and `loads` the loads if one is. */
-static real clear_at_begin(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* place, real* p,
-                           const loads_t* loads, int* holds) {
+static real event_free_at_begin(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* place,
+                                real* p, const loads_t* loads, int* holds) {
   const modes_t modes = modes_of(scene, p);
   const geometry_t geometry = geometry_of(scene, place);
   int any = 0;
   copy(modes.all, tunable, NP);
-  real event_free = find_clear_modes(scene, x, &geometry, &modes);
+  real event_free = find_certain_modes(scene, x, &geometry, &modes);
   for (int j = 0; j < LANES; ++j) any |= LANE(event_free, j) != 0.0;
   *holds = 0;
   for (int i = 0; any && i < ND; ++i)
@@ -121,15 +121,15 @@ static real clear_at_begin(const scene_t* scene, const real* x, const real* u, c
   return event_free;
 }
 
-/* Make the step, and find the lanes that stay clear in it; `after` receives where the contacts are after it. With internal
+/* Make the step, and find the lanes without events in it; `after` receives where the contacts are after it. With internal
  * states, which may break a joint loose within the step, none does that holds one. */
-static real clear_step(const scene_t* scene, const real* x, const real* u, const real* h, const real* place, const real* p,
-                       const loads_t* loads, int holds, step_of_lanes_t* step, real* after) {
+static real event_free_step(const scene_t* scene, const real* x, const real* u, const real* h, const real* place,
+                            const real* p, const loads_t* loads, int holds, step_of_lanes_t* step, real* after) {
   const modes_t modes = modes_of(scene, (real*)p);
   const geometry_t begin = geometry_of(scene, place), end = geometry_of(scene, after);
   make_steps(scene, x, u, p, h, holds ? loads : 0, step);
   find_places(scene, step->next, after);
-  real event_free = clear_within_step(scene, x, step, &begin, &end, &modes, *h);
+  real event_free = event_free_within_step(scene, x, step, &begin, &end, &modes, *h);
   if (!holds) return event_free;
   if (NX > 2 * NU) return 0.0 * event_free;
   event_free = event_free && varies_evenly(scene, x, step->next, step->inside, *h);

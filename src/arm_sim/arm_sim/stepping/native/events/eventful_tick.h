@@ -28,7 +28,7 @@ static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x
 static void record_begin(const scene_t* scene, record_t* record, const segment_t* segment, const real* x) {
   if (!record) return;
   copy(record->p.all, segment->p.all, P_LENGTH);
-  for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(scene, segment, k);
+  for (int k = 0; k < NC; ++k) record->stick_limit[k] = stick_limit(scene, segment, k);
   for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
 }
 
@@ -66,7 +66,8 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     record_end(scene, record, after, length, event_free);
     find_ended_modes(scene, after, segment, event_free);
     close_contacts(scene, after, segment, anchor);
-    for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(after[i] - record->end[i]));
+    for (int i = 0; record && i < 2 * NU; ++i)
+      record->closing_change = fmax(record->closing_change, fabs(after[i] - record->end[i]));
     if (!stop_joints(scene, after, segment)) return NUMBERS;
     stop_at_limits(scene, after);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
@@ -74,17 +75,6 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     left -= length;
   }
   ++report->time_stepped;
+  if (trace) trace->time_stepped = 1;
   return step_through(scene, now, segment, left, report);
-}
-
-/* One traced tick: 0 if it cannot be computed. */
-EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
-                        trace_t* trace, real* after) {
-  report_t report = {0.0, 0, 0, 0};
-  LOCAL_TICK(segment, u);
-  segment.control = control;
-  copy(segment.p.all, p, NP);
-  const enum trouble trouble = tick_with_events(scene, x, &segment, h, &report, trace, after);
-  trace->time_stepped = report.time_stepped;
-  return trouble == NONE;
 }

@@ -17,9 +17,10 @@ static int tick(const scene_t* scene, const real* x, const real* u, const real* 
   LOCAL_TICK(segment, u);
   segment.control = control;
   copy(segment.p.all, p, NP);
-  if (scene->event_free_shortcut && NC) keep_geometry(scene, x, &memory, begun.place);
-  else if (begun.holds)
-    keep_loads(scene, x, begun.p.all + NP, &memory, &begun.loads); /* in modes without contacts, as the engine's */
+  /* What the shortcut has computed is not computed again, by the same functions: where the contacts are, or without contacts
+   * the loads, whose modes are then the engine's. */
+  if (scene->event_free_shortcut && NC) keep_geometry(scene, x, segment.memory, begun.place);
+  else if (begun.holds) keep_loads(scene, x, begun.p.all + NP, segment.memory, &begun.loads);
   report->trouble = tick_with_events(scene, x, &segment, h, report, 0, after);
   return report->trouble == NONE;
 }

@@ -118,13 +118,13 @@ static void solve_impact(const scene_t* scene, const real* x, segment_t* segment
     return;
   }
   jump->gain = INFINITY;
+  copy(met, x, NU);
   for (int i = 0; i < NU; ++i) segment->p.direction[i] = at_stop(scene, x, i) * x[NU + i] > 0.0 ? 0.0 : 1.0;
   for (int k = 0; k < IMPACT_PIVOTS; ++k) {
     for (int i = 0; i < NU; ++i) change[i] = segment->p.direction[i] == 0.0 ? part * jump->leaves[i] - x[NU + i] : 0.0;
     for (int i = 0; i < MC; ++i) jump->impulse[i] = 0.0;
     apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, held);
     if (jump->touching) {
-      copy(met, x, NU);
       copy(met + NU, jump->after, NU);
       find_inertia(scene, x, segment, &inertia);
       find_geometry(scene, met, segment, &geometry);
@@ -142,7 +142,6 @@ static void solve_impact(const scene_t* scene, const real* x, segment_t* segment
       if (segment->p.direction[i] == 0.0) jump->after[i] = part * jump->leaves[i];
       jump->gain += 0.5 * held[i] * (x[NU + i] + jump->after[i]);
     }
-    copy(met, x, NU);
     copy(met + NU, jump->after, NU);
     for (int i = 0; i < MC; ++i) jump->gain += 0.5 * jump->impulse[i] * geometry.speed[i];
     find_geometry(scene, met, segment, &geometry);
@@ -171,9 +170,9 @@ static void rest_linked(const scene_t* scene, real* x, segment_t* segment, jump_
 /* Record an impact with a fraction of the full rebound in a traced tick. */
 static void record_impact(const scene_t* scene, record_t* record, const segment_t* segment, const jump_t* jump, double part) {
   if (!record) return;
-  record->hit = 1;
-  record->part = part;
-  for (int i = 0; i < ND; ++i) record->meets[i] = segment->p.direction[i];
+  record->has_impact = 1;
+  record->rebound_fraction = part;
+  copy(record->impact_direction, segment->p.direction, ND);
   for (int i = 0; i < NU; ++i) record->leaves[i] = jump->leaves[i];
   for (int k = 0; k < NC; ++k) record->rebound[k] = jump->rebound[k];
   for (int i = 0; i < MC; ++i) record->impulse[i] = jump->impulse[i];

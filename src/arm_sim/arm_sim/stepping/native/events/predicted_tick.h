@@ -24,32 +24,30 @@ EXPORTED void predict(const void* of, prediction_t* tick) {
 }
 
 /* A predicted tick: NONE, or why it cannot be computed. */
-static enum trouble make_predicted(const scene_t* scene, const prediction_t* tick, report_t* report, trace_t* trace,
-                                   double* after) {
+static enum trouble make_predicted(const scene_t* scene, const prediction_t* tick, trace_t* trace, double* after) {
+  report_t report = {0};
   LOCAL_TICK(segment, tick->u);
   segment.predicted = tick;
   copy(segment.p.all, tick->p, NP);
-  return tick_with_events(scene, tick->x, &segment, tick->length, report, trace, after);
+  return tick_with_events(scene, tick->x, &segment, tick->length, &report, trace, after);
 }
 
 /* The predicted tick, whatever happens in it: 0 if it cannot be computed. */
 EXPORTED int predicted_tick(const void* of, const prediction_t* tick, double* after) {
   const scene_t* scene = (const scene_t*)of;
-  report_t report = {0.0, 0, 0, 0};
-  return make_predicted(scene, tick, &report, 0, after) == NONE;
+  return make_predicted(scene, tick, 0, after) == NONE;
 }
 
 /* The predicted tick without events: 0 if there is one, or it cannot be computed. */
 EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* result) {
   const scene_t* scene = (const scene_t*)of;
-  report_t report = {0.0, 0, 0, 0};
   real numbers[RECORD];
   record_t record;
-  trace_t trace = {&record, numbers, 0, 1, 0, 0, 0, 0};
-  if (make_predicted(scene, tick, &report, &trace, result->after) != NONE) return 0;
-  if (trace.count != 1 || !record.event_free || record.hit || report.time_stepped) return 0;
+  trace_t trace = {.records = &record, .numbers = numbers, .most = 1};
+  if (make_predicted(scene, tick, &trace, result->after) != NONE) return 0;
+  if (trace.count != 1 || !record.event_free || record.has_impact || trace.time_stepped) return 0;
   copy(result->p, record.p.all, P_LENGTH);
-  copy(result->grip, record.limit, NC);
+  copy(result->stick_limit, record.stick_limit, NC);
   copy(result->begin, record.begin, NX);
   copy(result->end, record.end, NX);
   return within_reach(scene, result->after);

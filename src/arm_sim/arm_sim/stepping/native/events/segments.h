@@ -28,7 +28,7 @@ static void record_step(const segment_t* segment, double length) {
   if (!segment->record) return;
   if (trace->step_count < trace->most_steps) trace->steps[trace->step_count] = length;
   ++trace->step_count;
-  segment->record->steps += 1.0;
+  ++segment->record->steps;
 }
 
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of

@@ -1,17 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Ticks of one arm that clearly have no event: one step, and a check that nothing may happen within it.
+ * Ticks of one arm that certainly have no event: one step, and a check that nothing may happen within it.
  */
 
 #pragma once
 #include "events/event_free.h"
-
-/* Whether every joint is held. */
-static int holds_all(const scene_t* scene, const modes_t* modes) {
-  int all = ND > 0;
-  for (int i = 0; i < ND; ++i) all &= modes->direction[i] == 0.0;
-  return all;
-}
 
 /* What is known at the beginning of a tick that may have an event: where its contacts are, or loads in modes of sliding and
  * held joints. */
@@ -28,17 +21,18 @@ static beginning_t beginning_of(const scene_t* scene, real* numbers) {
   return start;
 }
 
-/* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. */
+/* A tick that certainly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. */
 static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, beginning_t* start,
                                real* after) {
   real place_after[PLACES + 1];
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   find_places(scene, x, start->place);
-  const real begins = clear_at_begin(scene, x, u, p, start->place, start->p.all, &start->loads, &start->holds);
-  if (begins == 0.0 || (start->holds && NX > 2 * NU)) return 0;
-  const int still = start->holds && holds_all(scene, &start->p);
+  const real event_free = event_free_at_begin(scene, x, u, p, start->place, start->p.all, &start->loads, &start->holds);
+  if (event_free == 0.0 || (start->holds && NX > 2 * NU)) return 0; /* see event_free_step */
+  int still = start->holds; /* whether every joint is held */
+  for (int i = 0; i < ND; ++i) still &= start->p.direction[i] == 0.0;
   if (!still
-      && clear_step(scene, x, u, &h, start->place, start->p.all, &start->loads, start->holds, &step, place_after) == 0.0)
+      && event_free_step(scene, x, u, &h, start->place, start->p.all, &start->loads, start->holds, &step, place_after) == 0.0)
     return 0;
   copy(after, still ? x : step.next, NX);
   rest_held(scene, after);

@@ -12,9 +12,9 @@
 #include "events/segments.h"
 
 #define LEAST_PART 1e-6 /* fraction of a correction of penetrations below which it is not applied */
-#define MORE_STEPS (scene->constrained ? 100 : 0) /* further ones of a linkage, which may hop between its stops ever faster */
-#define END_HALVINGS 50 /* bisections to find where its joints end */
 #define TIME_STEPS 4 /* steps into which the rest of a tick is divided */
+#define SHORTER_STEPS 100 /* further ones of a linkage, whose joints may reach their stops or turn ever faster */
+#define END_HALVINGS 50 /* bisections to find where they do */
 #define MOST_TRAVEL 1e6 /* longest motion of a joint in such a step [rad] or [m] */
 
 /* Correct penetrations of planes and stops, and stop joints that reversed although they should have come to rest. Velocities
@@ -38,14 +38,14 @@ static void correct_penetrations(const scene_t* scene, real* x, const segment_t*
     close_contacts(scene, x, &caught, anchor);
     if (turn > 0 && !is_inside(scene, x, segment)) break;
   }
-  for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
+  copy(x + NU, v, NU);
 }
 
 /* Limit the motion from x such that no point is inside a plane, where penetrations cannot be corrected. */
 static void limit_penetration(const scene_t* scene, const real* x, const segment_t* segment, real* after) {
   real end[NU];
   double part = 1.0;
-  for (int i = 0; i < NU; ++i) end[i] = after[i];
+  copy(end, after, NU);
   while (part > 0.0 && is_inside(scene, after, segment)) {
     part = part > LEAST_PART ? 0.5 * part : 0.0;
     for (int i = 0; i < NU; ++i) after[i] = x[i] + part * (end[i] - x[i]);
@@ -71,8 +71,8 @@ static int passes_end(const scene_t* scene, const real* x, const segment_t* segm
   return max_of(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
 
-/* Shorten a step that takes a joint beyond the end of its motion: its length, -1 if it cannot be computed. In a linkage the
- * joint cannot be stopped alone afterwards, since that would open the loops.
+/* Shorten a step that takes a joint beyond its stop or turns it back: its length, -1 if it cannot be computed. In a linkage
+ * the joint cannot be stopped alone afterwards, since that would open the loops.
  */
 static double shorten(const scene_t* scene, const segment_t* segment, double h, piece_t* piece) {
   double low = 0.0, high = h;
@@ -87,12 +87,14 @@ static double shorten(const scene_t* scene, const segment_t* segment, double h, 
   return low == 0.0 || make_step(scene, segment, low, piece, error) ? low : -1.0;
 }
 
-/* The rest of a tick in a few steps of fixed length, in place; of a linkage also shorter ones, to where joints end. */
+/* The rest of a tick in a few steps of fixed length, in place; of a linkage also shorter ones, until a joint reaches a stop
+ * or turns back. */
 static enum trouble step_through(const scene_t* scene, real* x, segment_t* segment, double left, report_t* report) {
   long long losses = MOST_REBOUNDS;
   double rest = left;
+  const int most_steps = TIME_STEPS + (scene->constrained ? SHORTER_STEPS : 0);
   segment->step = left / TIME_STEPS;
-  for (int k = 0; k < TIME_STEPS + MORE_STEPS && (!scene->constrained || rest > 0.0); ++k) {
+  for (int k = 0; k < most_steps && rest > 0.0; ++k) {
     real after[NX], anchor[2 * NC + 1], error[2];
     LOCAL(piece_t, piece, piece_of, PIECE);
     const enum trouble trouble = begin_segment(scene, x, segment, left, &losses, report, anchor);
@@ -108,7 +110,7 @@ static enum trouble step_through(const scene_t* scene, real* x, segment_t* segme
     close_contacts(scene, after, segment, anchor);
     correct_penetrations(scene, after, segment);
     limit_penetration(scene, x, segment, after);
-    for (int i = 0; i < NX; ++i) x[i] = after[i];
+    copy(x, after, NX);
   }
-  return scene->constrained && rest > LEAST_PART * left ? UNDETERMINED : NONE;
+  return rest > LEAST_PART * left ? UNDETERMINED : NONE;
 }

@@ -17,11 +17,11 @@ static void evaluate_friction_guards(const scene_t* scene, const guarded_t* at, 
 
 /* Whether the torques on all held joints are far from their limits, and no stop holds one. */
 static int joints_hold_firmly(const scene_t* scene, const segment_t* segment, const loads_t* loads, const real* x) {
-  int firmly = 1;
-  for (int i = 0; i < ND; ++i)
-    if (segment->p.direction[i] == 0.0)
-      firmly &= !at_stop(scene, x, i) && fabs(loads->load[i]) < (1.0 - FIRM) * scene->static_level[i];
-  return firmly;
+  for (int i = 0; i < ND; ++i) {
+    if (segment->p.direction[i] != 0.0) continue;
+    if (at_stop(scene, x, i) || !(fabs(loads->load[i]) < (1.0 - FIRM) * scene->static_level[i])) return 0;
+  }
+  return 1;
 }
 
 /* Whether the speed of a sliding joint may reach zero, or a torque is close to its limit at the end. */

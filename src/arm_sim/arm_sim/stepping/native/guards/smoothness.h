@@ -18,7 +18,9 @@ static inline real phase_of(const scene_t* scene, const real* x, const real* nex
 }
 
 /* Whether forces change so evenly in a step of length h that they have no peak inside which is not close to their values at
- * its ends: hardly a wave passes, and accelerations bend little. They follow from the continuous output, in the middle, too. */
+ * its ends: hardly a wave passes, and accelerations bend little. The parabola through the accelerations a and b at the ends
+ * with the step's mean acceleration differs from (a + b) / 2 in the middle by 3/2 mean - 3/4 (a + b); bounded is twice that.
+ * `inside`: slopes at the beginning and the end, NX each, see prediction_t. */
 static inline real varies_evenly(const scene_t* scene, const real* x, const real* next, const real* inside, real h) {
   real even = phase_of(scene, x, next) <= SMALL_PHASE;
   for (int i = NU; i < 2 * NU; ++i) {

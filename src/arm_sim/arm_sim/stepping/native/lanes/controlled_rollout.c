@@ -54,7 +54,7 @@ static void take_arm(const scene_t* scene, group_t* group, int j) {
 }
 
 /* Begin the ticks that are due: find what acts in them. */
-static void begin_ticks(const scene_t* scene, group_t* group) {
+static void begin_due_ticks(const scene_t* scene, group_t* group) {
   const arms_t* arms = group->arms;
   real acted[NU];
   int any = 0;
@@ -119,7 +119,7 @@ EXPORTED void controlled_rollout(const scene_t* scene, const arms_t* arms, long 
   }
   for (int j = 0; j < LANES; ++j) take_arm(scene, &group, j);
   while (!is_halted(arms) && group.busy) {
-    begin_ticks(scene, &group);
+    begin_due_ticks(scene, &group);
     for (int j = 0; j < LANES; ++j)
       if (group.lane[j].has_arm) LANE(group.length, j) = next_length(&group.lane[j].at, arms->h);
     CALL(scene->attempt, (group.x, group.u, group.p, &group.length), (next, &error, &error_q));

@@ -10,7 +10,7 @@
 
 #define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
-/* Steps of lanes whose modes are clear, which the engine of one arm may then take from `tick`: 1 in `done` for those that
+/* Steps of lanes whose modes are certain, which the engine of one arm may then take from `tick`: 1 in `done` for those that
  * surely have no event, so that it need not be asked. Returns the number of other lanes, of the first `used`; where they
  * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
 static int predict_event_free(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* h,
@@ -18,11 +18,11 @@ static int predict_event_free(const scene_t* scene, const real* x, const real* u
   real p[P_LENGTH + 1], after[PLACES + 1];
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
-  int unclear = 0, left = 0, holds;
-  const real event_free = clear_at_begin(scene, x, u, tunable, place, p, &loads, &holds);
-  for (int j = 0; j < used; ++j) unclear += LANE(event_free, j) == 0.0;
-  if (2 * unclear > used) return unclear;
-  *done = event_free && clear_step(scene, x, u, h, place, p, &loads, holds, &step, after);
+  int uncertain = 0, left = 0, holds;
+  const real event_free = event_free_at_begin(scene, x, u, tunable, place, p, &loads, &holds);
+  for (int j = 0; j < used; ++j) uncertain += LANE(event_free, j) == 0.0;
+  if (2 * uncertain > used) return uncertain;
+  *done = event_free && event_free_step(scene, x, u, h, place, p, &loads, holds, &step, after);
   for (int i = 0; i < NX; ++i) next[i] = step.next[i];
   rest_held(scene, next);
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
@@ -30,7 +30,7 @@ static int predict_event_free(const scene_t* scene, const real* x, const real* u
   write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < P_LENGTH && LANE(event_free, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
-  return unclear;
+  return uncertain;
 }
 
 /* What lanes will ask for in the modes that the engine guesses. */
@@ -74,13 +74,13 @@ static void tick_of_lanes(const scene_t* scene, const real* x, const real* r, co
                           const engine_t* engine, real* next, real* acted) {
   LOCAL_PREDICTIONS(tick);
   real place[PLACES + 1], done = 0.0;
-  int unclear = used, left = 0;
+  int uncertain = used, left = 0;
   CALL(scene->actuate, (x, r), (acted));
   begin_ticks(scene, x, acted, tunable, h, tick, place);
   if (scene->joints_and_contacts_only)
-    unclear = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
+    uncertain = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
   for (int j = 0; j < used; ++j) left += LANE(done, j) == 0.0;
-  if (left && unclear > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
+  if (left && uncertain > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {
     double after[NX];
     if (LANE(done, j) != 0.0) continue;

@@ -6,8 +6,8 @@
 #pragma once
 #include "lanes/lanes.h"
 
-/* Beginnings of ticks of length h from x under commands that act. Nothing is predicted, in no modes and for no end of the
- * tick; `place` receives where the contacts are. */
+/* Beginnings of ticks of length h from x under commands that act, of which nothing is predicted: modes and ends are NaN, see
+ * prediction_t. `place` receives where the contacts are. */
 static inline void begin_ticks(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* h,
                                prediction_t* tick, real* place) {
   const long long stride = PREDICTION;
@@ -20,7 +20,7 @@ static inline void begin_ticks(const scene_t* scene, const real* x, const real* 
     tick[j].length = LANE(*h, j);
     tick[j].after[0] = __builtin_nan("");
     tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0;
-    for (int i = NP; i < NP + MODES; ++i) tick[j].p[i] = __builtin_nan("");
+    for (int i = NP; i < P_LENGTH; ++i) tick[j].p[i] = __builtin_nan("");
   }
 }
 

@@ -52,7 +52,7 @@ static void find_sets_held(const scene_t* scene, const real* x, const segment_t*
 
 /* By how much a set exceeds its limits: not positive if it holds. */
 static double set_excess(const segment_t* segment, const indeterminate_t* sets, int number) {
-  return sets->excess[number] - (segment->yields ? -EDGE : HOLDS);
+  return sets->excess[number] - (segment->yields ? -EDGE : SET_HOLDS);
 }
 
 /* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none.

@@ -65,7 +65,7 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
   const double heaviest = 1.0 + max_abs(loads->force, MC), fastest = 1.0 + max_abs(loads->rate, MC);
   const real* d = segment->p.direction;
   double most = 0.0;
-  int worst = -1, resting = 0;
+  int worst = -1;
   for (int i = 0; i < NU + NC; ++i) sets->set[i] = 0;
   if (scene->indeterminate && anything_beyond(scene, x, segment, loads)) find_sets_held(scene, x, segment, loads, sets);
   for (int k = 0; k < NC; ++k) {
@@ -78,8 +78,6 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
       *set = beyond > 0.0 ? number : 0;
     }
   }
-  for (int i = 0; i < ND; ++i) resting |= rests(scene, x, i);
-  if (!resting) return worst;
   const real* a = loads->slope + NU;
   const double quickest = 1.0 + max_abs(a, NU), level = max_abs(scene->static_level, NU), highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {

@@ -34,8 +34,9 @@ static inline void bound_inside(const scene_t* scene, const real* x, const real*
   *high += bend;
 }
 
-/* A predicted tick: what is given and known of it. The arrays are one after another, and `inside` is the continuous output of
- * the step from the beginning to the end: derivatives there, and the state in the middle. */
+/* A predicted tick: what is given and known of it. An answer serves only a question with the same bits: NaN as modes or as
+ * the end, which no question has, says that nothing is known there. The arrays are one after another, and `inside` is the
+ * continuous output of the step from the beginning to the end: derivatives there, and the state in the middle. */
 typedef struct {
   double *x, *u, *p;         /* beginning of a tick, its command, and its probable modes */
   double length;             /* of the tick */
@@ -47,14 +48,14 @@ typedef struct {
   int nears;                 /* whether this is known: ... */
   double* near;              /* ... loads and forces at its stage at the end */
 } prediction_t;
-#define PREDICTION (5 * NX + 3 * NU + NP + MODES + 2 * PLACES + 2 * NC + LOADS + INERTIA + NEARS)
+#define PREDICTION (5 * NX + 3 * NU + P_LENGTH + 2 * PLACES + 2 * NC + LOADS + INERTIA + NEARS)
 
 static inline prediction_t prediction_of(const scene_t* scene, double* numbers) {
   prediction_t tick;
   tick.x = numbers;
   tick.u = tick.x + NX;
   tick.p = tick.u + NU;
-  tick.geometry = tick.p + NP + MODES;
+  tick.geometry = tick.p + P_LENGTH;
   tick.anchor = tick.geometry + PLACES;
   tick.loads = tick.anchor + 2 * NC;
   tick.inertia = tick.loads + LOADS;
@@ -63,8 +64,6 @@ static inline prediction_t prediction_of(const scene_t* scene, double* numbers) 
   tick.closed = tick.geometry_after + PLACES;
   tick.inside = tick.closed + 2 * NU;
   tick.near = tick.inside + 3 * NX;
-  tick.length = 0.0;
-  tick.rests = tick.slides = tick.closes = tick.nears = 0;
   return tick;
 }
 
@@ -76,13 +75,13 @@ static inline prediction_t prediction_of(const scene_t* scene, double* numbers) 
 
 /* A tick without events, for derivatives: one smooth motion. */
 typedef struct {
-  double *p, *grip;            /* its modes, and the fraction of its normal force up to which a contact sticks */
+  double *p, *stick_limit;     /* its modes, and the fraction of its normal force up to which a contact sticks */
   double *begin, *end, *after; /* the motion's ends, and the state after the tick, with closed contacts */
 } event_free_t;
-#define EVENT_FREE (NP + MODES + NC + 3 * NX)
+#define EVENT_FREE (P_LENGTH + NC + 3 * NX)
 
 static inline event_free_t event_free_of(const scene_t* scene, double* numbers) {
-  event_free_t tick = {numbers, numbers + NP + MODES, numbers + NP + MODES + NC, 0, 0};
+  event_free_t tick = {numbers, numbers + P_LENGTH, numbers + P_LENGTH + NC, 0, 0};
   tick.end = tick.begin + NX;
   tick.after = tick.end + NX;
   return tick;

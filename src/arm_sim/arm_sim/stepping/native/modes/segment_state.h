@@ -105,10 +105,10 @@ static segment_t segment_of(const scene_t* scene, real* numbers) {
 
 /* Declare the memory and the first segment of a tick, of which nothing is known yet but the command. */
 #define LOCAL_TICK(segment, command) \
-  LOCAL(memory_t, memory, memory_of, MEMORY); \
+  LOCAL(memory_t, segment##_memory, memory_of, MEMORY); \
   LOCAL(segment_t, segment, segment_of, SEGMENT); \
   segment.u = command; \
-  segment.memory = &memory
+  segment.memory = &segment##_memory
 
 /* Declare a segment with modes of its own, which begin as those of another. */
 #define LOCAL_SEGMENT(name, like) \

@@ -10,17 +10,18 @@
 typedef struct {
   real *before, *begin, *end; /* states before its impact, after it, and at the end of its motion */
   modes_t p;
-  real* limit;            /* fraction of its normal force up to which a contact sticks */
-  real length, steps;     /* length of its motion, and number of its steps */
+  real* stick_limit;      /* fraction of its normal force up to which a contact sticks */
+  real length;            /* of its motion, ... */
+  long long steps;        /* ... and number of its steps */
   int event_free;         /* whether no event ended it */
-  real off;               /* largest change of positions and velocities by closing its contacts afterwards */
-  int hit;                /* whether it began with an impact, ... */
-  real part;              /* ... and the fraction of the full rebound */
-  real* meets;            /* 0 for joints that took part in the impact at their stops */
+  real closing_change;    /* largest change of positions and velocities by closing its contacts afterwards */
+  int has_impact;         /* whether it began with an impact, ... */
+  real rebound_fraction;  /* ... and the fraction of the full rebound */
+  real* impact_direction; /* of joints in the impact: 0 where they took part in it at their stops */
   real* leaves;           /* velocities after the impact */
   real *rebound, *impulse; /* of contacts: velocities after the impact, impulses */
 } record_t;
-#define RECORD (3 * NX + NP + MODES + NC + ND + NU + 4 * NC)
+#define RECORD (3 * NX + P_LENGTH + NC + ND + NU + 4 * NC)
 
 static record_t record_of(const scene_t* scene, real* numbers) {
   record_t record;
@@ -28,13 +29,13 @@ static record_t record_of(const scene_t* scene, real* numbers) {
   record.begin = record.before + NX;
   record.end = record.begin + NX;
   record.p = modes_of(scene, record.end + NX);
-  record.limit = record.end + NX + P_LENGTH;
-  record.meets = record.limit + NC;
-  record.leaves = record.meets + ND;
+  record.stick_limit = record.end + NX + P_LENGTH;
+  record.impact_direction = record.stick_limit + NC;
+  record.leaves = record.impact_direction + ND;
   record.rebound = record.leaves + NU;
   record.impulse = record.rebound + NC;
-  record.length = record.steps = record.off = record.part = 0.0;
-  record.event_free = record.hit = 0;
+  record.length = record.closing_change = record.rebound_fraction = 0.0;
+  record.steps = record.event_free = record.has_impact = 0;
   clear(numbers, RECORD);
   return record;
 }

@@ -75,15 +75,20 @@ static double room_to_edge(const double* s, const double* d, int n) {
   return way > 0.0 ? c / way : INFINITY;
 }
 
-/* Factor a symmetric positive semidefinite n by n matrix in place; directions that it does not determine are left alone. */
-static void factor_of(int n, double* H) {
+/* The factor L of B^T B = L L^T, for m rows B of n columns; directions that these do not determine are left alone. */
+static void factor_normal_matrix(int n, int m, const double* B, double* L) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) {
+      L[n * i + j] = 0.0;
+      for (int l = 0; l < m; ++l) L[n * i + j] += B[n * l + i] * B[n * l + j];
+    }
   for (int k = 0; k < n; ++k) {
-    const double whole = H[n * k + k];
-    for (int j = 0; j < k; ++j) H[n * k + k] -= H[n * k + j] * H[n * k + j];
-    H[n * k + k] = H[n * k + k] > UNDETERMINED_PART * whole ? sqrt(H[n * k + k]) : INFINITY;
+    const double whole = L[n * k + k];
+    for (int j = 0; j < k; ++j) L[n * k + k] -= L[n * k + j] * L[n * k + j];
+    L[n * k + k] = L[n * k + k] > UNDETERMINED_PART * whole ? sqrt(L[n * k + k]) : INFINITY;
     for (int i = k + 1; i < n; ++i) {
-      for (int j = 0; j < k; ++j) H[n * i + k] -= H[n * i + j] * H[n * k + j];
-      H[n * i + k] /= H[n * k + k];
+      for (int j = 0; j < k; ++j) L[n * i + k] -= L[n * i + j] * L[n * k + j];
+      L[n * i + k] /= L[n * k + k];
     }
   }
 }
@@ -148,6 +153,18 @@ static void find_change(const conic_t* at, const double* lambda, const double* d
   }
 }
 
+/* Errors of the dual equations at z: returns the largest. */
+static double dual_residual(const conic_t* at, const double* z, double* left) {
+  const int n = at->unknowns;
+  double worst = 0.0;
+  for (int j = 0; j < n; ++j) {
+    left[j] = j == n - 1;
+    for (int i = 0; i < at->rows; ++i) left[j] -= at->G[n * i + j] * z[i];
+    worst = fmax(worst, fabs(left[j]));
+  }
+  return worst;
+}
+
 /* Least last number of y, which begins inside the cones; at most `enough` is enough. z receives the dual solution. */
 static double least_last(const scene_t* scene, const conic_t* at, double* y, double* z, double enough) {
   const int n = at->unknowns, m = at->rows;
@@ -158,13 +175,7 @@ static double least_last(const scene_t* scene, const conic_t* at, double* y, dou
   for (int k = 0, i = 0; k < at->cones; i += at->size[k++])
     for (int j = 0; j < at->size[k]; ++j) z[i + j] = j ? 0.0 : 1.0 / at->cones;
   for (int turn = 0; turn < CONIC_STEPS && y[n - 1] > enough; ++turn) {
-    double worst = 0.0;
-    const double gap = dot(s, z, m);
-    for (int j = 0; j < n; ++j) {
-      left[j] = j == n - 1;
-      for (int i = 0; i < m; ++i) left[j] -= at->G[n * i + j] * z[i];
-      worst = fmax(worst, fabs(left[j]));
-    }
+    const double gap = dot(s, z, m), worst = dual_residual(at, z, left);
     if (gap <= CONIC_GAP && worst <= CONIC_LEFT) break;
     for (int k = 0, i = 0; k < at->cones; i += at->size[k++]) {
       const int rows = at->size[k];
@@ -177,12 +188,7 @@ static double least_last(const scene_t* scene, const conic_t* at, double* y, dou
         for (int l = 0; l < rows; ++l) B[n * (i + l) + j] = column[l];
       }
     }
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j <= i; ++j) {
-        L[n * i + j] = 0.0;
-        for (int l = 0; l < m; ++l) L[n * i + j] += B[n * l + i] * B[n * l + j];
-      }
-    factor_of(n, L);
+    factor_normal_matrix(n, m, B, L);
     for (int i = 0; i < m; ++i) ds[i] = dz[i] = 0.0;
     find_change(at, lambda, ds, dz, 0.0, change);
     find_direction(at, B, L, lambda, change, left, dy, ds, dz);
