@@ -182,25 +182,21 @@ def test_disturbance_observer_sees_the_load_and_takes_it_off() -> None:
     assert abs(done.q[-1] - goal).max() < 1e-5 < left
 
 
-@pytest.mark.parametrize(
-    ("asked", "cut"),
-    [(5.0, False), (5.1, True), (-5.0, False), (-5.1, True)],
-)
-def test_torques_beyond_a_limit_are_cut_to_it_on_both_sides(asked: float, cut: bool) -> None:
+@pytest.mark.parametrize("asked", [5.0, 5.1, -5.0, -5.1])
+def test_torques_beyond_a_limit_are_cut_to_it_on_both_sides(asked: float) -> None:
     control = Saturated(PD(2, 10.0, 0.0), 5.0, 2)
     assert control.asked.tolist() == [0.0, 0.0]
     assert not control.saturated.any()
     tau = control.torque(Measured(np.zeros(2), np.zeros(2)), at_rest([0.1 * asked, 0.0]))
     assert_close(tau, [np.sign(asked) * min(abs(asked), 5.0), 0.0], ALGEBRA)
-    assert control.saturated.tolist() == [cut, False]
+    assert control.saturated.tolist() == [abs(asked) > 5.0, False]
     control.asked[:] = 99.0  # the caller's own
     assert_close(control.asked, [asked, 0.0], ALGEBRA)
 
 
 def test_compiled_code_has_the_narrowest_of_nested_limits() -> None:
-    inner = SimpleNamespace(compiled=lambda: CompiledLaw(cast(Any, None)))
-    nested = Saturated(Saturated(cast(Any, inner), [5.0, 20.0], 2), 10.0, 2).compiled()
-    assert nested is not None
+    law: Any = SimpleNamespace(compiled=lambda: CompiledLaw(cast(Any, None)))
+    nested: Any = Saturated(Saturated(law, [5.0, 20.0], 2), 10.0, 2).compiled()
     assert nested.limit.tolist() == [5.0, 10.0]
 
 

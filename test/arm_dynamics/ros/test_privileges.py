@@ -14,10 +14,7 @@ from harness import Ros
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.threads import privileges, scheduling
 from arm_dynamics.ros.common.threads.privileges import ThreadParams, read_cpus
-from arm_dynamics.ros.common.threads.scheduling import (
-    arrange_middleware_threads,
-    shorten_slice,
-)
+from arm_dynamics.ros.common.threads.scheduling import arrange_middleware_threads, shorten_slice
 
 pytestmark = pytest.mark.ros
 MACHINE = platform.machine()
