@@ -72,7 +72,9 @@ with figure("transmission", columns=3, size=(7.2, 2.6)) as axes:
     for name, belt in belts.items():
         motion = wheel(0.1, rotor, belt).run(0.8, push)
         axes[0].plot(motion.time, motion.v[:, 0], label=name)
-    axes[0].set(xlabel="time [s]", ylabel="speed of the link [rad/s]", title="±0.5 N m at the joint")
+    axes[0].set(
+        xlabel="time [s]", ylabel="speed of the link [rad/s]", title="±0.5 N m at the joint"
+    )
     axes[0].legend()
 
     # --- harmonic drive: hysteresis of a blocked output ------------------------------------------

@@ -165,8 +165,10 @@ def draw(results: Sequence[Result], path: Path) -> None:
         _shares(shares, [*groups.values()], [*names.values()])
         for mark, (key, name) in zip(MARKS, names.items(), strict=False):
             errors.plot(*_errors(groups[key]), marker=mark, label=name)
-        errors.set(xscale="log", yscale="log", ylim=(ROUNDING / 2, 10), xlabel=STEP,
-                   title="median error of right runs", ylabel="position error / (1 + |position|)")  # fmt: skip
+        errors.set(
+            xscale="log", yscale="log", ylim=(ROUNDING / 2, 10), xlabel=STEP,
+            title="median error of right runs", ylabel="position error / (1 + |position|)",
+        )  # fmt: skip
 
 
 def _shares(axis: Any, groups: Sequence[Groups], names: Sequence[str]) -> None:

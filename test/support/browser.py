@@ -54,17 +54,6 @@ _SLOWLY = """
   window.cancelAnimationFrame = clearTimeout;
 """
 
-# Pixels of points of the world, as three.js has it.
-_PIXELS = """points => {
-  const {camera, canvas} = window.viewer;
-  camera.updateMatrixWorld();
-  const box = canvas.getBoundingClientRect();
-  return points.map(p => {
-    const v = camera.position.clone().set(...p).project(camera);
-    return [box.x + (1 + v.x) / 2 * box.width, box.y + (1 - v.y) / 2 * box.height];
-  });
-}"""
-
 
 def needed() -> None:
     """Skip the test where there is no browser."""
@@ -110,10 +99,6 @@ class Page:
         """Where the scene that is rendered has nodes, all at once: matrices, shape (k, 4, 4)."""
         elements = np.array(self.handle.evaluate(_PLACES, nodes), dtype=float)
         return np.asarray(elements.reshape(-1, 4, 4).transpose(0, 2, 1))
-
-    def pixels(self, points: Array) -> Array:
-        """Where points of the rendered scene, shape (k, 3), stand on the page, shape (k, 2)."""
-        return np.array(self.handle.evaluate(_PIXELS, np.asarray(points).tolist()))
 
     def angles(self, name: str, model: ArmModel) -> Array:
         """Joint angles that are drawn, from places of links that follow each other, (pin.nv,)."""

@@ -72,6 +72,17 @@ def test_operational_space_is_khatibs_formula(rng: np.random.Generator) -> None:
     assert_close(OperationalSpace(task, 20.0).torque(state, reference), tau, INVERSE_PAIR)
 
 
+def test_an_impedance_is_damped_by_the_mass_that_each_axis_feels() -> None:
+    """D = 2 ζ √(K Λ_ii)."""
+    task, K, q, v = two_link(), [300.0, 500.0], np.array([0.3, 0.8]), np.array([0.5, -0.4])
+    J, D = task.jacobian(q), 2.0 * np.sqrt(K * task.terms(q).inertia.diagonal())
+    more, less = (
+        CartesianImpedance(task, K, zeta).torque(Measured(q, v), at_rest(task, q))
+        for zeta in (1.0, 0.0)
+    )
+    assert_close(more - less, -J.T @ (D * (J @ v)), INVERSE_PAIR)
+
+
 def test_force_on_a_table_is_the_one_asked_for() -> None:
     """A stiff damped surface below the hand is pressed with 15 N while the hand slides on it."""
     sim, task = models.simulator("panda", dt=1e-3), panda()

@@ -72,11 +72,3 @@ def test_an_unknown_frame_is_refused_by_the_names(rows: tuple[int, ...]) -> None
                 InvalidInput, match=f"^frame '{frame}' does not exist; allowed: world"
             ):
                 call(dyn, q, q, frame)  # type: ignore[arg-type]
-
-
-def test_wrong_vectors_are_refused() -> None:
-    dyn = models.dynamics("two_link")
-    with pytest.raises(InvalidInput, match=r"^q has shape \(3,\); \(2,\) or \(k, 2\) is expected"):
-        dyn.pose([1, 2, 3], "tip")
-    with pytest.raises(InvalidInput, match=r"^v\[1\] = nan of joint 'elbow'"):
-        dyn.jacobian_derivative([1, 2], [0, np.nan], "tip")

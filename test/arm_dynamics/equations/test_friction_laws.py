@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import models
 from arm_dynamics.equations.interpolation import Curve
@@ -116,6 +117,14 @@ def test_curve_is_smooth_and_stays_between_its_points(rng: np.random.Generator) 
             assert (np.diff(between) * (high - low) >= -1e-12).all()
         if period:
             assert_close(curve(x + period), y, 1e-9)
+
+
+def test_slopes_of_uneven_points_are_those_of_fritsch_and_butland() -> None:
+    """The library SciPy has the same curve between inner points; at the ends it differs."""
+    at, values = np.array([0.0, 1.0, 1.2, 4.0, 4.5, 6.0]), np.array([1.0, 1.1, 2.0, 2.2, 3.0, 3.5])
+    x = np.linspace(1.0, 4.5, 200)
+    wanted = PchipInterpolator(at, values)(x)
+    assert_close(Curve.through(at, values)(x), wanted, ALGEBRA)
 
 
 def test_the_direction_decides_where_a_joint_stands_still() -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller node: commands for states, how it follows trajectories, and what are jumps."""
 
+import time
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -27,8 +29,12 @@ import models
 from arm_dynamics import ArmError
 from arm_dynamics.control.controller import Measured
 from arm_dynamics.ros import ControllerNode
+from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.trajectory import Reference
+from arm_dynamics.trajectory.follower import Outset
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -268,8 +274,8 @@ def test_efforts_of_points_are_added_to_the_controllers(node: ControllerNode) ->
     effort(node, 0, (0.0, 0.0))
     pushed = [point(t, 0.2, 0.4, effort=[t, -2.0 * t]) for t in (1.0, 2.0)]
     node.on_joint_trajectory(trajectory(*pushed, names=NAMES[::-1]))
-    for time, added in ((0.0, 0.0), (0.5, 0.5), (1.2, 1.2), (1.9, 1.9), (2.5, 2.0)):
-        stamp = round(time * 1000) * MS
+    for seconds, added in ((0.0, 0.0), (0.5, 0.5), (1.2, 1.2), (1.9, 1.9), (2.5, 2.0)):
+        stamp = round(seconds * 1000) * MS
         motion = Reference(*reference_of(node, stamp))
         found = effort(node, stamp, (0.3, 0.1)) - wanted((0.3, 0.1), (0, 0), motion)
         assert_close(found, [-2.0 * added, added], 1e-8)
@@ -344,3 +350,25 @@ def test_a_jump_at_rest_says_nothing_of_the_last_goal(ros: Ros) -> None:
     effort(node, NOW + 900 * MS, (0.1, -0.2))
     effort(node, NOW, (0.1, -0.2))
     assert node.goals.outcome.startswith("following 1 point")
+
+
+@pytest.mark.ros
+def test_a_jump_ends_what_is_being_planned(ros: Ros) -> None:
+    node, ready = ros.add(ControllerNode, models.scene("two_link")), Event()
+    effort(node, NOW, (0.1, -0.2))
+
+    def plan(outset: Outset) -> Motion:
+        ready.wait(20.0)
+        return hold(outset.here.q + 0.1)
+
+    node.goals.follow(Goal("goal", "a step", None, plan))
+    assert node.goals.outcome == "planning goal: a step"
+    effort(node, NOW - MS, (0.3, 0.4))
+    ready.set()
+    end = time.monotonic() + 20.0
+    while node.busy and time.monotonic() < end:
+        time.sleep(1e-3)
+        node.deliver()
+    said = "given up, time went backwards; the arm is held where it is"
+    assert node.goals.outcome == said
+    assert_close(reference_of(node, NOW)[0], (0.3, 0.4), ALGEBRA)

@@ -216,6 +216,22 @@ def test_broken_description_keeps_the_one_before_and_is_told_once(
     assert said.count("robot_description refused, the previous one is kept") == 1
 
 
+class Slow:
+    """Builds arms when it may go on, and notes how many joints they have."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.begun, self.go_on, self.joints = threading.Event(), threading.Event(), list[int]()
+        self._build = dynamics_node.Dynamics
+        monkeypatch.setattr(dynamics_node, "Dynamics", self)
+
+    def __call__(self, scene: Any) -> Any:
+        self.begun.set()
+        assert self.go_on.wait(20.0)
+        made = self._build(scene)
+        self.joints.append(made.n)
+        return made
+
+
 def test_services_of_the_last_arm_go_on_while_another_is_built(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -224,29 +240,35 @@ def test_services_of_the_last_arm_go_on_while_another_is_built(
     publisher = ros.peer.create_publisher(String, "/robot_description", LATCHED)
     task = ros.peer.create_client(TASK_SPACE.type, "/dynamics/task_space")
     assert task.wait_for_service(10.0)
-    begun, built, build = threading.Event(), threading.Event(), dynamics_node.Dynamics
-    joints: list[int] = []
-
-    def slow(scene: Any) -> Any:
-        begun.set()
-        assert built.wait(20.0)
-        made = build(scene)
-        joints.append(made.n)
-        return made
-
-    monkeypatch.setattr(dynamics_node, "Dynamics", slow)
+    slow = Slow(monkeypatch)
     publisher.publish(String(data=chain(3)))
-    ros.spin_until(begun.is_set)
+    ros.spin_until(slow.begun.is_set)
     for text in (chain(4), chain(5), PENDULUM):
         publisher.publish(String(data=text))
         ros.spin_until(lambda text=text: node._described and node._described[0].data == text)
     asked = task.call_async(TASK_SPACE.type.Request(frame="forearm", position=[0.1, 0.2]))
     ros.spin_until(asked.done)
     assert asked.result().success and len(asked.result().joint_names) == 2
-    assert not joints
-    built.set()
+    assert not slow.joints
+    slow.go_on.set()
     ros.spin_until(lambda: len(info(node).joint_names) == 1)
-    assert joints == [3, 1]
+    assert slow.joints == [3, 1]
+
+
+def test_a_parameter_replaces_a_description_that_came_before_it(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Although that is still being built."""
+    node = ros.add(DynamicsNode)
+    publisher = ros.peer.create_publisher(String, "/robot_description", LATCHED)
+    slow = Slow(monkeypatch)
+    publisher.publish(String(data=chain(3)))
+    ros.spin_until(slow.begun.is_set)
+    threading.Timer(0.1, slow.go_on.set).start()
+    assert node.set_parameters([Parameter("robot_description", value=PENDULUM)])[0].successful
+    ros.spin_until(lambda: len(slow.joints) == 2)
+    assert slow.joints == [3, 1]
+    assert len(info(node).joint_names) == 1
 
 
 def test_description_as_a_parameter_may_change(ros: Ros) -> None:

@@ -34,7 +34,11 @@ import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.poses import in_world, pose_of
+from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+from arm_dynamics.trajectory.follower import Outset
+from arm_dynamics.trajectory.reference import Motion
+from arm_dynamics.trajectory.trajectory import hold
 from arm_sim.ros import SimNode
 from tolerances import ALGEBRA, assert_close
 
@@ -333,3 +337,28 @@ def test_a_quaternion_has_length_one(scale: float) -> None:
     for length in (0.9991, 1.0009):
         slightly = pose_of((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, length))
         assert_close(slightly.rotation, np.eye(3), ALGEBRA)
+
+
+def test_a_goal_that_is_never_planned_in_time_is_refused(node: ControllerNode) -> None:
+    """Each plan gets twice the time of the one before it; the motion goes on."""
+    node.on_joint_trajectory(long_trajectory(10, 60.0))
+    see(node, 300 * MS)
+    before, begins = node.goals.follower, [299 * MS]
+    ended: list[object] = []
+
+    def plan(outset: Outset) -> Motion:
+        begins.append(outset.begin)
+        return hold(outset.here.q)
+
+    node.goals.follow(Goal("goal", "a stop", None, plan, ended.append))
+    end = time.monotonic() + 20.0
+    while not ended and time.monotonic() < end:
+        if node.goals.planner.ready:
+            node.goals.reference(begins[-1] + MS)
+            node.deliver()
+        time.sleep(1e-4)
+    assert ended == [None]
+    assert (np.diff(begins) - MS).tolist() == [50 * MS << k for k in range(9)]
+    assert node.goals.outcome.startswith("goal refused: the arm's reference changed faster")
+    assert node.goals.follower is before
+    assert_close(node.goals.follower.reference(60_000 * MS).q, HOME + 0.2, 1e-12)

@@ -2,10 +2,12 @@
 """Privileges that are granted take effect, others are reported; scheduling that needs none."""
 
 import ctypes
+import hashlib
 import os
 import platform
 import struct
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,11 @@ from harness import Ros
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.threads import privileges, scheduling
 from arm_dynamics.ros.common.threads.privileges import ThreadParams, read_cpus
-from arm_dynamics.ros.common.threads.scheduling import arrange_middleware_threads, shorten_slice
+from arm_dynamics.ros.common.threads.scheduling import (
+    MiddlewareThreads,
+    arrange_middleware_threads,
+    shorten_slice,
+)
 
 pytestmark = pytest.mark.ros
 MACHINE = platform.machine()
@@ -49,6 +55,41 @@ def test_timers_of_dds_do_not_interrupt_the_loop(ros: Ros) -> None:
     arrange_middleware_threads()
     assert policies() == {os.SCHED_BATCH}
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def test_the_middleware_is_busy_while_one_of_its_threads_is_not_asleep() -> None:
+    """With a thread named like one of Fast DDS, which sleeps, works without the lock, sleeps."""
+    work, rest, ready, done = (threading.Event() for _ in range(4))
+
+    def live() -> None:
+        ctypes.CDLL(None).prctl(15, b"dds.udp.test")
+        ready.set()
+        work.wait()
+        hashlib.sha256(bytes(2**28))
+        done.set()
+        rest.wait()
+
+    other = MiddlewareThreads()  # made before: it does not know the thread
+    thread = threading.Thread(target=live)
+    thread.start()
+    ready.wait()
+    middleware = MiddlewareThreads()
+
+    def falls_asleep(threads: MiddlewareThreads = middleware) -> bool:
+        end = time.monotonic() + 20.0
+        while (busy := threads.busy) and time.monotonic() < end:
+            time.sleep(0.001)
+        return not busy
+
+    assert falls_asleep()
+    work.set()
+    seen = [middleware.busy for _ in iter(done.is_set, True)]
+    assert sum(seen) > 10
+    assert falls_asleep()
+    rest.set()
+    thread.join()
+    assert falls_asleep()  # the thread is gone, a moment after it is joined
+    assert falls_asleep(other)
 
 
 def slice_of(thread: int) -> int:

@@ -68,6 +68,7 @@ def test_who_speaks_alone_for_a_second_is_followed(heard: Heard) -> None:
 def test_a_pause_of_the_controller_changes_nothing(heard: Heard) -> None:
     """It may first hear the other one after it."""
     assert heard(FIRST, 1)
+    assert not heard(SECOND, 2)
     assert not heard(SECOND, 3000)
     assert heard(FIRST, 3001)
     assert not heard(SECOND, 3002)

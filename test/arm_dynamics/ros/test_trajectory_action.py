@@ -174,6 +174,21 @@ def test_a_trajectory_on_the_topic_ends_the_goal(node: ControllerNode, client: C
     assert result.error_string == "Current goal cancelled due to new incoming trajectory."
 
 
+def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
+    node: ControllerNode, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = node.action._begin
+
+    def begun(*given: Any) -> None:
+        begin(*given)
+        node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
+
+    monkeypatch.setattr(node.action, "_begin", begun)
+    status, result = client.result(client.send(to(0.4, 0.4)))
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert node.action.active is None
+
+
 def test_states_whose_time_goes_backwards_end_the_goal(
     node: ControllerNode, client: Client
 ) -> None:

@@ -141,15 +141,6 @@ def test_gravity_of_the_scene_is_used(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(torque(1, 2, -3), parts, rtol=0, atol=1e-12)
 
 
-def test_initial_state_by_name() -> None:
-    model = Dynamics({
-        "robot": {"urdf": str(URDF)},
-        "initial": {"position": {"joint3": 0.4}, "velocity": {"joint1": -1.0}},
-    }).model  # fmt: skip
-    np.testing.assert_array_equal(model.q0, [0.0, 0.0, 0.4])
-    np.testing.assert_array_equal(model.v0, [-1.0, 0.0, 0.0])
-
-
 PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 JOINTS = ("shoulder", "elbow")
 SLIDING = models.scene("slider_crank").model_dump(exclude_unset=True)

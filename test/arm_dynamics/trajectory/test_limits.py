@@ -53,10 +53,3 @@ def test_joints_of_a_path_may_be_at_their_limits_and_not_beyond(
         f"allowed: {lower:g} to {upper:g} {unit}"
     )
     assert caught.value.residual == 1.001e-9
-
-
-def test_of_several_joints_the_one_farthest_beyond_is_named(task: TaskSpace) -> None:
-    with pytest.raises(Unreachable, match="joint 'outer' would be at -3 rad; allowed: -2.6 to 0"):
-        check_limits(task, np.array([2.7, -3.0, 0.3, 0.0]), 1.0)
-    with pytest.raises(Unreachable, match="joint 'slide' would be at 0.5 m; allowed: 0 to 0.25"):
-        check_limits(task, np.array([2.7, -2.7, 0.5, 0.0]), 1.0)

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from polled import offered
-from pushes import pushed
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import next_command
@@ -132,14 +131,6 @@ def test_messages_of_a_rival_are_analysed_once(
     for count in (1, 2, 3):
         assert inputs.on_joint_commands(command(source="other", joint1=9.0)) is None
         assert (inputs.refused, len(analysed)) == (count, 1)
-
-
-def test_every_reason_is_told_once(inputs: Inputs, log: Log) -> None:
-    for _ in range(3):
-        inputs.on_commands(Float64MultiArray(data=[]))
-        inputs.on_commands(Float64MultiArray(data=[1e3] * 7))
-        inputs.on_wrench(pushed("nowhere", *ZERO[1:]))
-    assert len(log.warnings) == 3
 
 
 def test_of_what_waits_the_newest_that_is_admitted_acts(

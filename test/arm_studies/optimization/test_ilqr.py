@@ -106,6 +106,7 @@ def test_a_quadratic_problem_takes_one_improvement() -> None:
     scene["robot"]["lock"] = ["hinge"]  # and phases from a generator, a cost of lists
     sim = Simulator(scene, integrator="rk4", dt=DT)
     cost = to_goal(sim, np.array([0.3, 0.0]))
+    cost = replace(cost, u=cost.u + 0.2)
     numbers: Any = (cost.x, cost.x_weight, cost.u, cost.u_weight)
     listed = QuadraticCost(*(array.tolist() for array in numbers))
     optimizer = ILQR((Phase(sim, nodes) for nodes in (15, NODES - 15)), listed)
