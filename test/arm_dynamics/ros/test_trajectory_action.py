@@ -266,9 +266,7 @@ BAD = {
     "position in goal_tolerance of joint 'elbow' is -0.5": to(
         0.1, 0.1, goal_tolerance=[tolerance(NAMES[1], -0.5)]
     ),
-    "have no accelerations": to(
-        0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]
-    ),
+    "have no accelerations": to(0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]),
     "goal_time_tolerance is -0.5": to(0.1, 0.1, within=-0.5),
     "no waypoint lies in the future": stamped(to(0.1, 0.1), 0.5),
     "stamps of the same clock": stamped(to(0.1, 0.1), 3700.0),
