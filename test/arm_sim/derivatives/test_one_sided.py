@@ -248,12 +248,19 @@ def test_loops_and_contacts_are_held_as_a_whole(holds: dict[str, Any], why: str)
         sim.linearize(rest, [2.1, 0.0])
 
 
-def test_where_there_is_a_derivative_sides_agree_to_the_bit() -> None:
-    sim = Simulator(wheel(coulomb=1.0, static=2.0), dt=H)
-    start = sim.reset([0.1], [0.5])
-    whole = sim.linearize(start, [3.0])
+@pytest.mark.parametrize(
+    ("scene", "v", "tau"),
+    [(wheel(coulomb=1.0, static=2.0), 0.5, 3.0), (CASES["at rest on bent bristles"][0], 0.0, 0.0)],
+    ids=["sliding", "at rest on bristles that are not bent"],
+)
+def test_where_there_is_a_derivative_sides_agree_to_the_bit(
+    scene: Any, v: float, tau: float
+) -> None:
+    sim = Simulator(scene, dt=H, integrator="rk4")
+    start = sim.reset([0.1], [v])
+    whole = sim.linearize(start, [tau])
     for side in (1, -1):
-        for one, both in zip(sim.linearize(start, [3.0], side=side), whole, strict=True):
+        for one, both in zip(sim.linearize(start, [tau], side=side), whole, strict=True):
             np.testing.assert_array_equal(one, both)
 
 

@@ -120,6 +120,11 @@ def test_spectrum_of_velocity_from_a_noisy_encoder() -> None:
     assert 0.5 < ratio.min() < ratio.max() < 1.6  # 127 averages: five deviations
 
 
+def test_a_filter_has_settled_at_the_start() -> None:
+    still, v = np.zeros((50, 2)), np.tile([0.5, -2.0], (50, 1))
+    np.testing.assert_allclose(told(still, v, velocity={"cutoff": 20.0})[1], v, rtol=1e-12)
+
+
 def test_states_come_late() -> None:
     q, v = swing()
     position, velocity, _ = told(q, v, delay=0.005)

@@ -25,10 +25,12 @@ def ended(scene: dict[str, Any], start: tuple[Any, ...], tau: Any, time: float, 
 
 
 @pytest.mark.parametrize(
-    ("method", "depth"), [(None, 1.002), ("rk4", 1.02), ("nystrom4", 1.002), ("implicit", 1.02)]
-)
+    ("method", "depth", "way"),
+    [(None, 1.002, 1), (None, 1.02, -1), ("rk4", 1.02, 1), ("nystrom4", 1.002, -1),
+     ("implicit", 1.02, -1)],
+)  # fmt: skip
 def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
-    method: str | None, depth: float
+    method: str | None, depth: float, way: int
 ) -> None:
     """A link on a spring slides at 1 rad/s under its friction; a swing takes it below zero.
 
@@ -39,14 +41,15 @@ def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     scene["joints"]["axle"] |= {
         "actuator": {"rotor_inertia": motor}, "transmission": {"stiffness": stiffness}
     }  # fmt: skip
-    start = [0.0], [1 + depth], [level / stiffness, 1 - depth * link / motor]
-    fine = ended(scene, start, [level], 0.02, dt=2e-5)
+    twist = [level / stiffness, 1 - depth * link / motor]
+    start = [0.0], [way * (1 + depth)], way * np.array(twist)
+    fine = ended(scene, start, [way * level], 0.02, dt=2e-5)
     fixed = method in ("rk4", "nystrom4")
     how = {"integrator": method} if fixed or method is None else {
         "integrator": method, "tolerance": 1e-9
     }  # fmt: skip
     dt = 2e-4 if fixed else 1e-3
-    found = ended(scene, start, [level], 0.02, dt=dt, **how)
+    found = ended(scene, start, [way * level], 0.02, dt=dt, **how)
     np.testing.assert_allclose(found.q[-1], fine.q[-1], rtol=0, atol=1e-6 if fixed else 1e-8)
 
 
