@@ -173,13 +173,3 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     assert described.floating_point_range[0].to_value == 9.0
     assert not node.set_parameters([Parameter("leak", value=10.0)])[0].successful
     assert not node.has_parameter("limit")  # is what the model says
-
-
-def test_only_what_changes_something_is_put_in_force(ros: Ros) -> None:
-    holder = ros.add(Holder)
-    applied = list[Some]()
-    watch(holder, holder.params, applied.append)
-    for value in (1.0, 0.5, 0.5, 0.25, 1.0):
-        assert change(holder, number=value).successful
-    assert [params.number for params in applied] == [0.5, 0.25, 1.0]
-    assert not change(holder, number=1.5).successful

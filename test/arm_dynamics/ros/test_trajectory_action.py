@@ -359,20 +359,6 @@ def test_a_controller_that_fails_ends_the_goal_and_gets_no_other(
     assert "no commands until it is tuned" in node.goals.outcome
 
 
-def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
-    ros: Ros, node: ControllerNode, client: Client
-) -> None:
-    long = goal(trajectory(*[point(0.01 * k, *moved(1e-4 * k, 0.0)) for k in range(1, 5000)]))
-    first = client.begin(long)
-    second = client.send(to(0.2, 0.2))
-    ros.spin_until(first.done)
-    assert second.accepted
-    if first.result().accepted:  # it was the quicker one
-        assert client.result(first.result())[0] == ABORTED
-    led(node, 0, 1000)
-    assert client.result(second)[0] == SUCCEEDED
-
-
 def test_a_goal_that_is_given_up_while_it_is_planned_is_refused(
     ros: Ros, node: ControllerNode, client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
