@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is measured, a stage each."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -10,7 +8,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -40,7 +38,7 @@ class Baseline:
         )  # fmt: skip
         self._patience = seconds + 60.0
 
-    def __enter__(self) -> Baseline:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

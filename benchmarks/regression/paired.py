@@ -9,8 +9,6 @@ the whole confidence interval of the median ratio is above what is allowed, and 
 inside.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -19,7 +17,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import click
 import numpy as np
@@ -55,7 +53,7 @@ class Recorder:
             self.__exit__()
             raise click.ClickException(f"arm_sim of {tree} is not used, but {module}")
 
-    def __enter__(self) -> Recorder:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

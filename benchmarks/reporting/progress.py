@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A progress bar that draws only between measurements, never during one."""
 
-from __future__ import annotations
-
 import time
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -28,7 +27,7 @@ class Bar:
     def elapsed(self) -> float:
         return time.perf_counter() - self._began
 
-    def __enter__(self) -> Bar:
+    def __enter__(self) -> Self:
         self._rich.start()
         return self
 

@@ -19,11 +19,7 @@ Array = np.ndarray
 
 
 class Oracle(FreeTree):
-    """Dynamics of a scene from the full Pinocchio model and a projection.
-
-    Attributes:
-        levels: Coulomb friction of all joints forwards and backwards, shape (2, all).
-    """
+    """Dynamics of a scene from the full Pinocchio model and a projection."""
 
     def __init__(self, scene: Scene) -> None:
         robot, loads = scene.robot, [load.model_dump() for load in scene.payloads]

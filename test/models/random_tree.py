@@ -9,16 +9,7 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
 def random_tree(rng: np.random.Generator, joints: int) -> str:
-    """Write a random tree that a machinist could build.
-
-    Args:
-        rng: Source of chance.
-        joints: How many joints; about one in eight is fixed, the first never is.
-
-    Returns:
-        URDF text with links ``link0`` (the base) to ``link{joints}`` and joints ``joint1``
-            to ``joint{joints}``.
-    """
+    """Write a random tree that a machinist could build."""
     parts = _beginning()
     for i in range(1, joints + 1):
         parent = int(rng.integers(max(0, i - 3), i))
@@ -28,13 +19,7 @@ def random_tree(rng: np.random.Generator, joints: int) -> str:
 
 
 def tree(rng: np.random.Generator, parents: Iterable[int], kinds: Sequence[str]) -> str:
-    """Write a tree of given shape: URDF text with the names of ``random_tree``.
-
-    Args:
-        rng: Source of chance.
-        parents: The number of each joint's parent link, 0 for the base.
-        kinds: The type of each joint.
-    """
+    """Write a tree of given shape: URDF text with the names of ``random_tree``."""
     parts = _beginning()
     for i, (parent, kind) in enumerate(zip(parents, kinds, strict=True), 1):
         parts += [_link(rng, i), _joint(rng, i, parent, kind)]

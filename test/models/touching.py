@@ -31,13 +31,7 @@ def rails(
 
 
 def free_body(mass: float, moments: Any, *branches: str) -> dict[str, Any]:
-    """Scene of a body on rails x, y, z that turns about its own axes: roll, pitch, yaw.
-
-    Args:
-        mass: Of the body ``body`` in [kg].
-        moments: Of inertia about its axes in [kg m²], shape (3,).
-        branches: Of the robot, beside the body, see ``carrier``.
-    """
+    """Scene of a body on rails x, y, z that turns about its own axes: roll, pitch, yaw."""
     joints = [(axis, "prismatic", AXES[axis]) for axis in "xyz"]
     turns = zip(("roll", "pitch", "yaw"), AXES.values(), strict=True)
     joints += [(name, "continuous", axis) for name, axis in turns]
@@ -46,26 +40,12 @@ def free_body(mass: float, moments: Any, *branches: str) -> dict[str, Any]:
 
 
 def carrier(kind: str, axis: str, mass: float, **inertia: float) -> str:
-    """Branch of a robot, to carry planes: a link ``tray`` on a joint ``drive``.
-
-    Args:
-        kind: ``prismatic`` or ``continuous``.
-        axis: Name of its axis.
-        mass: In [kg], at the joint.
-        inertia: Its moments in [kg m²], by their names in a URDF.
-    """
+    """Branch of a robot, to carry planes: a link ``tray`` on a joint ``drive``."""
     return _chain("tray", [("drive", kind, AXES[axis])], mass, inertia)
 
 
 def unbalance(axis: str, mass: float, radius: float, inertia: float = 0.0) -> str:
-    """Branch of a robot that has a link ``body``: a wheel ``arm`` on it, on a joint ``spin``.
-
-    Args:
-        axis: As a URDF has it.
-        mass: Of the unbalance, a point mass, in [kg].
-        radius: At which it is, along x of the body where the joint is at zero, in [m].
-        inertia: About the unbalance in [kg m²].
-    """
+    """Branch of a robot that has a link ``body``: a wheel ``arm`` on it, on a joint ``spin``."""
     return f"""<link name="arm"><inertial><origin xyz="{radius} 0 0"/><mass value="{mass}"/>
       <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial>
       </link><joint name="spin" type="continuous"><parent link="body"/><child link="arm"/>

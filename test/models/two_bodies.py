@@ -8,14 +8,7 @@ def two_bodies(
     centres: tuple[float, float],
     moments: tuple[float, float] = (0.0, 0.0),
 ) -> str:
-    """Its URDF.
-
-    Args:
-        length: Of the first link in [m].
-        masses: Of the bodies in [kg].
-        centres: Of mass, along the links in [m].
-        moments: Of inertia about axes across the links, through the centres, in [kg m²].
-    """
+    """Its URDF."""
     upper, lower = (
         f'<link name="{name}"><inertial><origin xyz="{c} 0 0"/><mass value="{m}"/>'
         f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="0"/>'

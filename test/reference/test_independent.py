@@ -55,18 +55,6 @@ def test_the_range_of_the_urdf_has_stops_by_default() -> None:
     assert [kind for _, kind, _ in run.log] == ["leaves", "leaves", "hit", "holds"]
 
 
-def test_a_command_between_every_two_times() -> None:
-    """1 N, then none, then held by friction under less than it can hold."""
-    commands = np.repeat([[1.0], [0.0], [0.25]], [5, 10, 5], axis=0)
-    scene = rails("x", 2.0) | {"joints": {"x": {"friction": {"coulomb": 0.5}}}}
-    run = simulate(scene, commands, TIMES)
-    t, pushed = TIMES, 0.25
-    fast = np.minimum(t, pushed)
-    slow = np.clip(t - pushed, 0.0, 0.25)
-    close(run.q[:, 0], 0.125 * fast**2 + 0.0625 * slow - 0.125 * slow**2)
-    close(run.v[TIMES > 0.51], 0.0, 1e-15)
-
-
 def test_what_it_does_not_know_it_refuses() -> None:
     for joint in ({"backlash": 1}, {"friction": {"load": {}}}, {"limits": {"stop": {"give": 1}}}):
         try:

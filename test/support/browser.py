@@ -64,12 +64,7 @@ def needed() -> None:
 
 
 class Page:
-    """A page in a browser.
-
-    Attributes:
-        handle: As playwright has it.
-        troubles: Errors and warnings of its console.
-    """
+    """A page in a browser."""
 
     def __init__(self, handle: Any) -> None:
         self.handle, self.troubles = handle, list[str]()

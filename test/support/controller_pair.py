@@ -20,17 +20,7 @@ MS = 1_000_000
 
 
 class Pair:
-    """Shows two nodes the same states and orders.
-
-    Attributes:
-        fast: The node with a thread of its own, which gets its states from the topic.
-        slow: The node that Python alone makes answer, by hand.
-        stamp: Of the last state in [ns].
-        q: Where the arm is.
-        v: How it moves.
-        heard: Commands of the fast node.
-        by_python: What Python answered for the fast node.
-    """
+    """Shows two nodes the same states and orders."""
 
     def __init__(self, ros: Ros, scene: Any, **parameters: Any) -> None:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]

@@ -38,17 +38,7 @@ def said_by(*command: str | Path) -> str:
 
 
 class Library:
-    """A library, compiled and loaded.
-
-    Attributes:
-        file: The compiled library.
-
-    Args:
-        folder: What ``export`` wrote.
-        name: Its name.
-        flags: Those of the compiler.
-        compiler: Its command.
-    """
+    """A library, compiled and loaded."""
 
     def __init__(
         self, folder: Path, name: str, flags: tuple[str, ...] = BITS, compiler: str = "cc"

@@ -41,16 +41,7 @@ def forging(folder: Path) -> Iterator[Path]:
 def running(
     forge: Path, logs: Path, *commands: Sequence[str | Path]
 ) -> AbstractContextManager[int]:
-    """Nodes in processes of their own, killed in the end.
-
-    Args:
-        forge: Socket of what starts them.
-        logs: Folder for what they log.
-        commands: What ``./arm`` is given to start each of them.
-
-    Returns:
-        A context with their domain.
-    """
+    """Nodes in processes of their own, killed in the end."""
     words = [(*asking(forge), "arm", node, "--with-parent", *rest) for node, *rest in commands]
     return executed(logs, *words)
 

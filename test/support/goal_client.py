@@ -34,11 +34,7 @@ def tolerance(name: str, position: float = 0.0, velocity: float = 0.0, **more: f
 
 
 class Client:
-    """Sends goals and waits for what becomes of them.
-
-    Attributes:
-        feedback: What came of all goals.
-    """
+    """Sends goals and waits for what becomes of them."""
 
     def __init__(self, ros: Ros, name: str = "/controller/follow_joint_trajectory") -> None:
         self._ros, self.feedback = ros, list[Any]()

@@ -52,12 +52,7 @@ def reserve_domain() -> tuple[int, socket.socket]:
 
 
 class Ros:
-    """A context with an executor and a node to talk to the one under test.
-
-    Attributes:
-        domain: Domain id, for processes that shall take part.
-        peer: A node that publishes, subscribes and calls.
-    """
+    """A context with an executor and a node to talk to the one under test."""
 
     def __init__(self) -> None:
         self.domain, self._reservation = reserve_domain()

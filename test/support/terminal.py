@@ -108,12 +108,7 @@ class Started:
 
 
 class Terminal:
-    """A folder with a shell, a Python that stays, and a ROS domain of its own.
-
-    Args:
-        folder: Where everything happens.
-        forge: Socket of what runs the commands.
-    """
+    """A folder with a shell, a Python that stays, and a ROS domain of its own."""
 
     def __init__(self, folder: Path, forge: Path) -> None:
         self.folder = folder

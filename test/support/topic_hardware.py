@@ -19,17 +19,7 @@ FIELDS = ("position", "velocity", "effort")
 
 
 class TopicHardware:
-    """The hardware component without its controller manager.
-
-    Args:
-        interfaces: Command interfaces by joint.
-        threshold: ``trigger_joint_command_threshold``.
-
-    Attributes:
-        state: By joint and interface.
-        command: Likewise, what controllers write; NaN until one does.
-        published: How many messages were sent.
-    """
+    """The hardware component without its controller manager."""
 
     def __init__(self, interfaces: Mapping[str, Sequence[str]], threshold: float = 1e-5) -> None:
         self._threshold, self._joints = threshold, list(interfaces)

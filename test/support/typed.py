@@ -15,12 +15,7 @@ PATIENCE = 300.0  # [s]
 
 
 class Typed:
-    """A line that was typed into a terminal.
-
-    Attributes:
-        said: What it has printed.
-        silent: The longest time without a word so far, in [s] of an idle machine.
-    """
+    """A line that was typed into a terminal."""
 
     def __init__(self, line: str, folder: Path, environment: dict[str, str]) -> None:
         self.line, self.said, self.silent = line, "", 0.0

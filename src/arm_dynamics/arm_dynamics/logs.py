@@ -27,24 +27,19 @@ def heard_by(handler: logging.Handler) -> Iterator[None]:
     levels = [logger.level for logger in loggers]
     _listening.append(handler)
     for logger in loggers:
-        _hand_over(logger, _listening[-2:-1], [handler])
+        for outer in _listening[-2:-1]:
+            logger.removeHandler(outer)
+        logger.addHandler(handler)
         logger.setLevel(logging.INFO)
     try:
         yield
     finally:
         _listening.remove(handler)
         for logger, level in zip(loggers, levels, strict=True):
-            _hand_over(logger, [handler], _listening[-1:])
+            logger.removeHandler(handler)
+            for outer in _listening[-1:]:
+                logger.addHandler(outer)
             logger.setLevel(level)
-
-
-def _hand_over(
-    logger: logging.Logger, before: list[logging.Handler], after: list[logging.Handler]
-) -> None:
-    for handler in before:
-        logger.removeHandler(handler)
-    for handler in after:
-        logger.addHandler(handler)
 
 
 class Throttled:

@@ -59,6 +59,7 @@ def told(
 
 
 BALL = {"type": "contact", "frame": "link3", "radius": 20, "plane": {"point": [0, 0, -50]}}
+CORD = {"frames": ["link3", "world"], "stiffness": 1e-6, "rest_length": 20}
 LONG_STROKE = (models.FOLDER / "gripper.urdf").read_text().replace('upper="0.05"', 'upper="50"')
 VOLTAGE = {"command": "voltage", "torque_constant": 0.05}
 MISTAKEN: list[tuple[SceneSource, str]] = [
@@ -71,6 +72,9 @@ MISTAKEN: list[tuple[SceneSource, str]] = [
     (about(sensors={"position": {"resolution": 4096}}), "= 4096 is 652 turns; angles are in rad"),
     (about(sensors={"delay": 2}, commands={"delay": 1}), "'commands.delay': 3 s in all"),
     (about(constraints=[BALL]), "'constraints.0.radius' is 20 m; lengths are in m"),
+    (about(springs=[CORD]), "'springs.0.rest_length' is 20 m; lengths are in m"),
+    (about(springs=[{**CORD, "rest_length": 0, "points": [[20, 0, 0], [0, 0, 0]]}]), "points.0"),
+    (about(payloads=[{"frame": "link3", "mass": 1e-6, "com": [0, 20, 0]}]), "'payloads.0.com' is"),
     (joint(spring={"stiffness": 1, "rest": 45}), "spring.rest' = 45 is 7.16 turns"),
     (about(payloads=[{"frame": "link3", "mass": 1500}]), "payload needs up to 1.02e+04 N m"),
     (

@@ -33,11 +33,16 @@ def test_scara_by_hand() -> None:
     np.testing.assert_allclose(model.total_mass, 4 + 2.5 + 0.8 + 0.3, rtol=1e-15)
 
 
+def test_selected_joints_keep_the_scale_of_their_friction() -> None:
+    joints = {"inner": {"friction": {"coulomb": 2.0}}}
+    friction = ArmModel(load_scene({"robot": {"urdf": SCARA}, "joints": joints})).friction
+    doubled = friction.scaled(np.where(friction.coulomb.mean > 0.0, 4.0, 0.0)).of([0])
+    assert doubled.level_at(np.ones(4), np.zeros(4), np.zeros(4))[0] == 4.0
+
+
 def test_scene_replaces_limits() -> None:
-    limits = {"effort": 5.0, "velocity": 0.5, "lower": -0.1, "upper": 0.1}
-    model = ArmModel(
-        load_scene({"robot": {"urdf": SCARA}, "joints": {"slide": {"limits": limits}}})
-    )
+    slide = {"limits": {"effort": 5.0, "velocity": 0.5, "lower": -0.1, "upper": 0.1}}
+    model = ArmModel(load_scene({"robot": {"urdf": SCARA}, "joints": {"slide": slide}}))
     found = (model.effort_limit, model.velocity_limit, model.position_lower, model.position_upper)
     assert [float(x[2]) for x in found] == [5.0, 0.5, -0.1, 0.1]
     np.testing.assert_array_equal(model.effort_limit[[0, 1, 3]], [60.0, 30.0, np.inf])
@@ -63,11 +68,8 @@ def test_a_limit_of_zero_or_of_an_absurd_size_is_none(said: str, kept: float) ->
     assert limit is not None
     other = f'<limit lower="-2.6" upper="2.6" effort="{said}" velocity="{said}"/>'
     model = ArmModel(load_scene(text.replace(limit[0], other)))
-    assert (model.effort_limit[0], model.velocity_limit[0], model.effort_limit[1]) == (
-        kept,
-        kept,
-        30.0,
-    )
+    found = model.effort_limit[0], model.velocity_limit[0], model.effort_limit[1]
+    assert found == (kept, kept, 30.0)
     zero = {"inner": {"limits": {"effort": 0.0, "velocity": 0.0}}}
     model = ArmModel(load_scene({"robot": {"urdf": SCARA}, "joints": zero}))
     assert (model.effort_limit[0], model.velocity_limit[0]) == (0.0, 0.0)  # the scene means it

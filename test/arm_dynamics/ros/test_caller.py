@@ -104,12 +104,6 @@ def test_whom_one_meets_is_asked_again_ever_later(caller: Caller, world: World) 
     assert ask(caller, world) == (None, [0.0, 0.4, 1.2, 2.8, 6.0, 10.0], TIMEOUT)
 
 
-def test_whom_one_knows_is_given_a_third_of_the_time(caller: Caller, world: World) -> None:
-    meet(caller, world)
-    assert ask(caller, world) == (None, [0.0, 4.0, 8.0], TIMEOUT)
-    assert ask(caller, world)[1][:2] == [0.0, 0.4]  # who was silent is a stranger again
-
-
 def test_what_must_not_be_repeated_is_asked_once_and_strangers_are_given_time_to_see_us(
     caller: Caller, world: World
 ) -> None:
@@ -147,15 +141,6 @@ def test_when_the_number_of_servers_changes_it_is_asked_again_at_once(
     assert response is None
     assert times[:4] == pytest.approx([0.0, 1.05, 1.45, 2.25], abs=1e-6)
     assert end == TIMEOUT
-
-
-def test_each_change_counts_once_and_none_is_forgotten(caller: Caller, world: World) -> None:
-    meet(caller, world)
-    world.servers = lambda now: 2  # since we last looked
-    begin = world.now
-    assert ask(caller, world)[1][:3] == pytest.approx([0.0, 0.05, 0.45], abs=1e-6)
-    world.answered = lambda k: begin + TIMEOUT + 0.2
-    assert ask(caller, world) == (0, [0.0], 0.2)
 
 
 def test_a_server_is_waited_for(caller: Caller, world: World) -> None:

@@ -97,7 +97,7 @@ def test_commands_that_depend_on_positions_are_for_python(
 
 
 @pytest.mark.parametrize("more", sampled([{"observer": 10.0, "saturate": True}, {}], 1), ids=str)
-@pytest.mark.parametrize("name", sampled(NAMED, 5))
+@pytest.mark.parametrize("name", sampled(NAMED, 4))
 def test_every_controller_is_answered_in_c(
     ros: Ros, rng: np.random.Generator, name: str, more: dict[str, Any]
 ) -> None:

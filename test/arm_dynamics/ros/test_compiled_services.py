@@ -180,14 +180,3 @@ def test_without_headers_python_answers(
     assert ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).success
     (finding,) = node.diagnostics()
     assert finding.values["answered in C"] == "none, there is no compiled code"
-
-
-def test_who_shuts_down_ends_the_thread(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    ask(INVERSE_DYNAMICS, position=[0.1, 0.2])
-    assert node._compiled is not None
-    thread = node._compiled._thread
-    assert thread.is_alive()
-    node.context.try_shutdown()
-    thread.join(timeout=10.0)
-    assert not thread.is_alive()

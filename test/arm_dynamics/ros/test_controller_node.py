@@ -324,6 +324,13 @@ def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped() -> None:
     assert jumps.detect(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
 
 
+def test_the_longest_time_between_states_is_known() -> None:
+    jumps, stamp = Jumps(["a", "b"]), NOW
+    for gap in (0, 1, 30, 2, 5000, 3):  # the last but one is a jump
+        jumps.detect(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
+    assert_close(jumps.take_longest(), 0.03, ALGEBRA)
+
+
 def test_zero_allows_any() -> None:
     jumps = Jumps(["a", "b"])
     jumps.detect(NOW, at(0.0, 0.0), 0.0, 0.0)

@@ -63,17 +63,6 @@ def test_each_reason_is_told_and_its_repetitions_are_not() -> None:
     assert log.told() == 2
 
 
-def test_a_stream_of_messages_says_once_what_is_allowed() -> None:
-    log = Steady()
-    for _ in range(3):
-        log.throttled.warning("frame 'x' does not exist; allowed: base, hand")
-        log.now += 1.1 * PERIOD
-    log.now += 2.0 * PERIOD
-    log.throttled.warning("frame 'x' does not exist; allowed: base, hand")
-    whole = "frame 'x' does not exist; allowed: base, hand"
-    assert log.lines == [whole, *["frame 'x' does not exist"] * 2, whole]
-
-
 def test_a_flood_of_reasons_is_limited_and_does_not_last() -> None:
     log = Steady()
     for k in range(100):

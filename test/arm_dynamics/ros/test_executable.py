@@ -8,9 +8,7 @@ import pytest
 from samples import sampled
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros import ControllerNode
-from arm_dynamics.ros.common.executable import split_words, usage
-from arm_dynamics.ros.controller.controller_params import ControllerParams
+from arm_dynamics.ros.common.executable import split_words
 
 pytestmark = pytest.mark.ros
 
@@ -34,15 +32,6 @@ def test_help_lists_the_scene_and_every_parameter(node: str) -> None:
     assert told.stdout.startswith(f"usage: {node} [SCENE] [--ros-args -p NAME:=VALUE")
     assert "\n  scene = ''\n" in told.stdout
     assert told.stderr == ""
-
-
-def test_help_of_the_controller_lists_groups_and_choices() -> None:
-    told = usage(ControllerNode, ControllerParams)
-    assert "\n\nAnswers every joint state with a joint command.\n\nIt holds the arm" in told
-    assert "Attributes:" not in told
-    for line in ("  bandwidth = 20.0", "  task_axes = 'pose'", "  priority = 0"):
-        assert f"\n{line}\n" in told
-    assert "[smooth, time_optimal]" in " ".join(told.split())
 
 
 @pytest.mark.parametrize(

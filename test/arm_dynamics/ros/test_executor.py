@@ -17,7 +17,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import executor as module
 from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.executable import run
-from arm_dynamics.ros.common.executor import make_executor, spin
+from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 pytestmark = pytest.mark.ros
@@ -81,16 +81,6 @@ def test_falls_back_when_the_events_executor_dispatches_nothing(
     assert deaf.closed
     assert sum(deaf.waits) == 0.5  # [s] that a start may lose
     executor.shutdown()
-
-
-def test_an_idle_node_looks_four_times_a_second_whether_to_end(
-    node: Node, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    deaf = Deaf(None)
-    monkeypatch.setattr(module, "make_executor", lambda node: deaf)
-    spin(node, lambda: len(deaf.waits) == 3)
-    assert deaf.waits == [0.25] * 3
-    assert deaf.closed
 
 
 def test_a_callback_that_fails_does_not_end_the_node(

@@ -27,10 +27,7 @@ from arm_dynamics.ros.joint_state import (
     Read,
 )
 from arm_dynamics.ros.joint_state import reader as reading
-from arm_dynamics.ros.joint_state.serialization import (
-    FIELDS,
-    JointStateWriter,
-)
+from arm_dynamics.ros.joint_state.serialization import FIELDS, JointStateWriter
 
 pytestmark = pytest.mark.ros
 

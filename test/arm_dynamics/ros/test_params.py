@@ -122,8 +122,13 @@ def test_each_parameter_of_the_nodes_is_described_and_refused_by_name(ros: Ros, 
     for name, default, about in listed(kind):
         default = [default] if about.get("each_joint") else default
         for value, allowed in wrong(default, about):
+            bounded = Node(
+                "bounded", context=ros.context, start_parameter_services=False,
+                parameter_overrides=[Parameter(name, value=value)],
+            )  # fmt: skip
             with pytest.raises(InvalidInput) as caught:
-                declare(ros.add(Node, f"bounded{tried}", **{name: value}), kind)
+                declare(bounded, kind)
+            bounded.destroy_node()
             said = f"'{name}' is {value!r}" in str(caught.value)
             assert said and allowed in str(caught.value), str(caught.value)
             tried += 1
@@ -168,13 +173,3 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     assert described.floating_point_range[0].to_value == 9.0
     assert not node.set_parameters([Parameter("leak", value=10.0)])[0].successful
     assert not node.has_parameter("limit")  # is what the model says
-
-
-def test_only_what_changes_something_is_put_in_force(ros: Ros) -> None:
-    holder = ros.add(Holder)
-    applied = list[Some]()
-    watch(holder, holder.params, applied.append)
-    for value in (1.0, 0.5, 0.5, 0.25, 1.0):
-        assert change(holder, number=value).successful
-    assert [params.number for params in applied] == [0.5, 0.25, 1.0]
-    assert not change(holder, number=1.5).successful

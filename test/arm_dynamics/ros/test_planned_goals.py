@@ -134,17 +134,6 @@ def test_the_newest_goal_counts(node: ControllerNode, capfd: pytest.CaptureFixtu
     assert_close(hand(node, 10_000 * MS), [0.0, 0.0, -0.2], 1e-8)
 
 
-def test_a_short_trajectory_takes_the_place_of_a_goal_that_is_being_planned(
-    node: ControllerNode,
-) -> None:
-    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    node.on_joint_trajectory(long_trajectory(2, 1.0))
-    assert not node.goals.planner.busy
-    time.sleep(0.3)
-    see(node, MS)
-    assert_close(node.goals.follower.reference(5_000 * MS).q, HOME + 0.2, 1e-12)
-
-
 def test_a_refused_trajectory_leaves_a_goal_that_is_being_planned(node: ControllerNode) -> None:
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
     node.on_joint_trajectory(JointTrajectory())

@@ -160,11 +160,7 @@ BAD = [
     (INVERSE_KINEMATICS, {"pose": [0.0] * 7}, "quaternion"),
     (INVERSE_KINEMATICS, {"pose": [0.0] * 7 * (MAX_POSES + 1)}, "allowed: 7 for each of up to"),
     (INVERSE_KINEMATICS, {"seed": [0.0] * 6}, "seed has 6 numbers; allowed: 0 or 7"),
-    (
-        INVERSE_KINEMATICS,
-        {"seed": [np.inf] + [0.0] * 6},
-        "seed of joint 'panda_joint1' at",
-    ),
+    (INVERSE_KINEMATICS, {"seed": [np.inf] + [0.0] * 6}, "seed of joint 'panda_joint1' at"),
     (INVERSE_KINEMATICS, {"joint_names": ["nobody"]}, "unknown joints nobody"),
 ]
 

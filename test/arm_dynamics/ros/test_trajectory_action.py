@@ -266,9 +266,7 @@ BAD = {
     "position in goal_tolerance of joint 'elbow' is -0.5": to(
         0.1, 0.1, goal_tolerance=[tolerance(NAMES[1], -0.5)]
     ),
-    "have no accelerations": to(
-        0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]
-    ),
+    "have no accelerations": to(0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]),
     "goal_time_tolerance is -0.5": to(0.1, 0.1, within=-0.5),
     "no waypoint lies in the future": stamped(to(0.1, 0.1), 0.5),
     "stamps of the same clock": stamped(to(0.1, 0.1), 3700.0),
@@ -359,20 +357,6 @@ def test_a_controller_that_fails_ends_the_goal_and_gets_no_other(
     assert result.error_string == "Current goal cancelled, the controller failed."
     assert not client.send(to(0.4, 0.4)).accepted
     assert "no commands until it is tuned" in node.goals.outcome
-
-
-def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
-    ros: Ros, node: ControllerNode, client: Client
-) -> None:
-    long = goal(trajectory(*[point(0.01 * k, *moved(1e-4 * k, 0.0)) for k in range(1, 5000)]))
-    first = client.begin(long)
-    second = client.send(to(0.2, 0.2))
-    ros.spin_until(first.done)
-    assert second.accepted
-    if first.result().accepted:  # it was the quicker one
-        assert client.result(first.result())[0] == ABORTED
-    led(node, 0, 1000)
-    assert client.result(second)[0] == SUCCEEDED
 
 
 def test_a_goal_that_is_given_up_while_it_is_planned_is_refused(

@@ -79,11 +79,7 @@ def sheared(by: float) -> np.ndarray:
     ("position", "rotation", "said"),
     [
         (np.zeros(3), sheared(1.001e-6), "is not a rotation: R Rᵀ is off by 1e-06, det R = 1;"),
-        (
-            np.zeros(3),
-            np.diag([1.0, 1.0, -1.0]),
-            "is not a rotation: .* off by 0, det R = -1",
-        ),
+        (np.zeros(3), np.diag([1.0, 1.0, -1.0]), "is not a rotation: .* off by 0, det R = -1"),
         (np.zeros((2, 3)), np.eye(3), r"pose has shapes \(2, 3\) and \(3, 3\)"),
         (np.zeros(2), np.eye(3), r"pose.position has shape \(2,\)"),
         (np.zeros(3), np.full((3, 3), np.inf), r"pose.rotation\[0, 0\] = inf"),

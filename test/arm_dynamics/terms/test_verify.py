@@ -10,6 +10,7 @@ from samples import sampled
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
 from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states
+from arm_dynamics.model.independent_rows import is_independent
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.terms.verify import compare, random_states
 from arm_sim import Simulator
@@ -110,7 +111,8 @@ def tied(request: pytest.FixtureRequest) -> Dynamics:
 
 def rows_of(tied: Dynamics) -> tuple[Closure, list[bool]]:
     closure = tied.constrained.closure
-    return closure, closure.kept(closure.initially_active, tied.model.constraint_rows)
+    names, independent = closure.initially_active, tied.model.constraint_rows
+    return closure, is_independent(closure.rows, names, independent)
 
 
 def constrained(dyn: Dynamics, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:

@@ -115,23 +115,17 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
     actor = DrawnArm(server, model, "arm")
     marks = actor.draw(Instant(model.q0))
     springs, path = actor._marks["springs"].handle, actor._marks["path"].handle
-    assert springs.visible and len(marks.springs)
+    assert springs.visible and not path.visible
     np.testing.assert_allclose(springs.points[0, 0], marks.springs[0, 0], rtol=1e-6)
-    assert not path.visible
     for k in range(KEPT + 50):
-        q = model.q0 + 0.02 * k
-        hand = actor.draw(Instant(q), leave_path=True).hand
-    actor.draw(Instant(q + 1e-6), leave_path=True)  # hardly a motion
+        hand = actor.draw(Instant(model.q0 + 0.02 * k), leave_path=True).hand
     assert path.visible and len(path.points) == KEPT
     np.testing.assert_allclose(path.points[-1, 1], hand, rtol=1e-6, atol=1e-7)
-    actor.show("path", False)
-    assert not path.visible
-    actor.show("path", True)
-    assert path.visible
+    for shown in (False, True):
+        actor.show("path", shown)
+        assert path.visible == shown
     actor.clear_path()
     assert not path.visible
-    actor.draw(Instant(q), leave_path=True)
-    assert not path.visible  # a point is no path
 
 
 def floor(server: Any, actor: DrawnArm, monkeypatch: pytest.MonkeyPatch) -> float:

@@ -74,21 +74,6 @@ def test_its_energies_are_those_of_a_recording() -> None:
     assert 0.0 < lost < 0.1 * theirs.lost[-1]  # that of a single tick
 
 
-@pytest.mark.parametrize("name", ["four_bar", "two_link"])
-def test_what_is_shown_are_the_forces_of_constraints_and_stops(name: str) -> None:
-    sim = Simulator(name)
-    rig = InteractiveArm(sim)
-    if name == "two_link":
-        upper = sim.model.position_upper
-        rig.place(np.where(np.isfinite(upper), upper, 0.0))
-        sim.step(np.full(2, 5.0))
-        assert sim.stop_torque.any()
-    shown = rig.instant()
-    np.testing.assert_array_equal(shown.stop_torque, sim.stop_torque)
-    told = sim.multipliers() if name == "four_bar" else np.zeros(0)
-    np.testing.assert_array_equal(shown.multipliers, told)
-
-
 @pytest.fixture
 def bench(server: Any) -> Interactive:
     """A page of two arms with ticks of different lengths, whose thread does not run."""

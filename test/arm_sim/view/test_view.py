@@ -146,17 +146,6 @@ def test_a_recording_brings_its_curves_and_an_account_that_closes() -> None:
     np.testing.assert_allclose(total - flows, total[0], rtol=1e-12)
 
 
-def test_a_simulation_has_no_film(tmp_path: Path) -> None:
-    with show(models.simulator("two_link"), port=0) as view:
-        for call in (
-            lambda: view.film(tmp_path / "a.gif"), lambda: view.picture(tmp_path / "a.png", time=1)
-        ):  # fmt: skip
-            with pytest.raises(ViewError, match="a simulation has no end"):
-                call()
-        assert repr(view) == f"<View of two_link at {view.url}>"
-        assert f'src="{view.url}"' in view._repr_html_()
-
-
 def test_what_does_not_go_together_is_refused() -> None:
     sim = models.simulator("two_link")
     run = Simulator("two_link").run(0.01)

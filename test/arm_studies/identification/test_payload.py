@@ -115,7 +115,7 @@ def test_under_noise_it_is_still_a_body(record):
 
 @pytest.mark.parametrize(("frame", "lost", "said"), [
     ("panda_hant", [], "did you mean 'panda_hand'"),
-    ("panda_link0", [], "fixed to the base; a moving frame is expected"),
+    ("panda_link0", [], "frame 'panda_link0' does not move"),
     ("panda_hand", [6], "no effort of joint 'panda_joint7'"),
 ])  # fmt: skip
 def test_what_says_nothing_of_a_payload_is_refused(record, frame, lost, said):

@@ -8,7 +8,8 @@ import pytest
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.filtering import ZeroPhase, chosen_band, white_noise
+from arm_studies.identification.cutoff import chosen_band, white_noise
+from arm_studies.identification.filtering import ZeroPhase
 from arm_studies.identification.preparation import resampled
 
 RATE = 500.0

@@ -168,19 +168,6 @@ def test_what_an_arm_carries_may_change_between_phases() -> None:
     assert best.verdict == "converged"
 
 
-def test_arms_that_meet_a_stop_are_simulated_with_it() -> None:
-    scene = load_scene("two_link").model_dump(exclude_unset=True)
-    q = Simulator(scene).arm.x[:2]
-    stops = {"lower": q[0] - 0.2, "upper": q[0] + 0.2, "stop": {"restitution": 0.5}}
-    scene["joints"] = {Simulator(scene).joint_names[0]: {"limits": stops}}
-    sim = Simulator(scene, integrator="rk4", dt=DT)
-    u = np.tile([5.0, 0.0], (NODES, 1))
-    made = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim))).start(sim.arm.x, u)
-    played = sim.run(NODES * DT, u)
-    np.testing.assert_array_equal(made.x, np.hstack([played.q, played.v]))
-    assert made.x[:, 0].max() <= q[0] + 0.2 and sim.impacts > 0
-
-
 def test_a_guess_that_rests_at_a_stop_is_improved() -> None:
     scene = load_scene("two_link").model_dump(exclude_unset=True)
     q = Simulator(scene).arm.x[:2]

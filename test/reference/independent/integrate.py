@@ -51,20 +51,7 @@ def simulate(
     payloads: list[dict[str, Any]] | None = None,
     most_looks: float = np.inf,
 ) -> Motion:
-    """The motion of a scene under a command that is constant, or so between two times.
-
-    Args:
-        scene: As a scene file, the URDF as text.
-        command: By joint, zero for the others; or of all joints between every two times, shape
-            (k-1, n).
-        times: At which the motion is wanted, from 0 on, increasing.
-        payloads: In place of the scene's, if given.
-        most_looks: How often rates and events may be computed at a state.
-
-    Raises:
-        NotImplementedError: If the scene says something that is not known here.
-        RuntimeError: If no way on is found, or it takes too long.
-    """
+    """The motion of a scene under a command that is constant, or so between two times."""
     given = dict(scene) | ({"payloads": payloads} if payloads is not None else {})
     with np.errstate(over="ignore", invalid="ignore"):  # of steps that SciPy tries and rejects
         at = np.asarray(times, dtype=float)

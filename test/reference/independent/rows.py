@@ -64,14 +64,7 @@ class Touch(NamedTuple):
 
 
 class Contact:
-    """A point that a plane of the world stops.
-
-    Attributes:
-        mu: Friction of sliding.
-        mu_static: Of sticking.
-        restitution: Speed of rebound over speed of approach.
-        words: What the log calls a blow and each mode.
-    """
+    """A point that a plane of the world stops."""
 
     words = ("impact", "lifts", "grips", "rubs")
 

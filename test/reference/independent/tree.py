@@ -14,15 +14,7 @@ AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class FreeTree:
-    """All joints of a URDF, free as Pinocchio has them, and a map to those that move on their own.
-
-    Attributes:
-        every: Names of all joints in Pinocchio's order.
-        joint_names: Of those that move on their own, in that order.
-        n: How many these are.
-        P: Speeds of all joints by those of the independent ones, shape (all, n).
-        c: Positions of all joints where those are zero, shape (all,).
-    """
+    """All joints of a URDF, free in Pinocchio, and a map to those that move on their own."""
 
     def __init__(
         self, urdf: str, gravity: Sequence[float], payloads: Iterable[Mapping[str, Any]],

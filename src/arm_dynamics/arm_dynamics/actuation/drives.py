@@ -103,13 +103,18 @@ def _winding(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         voltage = R * current + emf
     unlimited = m.command == "torque" and not (m.current_limit or m.voltage_limit)
     torque, lost = u if unlimited else motor.torque(current, constant), R * current**2
+    # The circuit gives K_e ω i, the rotor takes K_t i ω: the rest is lost, as in the iron. With
+    # K_e < K_t data make power, which the account shows as a negative loss.
     if drive.back_emf_constant != constant:
         lost = lost + (drive.back_emf_constant - constant) * velocity * current
     return Flow(torque, slope, stored, voltage * current, lost)
 
 
 def _current(drive: JointDrive, u: ca.SX, emf: ca.SX, R: float) -> ca.SX:
-    """The limited current without inductance, or of an ideal controller, also of the torque."""
+    """The current that acts at once, within the limits.
+
+    A voltage without inductance drives it, or an ideal controller of current or torque.
+    """
     m = drive.motor
     if m.command == "voltage":
         desired = motor.settled_current(u, emf, R)

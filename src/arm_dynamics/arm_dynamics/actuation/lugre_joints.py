@@ -64,17 +64,13 @@ class LugreFriction:
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         """See ``equations.lugre``; u are the torques of the drives."""
-        w = ca.vertcat(*[v[i] for i in self._joints])
-        everywhere = self._dry.level_at(v, q, u)
-        level = ca.vertcat(*[everywhere[i] for i in self._joints])
+        w, level = v[self._joints], self._dry.level_at(v, q, u)[self._joints]
         rate = lugre.bending(w, z, self._sigma0, level)
-        sigma1 = ca.vertcat(
-            *[lugre.faded(w[k], x.sigma1, x.sigma1_velocity) for k, x in enumerate(self._laws)]
-        )
+        laws = enumerate(self._laws)
+        sigma1 = ca.vertcat(*[lugre.faded(w[k], x.sigma1, x.sigma1_velocity) for k, x in laws])
         held = lugre.torque(z, rate, self._sigma0, sigma1)
         torque = ca.SX(self._n, 1)
-        for k, i in enumerate(self._joints):
-            torque[i] = -held[k]
+        torque[self._joints] = -held
         stored = 0.5 * ca.dot(ca.DM(self._sigma0), z**2)
         lost = ca.sum1(lugre.heat(w, z, rate, self._sigma0, sigma1, level))
         return Flow(torque, rate, stored, lost=lost)

@@ -101,8 +101,7 @@ def units(source: str, count: int) -> list[str]:
 
 def _pieces(name: str, parts: list[list[_Line]], places: dict[str, int]) -> str:
     """C functions of all pieces; ``live`` hands on the variables that later pieces read."""
-    needed: set[str] = set()
-    text: list[str] = []
+    needed, text = set[str](), list[str]()
     for number, lines in reversed(list(enumerate(parts))):
         read, written = _use(lines)
         head = f"/* piece */\n__attribute__((noinline)) void {name}_{number}"

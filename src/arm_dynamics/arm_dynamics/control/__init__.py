@@ -23,10 +23,9 @@ if TYPE_CHECKING:
         GravityCompensation,
         JointImpedance,
         PDGravity,
-        tuned,
     )
     from arm_dynamics.control.law import JointLaw, Law
-    from arm_dynamics.control.pole_placement import gains, held_gains
+    from arm_dynamics.control.pole_placement import gains, held_gains, tuned
     from arm_dynamics.control.switch import Switch
     from arm_dynamics.control.task_space import (
         CartesianImpedance,

@@ -37,12 +37,9 @@ class ComputedTorque(JointLaw):
     """
 
     def __init__(
-        self,
-        dynamics: Dynamics,
-        bandwidth: ArrayLike = 20.0,
-        damping_ratio: ArrayLike = 1.0,
-        dt: float = 1e-3,
-    ) -> None:
+        self, dynamics: Dynamics | ArmModel, bandwidth: ArrayLike = 20.0,
+        damping_ratio: ArrayLike = 1.0, dt: float = 1e-3,
+    ) -> None:  # fmt: skip
         """Choose gains.
 
         Args:
@@ -54,8 +51,9 @@ class ComputedTorque(JointLaw):
         Raises:
             InvalidInput: If a gain or dt has a wrong shape or value.
         """
-        super().__init__(model_of(dynamics).n, dynamics.model)
-        self._friction = dynamics.steady_friction
+        model = model_of(dynamics)
+        super().__init__(model.n, model)
+        self._friction = SteadyFriction.of(model)
         self.tuning = *held_gains(bandwidth, damping_ratio, self._n, dt), np.array([float(dt)])
 
     def formula(

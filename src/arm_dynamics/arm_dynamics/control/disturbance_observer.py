@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.controller import AnyController
-from arm_dynamics.control.joint_space import clipped
 from arm_dynamics.control.law import LawInput, Parts, Wrapper
 from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.equations.elementary import choose, sign
+from arm_dynamics.equations.elementary import choose, clipped, sign
 from arm_dynamics.exceptions import InvalidInput
 
 

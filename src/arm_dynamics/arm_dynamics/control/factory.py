@@ -18,7 +18,7 @@ from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.controller import AnyController
 from arm_dynamics.control.disturbance_observer import DisturbanceObserver
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
-from arm_dynamics.control.pole_placement import MARGIN, gain, largest_delay
+from arm_dynamics.control.pole_placement import MARGIN, gain, largest_delay, tuned, typical_inertia
 from arm_dynamics.control.wrappers import Saturated, WithAddedTorques
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
@@ -242,7 +242,7 @@ def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: 
     share = np.minimum(1.0, largest_delay(k, c) / (delay + 0.5 * s.dt))
     why = f"torques that act {delay:.2g} s late and are held for {s.dt:g} s"
     if kind and kind.is_tuned:
-        _, part = joint_space.typical_inertia(dynamics, c * s.dt)
+        _, part = typical_inertia(dynamics, c * s.dt)
         if part < share.min():
             share, lowered = np.asarray(part), "" if by_force else ", for which gains are lowered"
             why = f"the lightest motions of the arm at {s.dt:g} s per cycle{lowered}"
@@ -265,7 +265,7 @@ def _feedback(kind: _Kind | None, dynamics: Dynamics, s: Settings) -> tuple[bool
     if kind.in_task_space:
         m = _typical_masses(_task(dynamics, s), dynamics)
     else:
-        m, _ = joint_space.typical_inertia(dynamics, 0.0)
+        m, _ = typical_inertia(dynamics, 0.0)
     k = omega**2 if K is None else K / m
     return True, k, 2.0 * zeta * np.sqrt(k) if D is None else D / m
 
@@ -278,7 +278,7 @@ def _rounded(most: Array) -> str:
 def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
     (kp, kd), omega = _tuned(dynamics, s), numbers("bandwidth", s.bandwidth)
     rate = 2.0 * numbers("damping_ratio", s.damping_ratio) * omega
-    ki = kp * omega / 3.0 * joint_space.typical_inertia(dynamics, rate * s.dt)[1]
+    ki = kp * omega / 3.0 * typical_inertia(dynamics, rate * s.dt)[1]
     return joint_space.PID(dynamics.n, kp, ki, kd, s.dt, s.limit)
 
 
@@ -325,7 +325,7 @@ class _Kind(NamedTuple):
         build: Makes it.
         missing_friction: Friction that has to be fed forward, ``all`` or ``dry``; None if it
             includes friction, or has no reference.
-        is_tuned: Whether its gains follow from the arm's inertia, see ``joint_space.tuned``.
+        is_tuned: Whether its gains follow from the arm's inertia, see ``tuned``.
         is_impedance: Whether its gains may be in units of force.
         in_task_space: Whether it controls a frame.
     """
@@ -369,7 +369,7 @@ IN_TASK_SPACE = tuple(name for name, kind in _KINDS.items() if kind.in_task_spac
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:
-    return joint_space.tuned(dynamics, s.bandwidth, s.damping_ratio, dt=s.dt)
+    return tuned(dynamics, s.bandwidth, s.damping_ratio, dt=s.dt)
 
 
 def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:

@@ -8,30 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, positive, positive_limits, vector
+from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.controller import Moving, checked
 from arm_dynamics.control.law import JointLaw, Parts
-from arm_dynamics.control.pole_placement import gain, gains
+from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
-from arm_dynamics.equations.elementary import choose, diagonal, root
+from arm_dynamics.equations.elementary import clipped, diagonal, root
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import postures
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference
-
-_POSTURES = 200  # over which inertia is averaged
-_STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
 
 
 def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
     """K_p e + K_d ė, for numbers and expressions."""
     return kp * (desired.q - q) + kd * (desired.v - v)
-
-
-def clipped(tau: Any, limit: Any) -> Any:
-    """Torques within ± limit, for numbers and expressions; NaN stays NaN."""
-    return choose(tau > limit, limit, choose(tau < -limit, -limit, tau))
 
 
 @sealed
@@ -75,7 +67,8 @@ class PID(JointLaw):
 
         Args:
             n: Degrees of freedom.
-            kp: K_p in [N m/rad] or [N/m], a number or shape (n,), positive.
+            kp: K_p in [N m/rad] or [N/m], a number or shape (n,), not negative; positive where
+                ki is.
             ki: K_i in [N m/(rad s)] or [N/(m s)], likewise, not negative.
             kd: K_d in [N m s/rad] or [N s/m], likewise, not negative.
             dt: Time between calls in [s].
@@ -119,10 +112,11 @@ class GravityCompensation(JointLaw):
     S is the torque of springs, which relieve the drives.
     """
 
-    def __init__(self, dynamics: Dynamics, damping: ArrayLike = 0.0) -> None:
+    def __init__(self, dynamics: Dynamics | ArmModel, damping: ArrayLike = 0.0) -> None:
         """Choose the damping D in [N m s/rad] or [N s/m], a number or shape (n,)."""
-        super().__init__(model_of(dynamics).n, dynamics.model)
-        self.tuning = (gain("damping", damping, dynamics.n),)
+        model = model_of(dynamics)
+        super().__init__(model.n, model)
+        self.tuning = (gain("damping", damping, model.n),)
 
     def torque(self, state: Moving, reference: Any = None) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); the reference is ignored."""
@@ -146,10 +140,11 @@ class PDGravity(PD):
     J. Dyn. Sys. Meas. Control 103, 1981.
     """
 
-    def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
+    def __init__(self, dynamics: Dynamics | ArmModel, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
-        super().__init__(model_of(dynamics).n, kp, kd)
-        self._rigid = RigidTerms(dynamics.model)
+        model = model_of(dynamics)
+        super().__init__(model.n, kp, kd)
+        self._rigid = RigidTerms(model)
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
@@ -166,11 +161,12 @@ class FeedForwardPD(PD):
     the gains, and the feed-forward may be computed in advance.
     """
 
-    def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
+    def __init__(self, dynamics: Dynamics | ArmModel, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
-        super().__init__(model_of(dynamics).n, kp, kd)
-        self._rigid = RigidTerms(dynamics.model)
-        self.tuning = *self.tuning, dynamics.model.viscous
+        model = model_of(dynamics)
+        super().__init__(model.n, kp, kd)
+        self._rigid = RigidTerms(model)
+        self.tuning = *self.tuning, model.viscous
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
@@ -191,7 +187,7 @@ class JointImpedance(JointLaw):
     """
 
     def __init__(
-        self, dynamics: Dynamics, stiffness: ArrayLike, damping_ratio: ArrayLike = 0.7,
+        self, dynamics: Dynamics | ArmModel, stiffness: ArrayLike, damping_ratio: ArrayLike = 0.7,
         damping: ArrayLike | None = None,
     ) -> None:  # fmt: skip
         """Choose stiffness and damping.
@@ -205,12 +201,12 @@ class JointImpedance(JointLaw):
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        n, viscous = model_of(dynamics).n, dynamics.model.viscous
-        super().__init__(n, dynamics.model)
+        model = model_of(dynamics)
+        super().__init__(model.n, model)
         self._by_ratio = damping is None
-        ratio = 2.0 * gain("damping_ratio", damping_ratio, n)
-        resistance = ratio if damping is None else gain("damping", damping, n)
-        self.tuning = gain("stiffness", stiffness, n), resistance, viscous
+        ratio = 2.0 * gain("damping_ratio", damping_ratio, model.n)
+        resistance = ratio if damping is None else gain("damping", damping, model.n)
+        self.tuning = gain("stiffness", stiffness, model.n), resistance, model.viscous
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -227,52 +223,3 @@ class JointImpedance(JointLaw):
         ahead = M @ desired.a + C @ desired.v + rigid.gravity(q)
         ahead = ahead + rigid.spring(q, desired.v) + viscous * desired.v
         return ahead + pull(q, v, desired, K, D), memory
-
-
-def tuned(
-    dynamics: Dynamics, bandwidth: ArrayLike, damping_ratio: ArrayLike = 1.0,
-    q: ArrayLike | None = None, dt: float = 1e-3,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Gains in units of torque: K_p = ω² m and K_d = 2 ζ ω m, less viscous friction.
-
-    The inertia m of a joint is M_ii averaged over postures: that of one posture may be next to
-    nothing, and its gains too weak for the weight elsewhere. Where joints are nearly aligned, the
-    arm is much lighter against some motions than M_ii says. So all gains are lowered together
-    until a torque that is held for dt cannot make it swing up in any of these postures: dt times
-    the greatest eigenvalue of M⁻¹ K_d is 1.5 at most; from 2 on it would.
-
-    Args:
-        dynamics: The model.
-        bandwidth: ω in [rad/s], a number or shape (n,).
-        damping_ratio: ζ, likewise.
-        q: A posture of shape (n,) whose M_ii is to be m as it is; None for the above.
-        dt: Time in [s] for which a torque is held.
-
-    Returns:
-        K_p in [N m/rad] or [N/m] and K_d in [N m s/rad] or [N s/m], each of shape (n,).
-
-    Raises:
-        InvalidInput: If a number has a wrong shape or value.
-    """
-    kp, kd = gains(bandwidth, damping_ratio, dynamics.n)
-    if q is None:
-        m, part = typical_inertia(dynamics, kd * positive("dt", dt))
-        inertia = m * part
-    else:
-        inertia = dynamics.mass_matrix(vector("q", q, dynamics.n)).diagonal()
-    return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
-
-
-def typical_inertia(dynamics: Dynamics, damping: ArrayLike) -> tuple[Array, float]:
-    """The inertia m of ``tuned``, shape (n,), and the part s of the gains that is left of them.
-
-    Args:
-        dynamics: The model.
-        damping: K_d dt/m without friction, a number or shape (n,).
-    """
-    M = dynamics.mass_matrix(postures(dynamics.model, _POSTURES))
-    m = np.asarray(M.diagonal(0, 1, 2).mean(0))
-    root = np.sqrt(np.asarray(damping) * m)
-    scaled = root[:, None] * np.linalg.inv(M) * root
-    greatest = float(np.linalg.eigvalsh(scaled).max())
-    return m, min(1.0, _STABLE / greatest) if greatest > 0.0 else 1.0

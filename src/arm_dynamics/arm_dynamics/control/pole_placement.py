@@ -6,13 +6,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, numbers
+from arm_dynamics.arrays import Array, numbers, positive, vector
+from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import postures
 
 # Largest bandwidth in [rad/s], beyond anything that a torque can follow
 FASTEST = 1e6
 # Gain margin that is sensible: with so many times its gains a loop is still stable
 MARGIN = 2.0
+_POSTURES = 200  # over which inertia is averaged
+_STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
 
 
 def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
@@ -61,6 +65,54 @@ def held_gains(
     first, second = -np.expm1((root - 0.5 * kd) * dt), -np.expm1(-(root + 0.5 * kd) * dt)
     product = -np.expm1(-kd * dt)
     return (first * second).real / dt**2, ((first + second).real + product) / (2.0 * dt)
+
+
+def tuned(
+    dynamics: Dynamics, bandwidth: ArrayLike, damping_ratio: ArrayLike = 1.0,
+    q: ArrayLike | None = None, dt: float = 1e-3,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Gains in units of torque: K_p = ω² m and K_d = 2 ζ ω m, less viscous friction.
+
+    The inertia m of a joint is M_ii averaged over postures: that of one posture may be next to
+    nothing, and its gains too weak for the weight elsewhere. Where joints are nearly aligned, the
+    arm is much lighter against some motions than M_ii says. So all gains are lowered together
+    until a torque that is held for dt cannot make it swing up in any of these postures: dt times
+    the greatest eigenvalue of M⁻¹ K_d is 1.5 at most; from 2 on it would.
+
+    Args:
+        dynamics: The model.
+        bandwidth: ω in [rad/s], a number or shape (n,).
+        damping_ratio: ζ, likewise.
+        q: A posture of shape (n,) whose M_ii is to be m as it is; None for the above.
+        dt: Time in [s] for which a torque is held.
+
+    Returns:
+        K_p in [N m/rad] or [N/m] and K_d in [N m s/rad] or [N s/m], each of shape (n,).
+
+    Raises:
+        InvalidInput: If a number has a wrong shape or value.
+    """
+    (kp, kd), dt = gains(bandwidth, damping_ratio, dynamics.n), positive("dt", dt)
+    if q is None:
+        m, part = typical_inertia(dynamics, kd * dt)
+        inertia = m * part
+    else:
+        inertia = dynamics.mass_matrix(vector("q", q, dynamics.n)).diagonal()
+    return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
+
+
+def typical_inertia(dynamics: Dynamics, damping: ArrayLike) -> tuple[Array, float]:
+    """The inertia m of ``tuned``, shape (n,), and the part s of the gains that is left of them.
+
+    Args:
+        dynamics: The model.
+        damping: K_d dt/m without friction, a number or shape (n,).
+    """
+    M = dynamics.mass_matrix(postures(dynamics.model, _POSTURES))
+    m = np.asarray(M.diagonal(0, 1, 2).mean(0))
+    scale = np.sqrt(np.asarray(damping) * m)
+    greatest = float(np.linalg.eigvalsh(scale[:, None] * np.linalg.inv(M) * scale).max())
+    return m, min(1.0, _STABLE / greatest) if greatest > 0.0 else 1.0
 
 
 def gain(name: str, value: ArrayLike, n: int) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.gauss import times, transposed
+from arm_dynamics.model.independent_rows import is_independent
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.terms.arm import NumericArm
@@ -75,7 +76,7 @@ def check_constrained(dynamics: Dynamics, acceleration: Acceleration) -> float:
     """
     closure = Closure(dynamics.model, dynamics.model.stops)
     names = closure.initially_active
-    kept = closure.kept(names, dynamics.model.constraint_rows)
+    kept = is_independent(closure.rows, names, dynamics.model.constraint_rows)
     q, v, tau, condition = closed_states(closure, dynamics.model.q0, kept)
     M = _mass_matrices(dynamics, q)
     a = _accelerations(acceleration, q, v, tau)

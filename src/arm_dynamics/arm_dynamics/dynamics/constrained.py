@@ -136,34 +136,28 @@ class Constrained:
         return np.asarray(self._friction.demanded(frictionless, v, np.sign(v), q))
 
     def _sliding(
-        self,
-        q: Array,
-        v: Array,
-        tau: Array,
-        active: tuple[str, ...],
-        external: Array | float = 0.0,
+        self, q: Array, v: Array, tau: Array, names: tuple[str, ...], external: Array | float = 0.0
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of a batch, friction at rest left out."""
         free = tau - self._friction(v, np.sign(v), q, tau) + external
         a, lam = np.empty_like(q), np.zeros((len(q), self.m))
-        columns = np.isin(self.names, active)
+        columns = np.isin(self.names, names)
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
-            M, bias, A, drift = self._equations(q[part], v[part], active)
-            rank = self._rank(active, q[first])
-            motion = constrained_motion(M, free[part] - bias, A, drift, rank)
-            a[part], lam[part, columns] = motion
+            M, bias, A, drift = self._equations(q[part], v[part], names)
+            rank, forces = self._rank(names, q[first]), free[part] - bias
+            a[part], lam[part, columns] = constrained_motion(M, forces, A, drift, rank)
         return a, lam
 
     def _equations(
-        self, q: Array, v: Array, active: tuple[str, ...]
+        self, q: Array, v: Array, names: tuple[str, ...]
     ) -> tuple[Array, Array, Array, Array]:
         """M, C v + G + S, A and γ."""
         bias = self._terms(INVERSE, q, v, 0.0 * q, WITHOUT_FRICTION)
-        rows = self._terms(CONSTRAINT_ROWS, q, v, selection=(active,))
+        rows = self._terms(CONSTRAINT_ROWS, q, v, selection=(names,))
         return self._terms(MASS_MATRIX, q), bias, rows[..., :-1], rows[..., -1]
 
-    def _rank(self, active: tuple[str, ...], near: Array) -> int:
+    def _rank(self, names: tuple[str, ...], near: Array) -> int:
         """Number of independent rows; the initially active constraints are closed at ``q0``."""
-        closed = set(active) <= set(self.closure.initially_active)
-        return self.closure.rank(active, self.model.q0 if closed else near)
+        closed = set(names) <= set(self.closure.initially_active)
+        return self.closure.rank(names, self.model.q0 if closed else near)

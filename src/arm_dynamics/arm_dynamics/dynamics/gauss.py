@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.loop_closure import RANK, cholesky
+from arm_dynamics.model.loop_closure import RANK, cholesky, whitened
 
 
 def constrained_motion(
@@ -32,7 +32,7 @@ def constrained_motion(
         ModelError: If a mass matrix is not positive definite.
     """
     C = cholesky(M)
-    U, s, Vt = np.linalg.svd(transposed(np.linalg.solve(C, transposed(A))), full_matrices=False)
+    U, s, Vt = np.linalg.svd(whitened(C, A), full_matrices=False)
     counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < rank)
     inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
     x = np.linalg.solve(C, forces[..., None])[..., 0]

@@ -42,6 +42,11 @@ def within(x: Quantity, low: Quantity, high: Quantity) -> Quantity:
     return larger(low, smaller(high, x))
 
 
+def clipped(x: Quantity, limit: Quantity) -> Quantity:
+    """``x`` within ± limit; NaN stays NaN, which ``within`` takes for a limit."""
+    return choose(x > limit, limit, choose(x < -limit, -limit, x))
+
+
 def choose(condition: Quantity, then: Quantity, otherwise: Quantity) -> Quantity:
     """``then`` where the condition holds, else ``otherwise``."""
     library = _of(condition, then, otherwise)

@@ -51,9 +51,7 @@ def motion(
         gravity: Gravity in the world frame in [m/s²], shape (3,), counted as an acceleration of
             the ground upwards.
     """
-    omega: list[ca.SX] = []
-    alpha: list[ca.SX] = []
-    acc: list[ca.SX] = []
+    omega, alpha, acc = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     z = ca.sparsify(ca.SX([0, 0, 1]))
     for i, link in enumerate(tree.links):
         R, p = pose[i].R, pose[i].p

@@ -10,6 +10,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ConstraintError, SceneError
+from arm_dynamics.model.independent_rows import independent_rows
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
@@ -43,7 +44,7 @@ def initial_state(robot: Robot, stops: Stops) -> InitialState:
         closure = Closure(robot, stops)
         q, v = _closed(robot, closure, q, v)
         _check_stops(robot, stops, q, "scene: when its constraints are closed, ")
-        rows = closure.independent_rows(q)
+        rows = independent_rows(closure, q)
     return InitialState(read_only(q), read_only(v), rows)
 
 

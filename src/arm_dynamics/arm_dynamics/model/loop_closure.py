@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States that satisfy the constraints, and the number of independent constraint rows.
+"""States that satisfy the constraints, found by Newton's method.
 
 In coordinates x = Cᵀ a, with M = C Cᵀ, the metric of M is the identity, and the constraints are
 Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y.
@@ -7,11 +7,10 @@ Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, choices
@@ -27,8 +26,6 @@ NEWTON_STEPS = 100
 LONGEST = 0.3
 # Singular values below this fraction of the largest are treated as zero.
 RANK = 1e-9
-# Rows are treated as equal if the logarithms of their new components differ by less.
-TIE = 1e-6
 # Number of positions at which the rank is evaluated, and the step between them.
 SAMPLES, WANDER = 6, 0.2
 # A position whose smallest singular value is below this fraction of the largest is singular.
@@ -133,7 +130,7 @@ class Closure:
         and an open one may not be closable though it is from elsewhere.
 
         Raises:
-            ConstraintError: If they can be closed neither from here nor were before.
+            ConstraintError: If they cannot be closed from here, and have not been before.
         """
         names = self.initially_active
         rank = self.rank(names, q)
@@ -174,6 +171,10 @@ class Closure:
         """Factors of rows A of shape (m, n) with at most ``rank`` singular values."""
         return factored(self._rigid.mass(q), A, rank)
 
+    def whitened(self, q: Array, A: Array) -> Array:
+        """Rows A, shape (m, n), in coordinates whose metric is the identity: Y = A C^-ᵀ."""
+        return whitened(cholesky(self._rigid.mass(q)), A)
+
     def _nearest_of_others(self, q: Array, A: Array, b: Array, hold: Sequence[int]) -> Array:
         """Shortest motion with A a = b in the metric of M in which some joints do not move."""
         free = np.setdiff1d(np.arange(len(q)), hold)
@@ -187,7 +188,8 @@ class Closure:
         """Number of independent rows of the named constraints at a generic closed position.
 
         An overconstrained linkage moves only because its rows are dependent wherever it is closed;
-        elsewhere, even within rounding of it, they seem independent.
+        elsewhere, even within rounding of it, they seem independent. The first call counts them,
+        at positions closed from ``near``; later ones return that count.
         """
         if names not in self._ranks:
             places = self.wander(near, names)
@@ -195,68 +197,6 @@ class Closure:
             values = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
             self._ranks[names] = max(map(len, values))
         return self._ranks[names]
-
-    def kept(
-        self, names: tuple[str, ...], constraint_rows: Mapping[int, tuple[int, ...]]
-    ) -> list[bool]:
-        """Whether each row of the named constraints, stacked, is among ``constraint_rows``."""
-        whole = zip(self.rows.names, self.rows.places, self.rows.counts, strict=True)
-        named = [(place, count) for name, place, count in whole if name in names]
-        return [k in constraint_rows[place] for place, count in named for k in range(count)]
-
-    def independent_rows(self, near: Array) -> dict[int, tuple[int, ...]]:
-        """Independent rows, which imply all others wherever the constraints are closed.
-
-        A row of a constraint that can be switched off is left out only if it is implied by
-        permanent constraints and other rows of its own.
-
-        Args:
-            near: Joint positions to start from, shape (n,).
-
-        Returns:
-            Indices of the rows to keep, by the constraint's index in the scene's list.
-        """
-        rows = self.rows
-        owner = np.repeat(np.arange(len(rows.names)), rows.counts)
-        fixed = [i for i, constraint in enumerate(rows.constraints) if not constraint.switchable]
-        kept = self._pivots(fixed, np.flatnonzero(np.isin(owner, fixed)), [], near)
-        free = [i for i in range(len(rows.names)) if i not in fixed]
-        extra = [self._pivots([*fixed, i], np.flatnonzero(owner == i), kept, near) for i in free]
-        kept = sorted([*kept, *(k for group in extra for k in group)])
-        first = np.concatenate([[0], np.cumsum(rows.counts)])
-        return {
-            place: tuple(int(k - first[i]) for k in kept if owner[k] == i)
-            for i, place in enumerate(rows.places)
-        }
-
-    def _pivots(
-        self, active: list[int], candidates: NDArray[np.intp], kept: list[int], near: Array
-    ) -> list[int]:
-        """Greedily select the row with the largest component independent of those selected."""
-        names = tuple(self.rows.names[i] for i in sorted(active))
-        if not len(candidates):
-            return []
-        try:
-            places = self.wander(near, names)
-        except ConstraintError:  # an inactive constraint need not be closable
-            return [int(k) for k in candidates]
-        bases = list[Array]()  # Y of all constraints at each place
-        for q in places:
-            A = self.rows.stacked(q, 0 * q, self.rows.names).jacobian
-            bases.append(np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T)
-        for k in kept:
-            bases = [_without(Y, k) for Y in bases]
-        pivots = list[int]()
-        for _ in range(self.rank(names, near) - len(kept)):
-            sizes = np.array([np.linalg.norm(Y[candidates], axis=1) for Y in bases])
-            # One of the positions may happen to be singular, so no single one decides.
-            novelty = np.log(np.maximum(sizes, RANK)).sum(0)
-            # The first of equals, so that rounding, which differs between machines, does not
-            # decide.
-            best = int(candidates[np.argmax(novelty > novelty.max() - TIE)])
-            bases = [_without(Y, best) for Y in bases]
-            pivots.append(best)
-        return pivots
 
     def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
         """Sample closed positions along the motion that the named constraints allow.
@@ -320,20 +260,17 @@ class Closure:
             q, row = q + 0.5**halving * step, trial
             size = float(np.linalg.norm(row.residual))
         if size > CLOSED_TO:
-            raise self._open(q, names, hold)
+            left = self.residuals(q, names)
+            gaps = {name: size for name, size in left.items() if size > CLOSED_TO}
+            listed = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
+            held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
+            keeping = f" while {held} is held" if hold else ""
+            raise ConstraintError(
+                f"constraints cannot be closed from this position{keeping}; left open, in m or "
+                f"rad: {listed}. Do they contradict one another, or is the position too far off?",
+                left,
+            )
         return q
-
-    def _open(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
-        left = self.residuals(q, names)
-        gaps = {name: size for name, size in left.items() if size > CLOSED_TO}
-        listed = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
-        held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
-        keeping = f" while {held} is held" if hold else ""
-        return ConstraintError(
-            f"constraints cannot be closed from this position{keeping}; left open, in m or rad: "
-            f"{listed}. Do they contradict one another, or is the position too far off?",
-            left,
-        )
 
 
 def factored(M: Array, A: Array, rank: int) -> Factors:
@@ -343,9 +280,14 @@ def factored(M: Array, A: Array, rank: int) -> Factors:
         ModelError: If M is not positive definite.
     """
     C = cholesky(M)
-    U, s, Vt = np.linalg.svd(np.linalg.solve(C, A.T).T, full_matrices=False)
+    U, s, Vt = np.linalg.svd(whitened(C, A), full_matrices=False)
     r = min(rank, int(np.sum(s > RANK * s[0]))) if s.size and s[0] > 0.0 else 0
     return Factors(C, U[:, :r], s[:r], Vt[:r])
+
+
+def whitened(C: Array, A: Array) -> Array:
+    """Rows Y = A C^-ᵀ, shape (…, m, n), for lower factors C of M."""
+    return np.swapaxes(np.linalg.solve(C, np.swapaxes(A, -1, -2)), -1, -2)
 
 
 def cholesky(M: Array) -> Array:
@@ -360,10 +302,3 @@ def cholesky(M: Array) -> Array:
         raise ModelError(
             "a joint moves no mass; give a link inertia, the joint an armature, or lock it"
         ) from None
-
-
-def _without(Y: Array, k: int) -> Array:
-    """Rows with their components along row ``k`` removed."""
-    size = np.linalg.norm(Y[k])
-    y = Y[k] / size if size > RANK else np.zeros_like(Y[k])
-    return np.asarray(Y - np.outer(Y @ y, y))

@@ -20,7 +20,7 @@ _LATE = 1.0  # [s] from a state to its command; longer ones are in ms
 
 
 def unit_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
-    """Remarks on angles probably in degrees, lengths in mm and inertias of payloads in kg mm²."""
+    """Remarks on angles, position limits, lengths, delays and payloads' inertias."""
     for i, payload in enumerate(scene.payloads):
         if payload.mass and (r := gyration(payload.mass, payload.inertia)) > wide(urdf.size):
             yield (

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, read_only, vector
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.arm import postures
@@ -117,8 +117,7 @@ class InverseKinematics:
             if self._reached(attempt):
                 break
         best = min(attempts, key=lambda attempt: attempt.distance + _ANGLE * attempt.angle)
-        q = best.q
-        q.setflags(write=False)
+        q = read_only(best.q)
         stopped = compress(model.joint_names, (q <= self._lower) | (q >= self._upper))
         return Solution(
             q=q,

@@ -211,7 +211,7 @@ class TaskSpace:
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
-            ModelError: If a joint moves no mass.
+            ModelError: If a joint that carries the frame moves no mass.
         """
         still = np.zeros(self.n) if v is None else v
         q, v = vectors(self.model.joint_names, q=q, v=still)
@@ -257,6 +257,7 @@ class TaskSpace:
             bias=rigid.bias(q, v) + rigid.spring(q, v),
             B=W @ J.T,
             A=A,
+            # Where nothing is damped, the inverse that the expressions take, too.
             inertia=inertia.matrix if inertia.damped else np.linalg.inv(A),
         )
 
@@ -272,6 +273,7 @@ class TaskSpace:
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
+            ModelError: If a joint that carries the frame moves no mass.
         """
         (q,), u = vectors(self.model.joint_names, q=q), unit_vector("direction", direction, self.m)
         A = self._mobility(*_each(self._at_rest, q))
@@ -288,6 +290,7 @@ class TaskSpace:
 
         Raises:
             InvalidInput: If the task has linear and angular axes, which do not compare.
+            ModelError: If a joint that carries the frame moves no mass.
         """
         if self.linear not in (0, self.m):
             raise InvalidInput(
@@ -299,7 +302,7 @@ class TaskSpace:
         floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
         masses = 1.0 / np.maximum(values, floor)
         damped = (values < floor).any(-1)
-        return MassEllipsoid(masses[..., ::-1], axes[..., ::-1], _plain(damped))
+        return MassEllipsoid(*map(_plain, (masses[..., ::-1], axes[..., ::-1], damped)))
 
     def _state(self, q: Array, v: Array) -> tuple[Array, ...]:
         """Position, rotation, J, J̇, M⁻¹, C v + G, G and S."""

@@ -108,7 +108,7 @@ def calls(
     for i, request in enumerate(requests):
         entry = request[0]
         point = function(expressions, model.n, f"{entry.name}_{i}", [request])
-        functions.append(_undecided(point, entry, sticks))
+        functions.append(_nan_at_rest(point, entry, sticks))
     kernel = Kernel(functions, "native")
     answers = {}
     for (entry, selection), point in zip(requests, functions, strict=True):
@@ -119,7 +119,7 @@ def calls(
     return answers
 
 
-def _undecided(point: ca.Function, entry: Entry, sticks: NDArray[np.bool_]) -> ca.Function:
+def _nan_at_rest(point: ca.Function, entry: Entry, sticks: NDArray[np.bool_]) -> ca.Function:
     """One result, not finite where it depends on which joints stick."""
     arguments = point.sx_in()
     result = ca.vertcat(*point.call(arguments, True, False))

@@ -22,10 +22,10 @@ class Trajectory:
 
     Attributes:
         times: Knot times in [s] from 0, shape (w,).
-        coefficients: Polynomials of every segment in τ = (t − tᵢ)/hᵢ, shape (w − 1, n, 6).
+        coefficients: Polynomials of every segment in s = (t − tᵢ)/hᵢ, shape (w − 1, n, 6).
         ends: Positions of the first and the last knot, shape (2, n).
         stretch: Factor by which it is slower than requested because of limits; 1 if it is not.
-        polynomials: Coefficients of τ⁰ to τ⁵ of position, velocity and acceleration in every
+        polynomials: Coefficients of s⁰ to s⁵ of position, velocity and acceleration in every
             segment, shape (w − 1, 6, 3, n).
         torques: Torques in [N m] or [N] to add to a controller's at every knot, linear between
             them and constant before and after, shape (w, n); None for none.

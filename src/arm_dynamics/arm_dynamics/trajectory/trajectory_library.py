@@ -19,18 +19,22 @@ _log = logging.getLogger(__name__)
 
 @cache
 def library() -> CDLL | None:
-    """The compiled function; None if it is not available."""
+    """The compiled library; None if it is not available."""
     if not may_build():
         return None
     try:
-        return compiled()
+        return build_library()
     except (KernelError, OSError) as error:
         _log.debug("trajectories are evaluated by NumPy: %s", error)
         return None
 
 
-def compiled() -> CDLL:
-    """Compile the function."""
-    library = build(SOURCE.read_text(encoding="utf-8"), local=(f"-I{HEADER.folder}",)).library
-    HEADER.bind(library)
-    return library
+def build_library() -> CDLL:
+    """Compile the library.
+
+    Raises:
+        KernelError: If it cannot be compiled.
+    """
+    built = build(SOURCE.read_text(encoding="utf-8"), local=(f"-I{HEADER.folder}",)).library
+    HEADER.bind(built)
+    return built

@@ -203,6 +203,6 @@ def _of_all_nodes() -> Parts:
     # Uncached: what this process has loaded is not necessarily in the folder.
     yield "messages", messages.library.__wrapped__
     yield "controller", controller.library.__wrapped__
-    yield "trajectories", trajectory.compiled
+    yield "trajectories", trajectory.build_library
     yield "sim", sim.library.__wrapped__
     yield "services", compiled_services.native.__wrapped__

@@ -90,11 +90,12 @@ def delivered(scene: Scene, dt: float, commands: Array) -> Array:
         Effective commands, of the same shape: zero until one has arrived; the commands themselves
         if they arrive immediately.
     """
+    if command_line(scene, dt) is None:
+        return commands
     late = np.zeros(commands.shape)
     for arm in range(len(commands)):
         line: Line[int] | None = command_line(scene, dt, arm)
-        if line is None:
-            return commands
+        assert line is not None
         for tick in range(commands.shape[1]):
             if (sent := line.carry(tick, tick)) is not None:
                 late[arm, tick] = commands[arm, sent]

@@ -292,8 +292,7 @@ class SimulatedArm:
         Commands are sent as by ``step``. If a signal breaks it off, what was done is registered.
         """
         start, line, ticks = self._x.copy(), deepcopy(self.line), -1
-        if line is not None:
-            sent = np.broadcast_to(command, (len(trace), self.n))
+        sent = np.broadcast_to(command, (len(trace), command.shape[-1]))
         trace[:, 0] = np.nan  # equals no state, where no tick is made
         try:
             command = command if line is None else self._arrived_rows(sent)

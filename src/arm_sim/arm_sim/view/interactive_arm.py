@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.joint_space import GravityCompensation, PDGravity, tuned
+from arm_dynamics.control import GravityCompensation, PDGravity, tuned
 from arm_dynamics.exceptions import ArmError
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference

@@ -20,6 +20,11 @@ from arm_sim.recording.recording import Recording
 _MEASURED = ("q", "effort", "v", "a")
 
 
+def _rows(motion: Any, which: slice | NDArray[np.bool_]) -> dict[str, Any]:
+    """Some rows of its arrays, by name."""
+    return {k: read_only(getattr(motion, k)[which]) for k in ("time", *_MEASURED)}
+
+
 def _summary(motion: JointRecord | MeasuredMotion) -> str:
     """As ``__repr__``: its rows, joints and notes."""
     names = known_names(motion.joint_names, 8)
@@ -139,8 +144,7 @@ class JointRecord:
 
     def rows(self, which: slice | NDArray[np.bool_]) -> JointRecord:
         """Some of its rows, by a slice or by a mask of shape (k,)."""
-        parts = {k: read_only(getattr(self, k)[which]) for k in ("time", *_MEASURED)}
-        return replace(self, **parts)  # type: ignore[arg-type]
+        return replace(self, **_rows(self, which))
 
 
 @frozen
@@ -214,11 +218,8 @@ class MeasuredMotion:
         cut = [
             slice(max(s.start, start) - start, min(s.stop, stop) - start) for s in self.stretches
         ]
-        arrays: dict[str, Any] = {
-            k: read_only(getattr(self, k)[rows]) for k in ("time", *_MEASURED)
-        }
         kept = tuple(s for s in cut if s.stop > s.start)
-        return replace(self, **arrays, valid=self.valid[rows], stretches=kept)
+        return replace(self, **_rows(self, rows), valid=self.valid[rows], stretches=kept)
 
 
 def read_joint_record(path: str | os.PathLike[str], topic: str | None = None) -> JointRecord:

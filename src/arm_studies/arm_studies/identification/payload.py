@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
-from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
+from arm_dynamics.exceptions import known_names
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.frame_motion import check_moving
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Payload
 from arm_studies._renaming import renamed_argument
@@ -103,50 +104,32 @@ def estimate_payload(
         InvalidInput: If the frame is unknown or fixed, or the recordings do not determine it.
     """
     model, records = checks.fitting(scene, recordings, names)
-    place, carrier = _carried(model, frame)
+    fitted = partial(_fitted, *_payload_columns(model, frame))
     data = Sampled.of(model, records, band, held_out=0.0)
-    notes, G = data.notes, place.homogeneous
-    transforms = [bodies.inertial_parameters(G @ basis @ G.T) for basis in bodies.BASIS]
-    to_carrier = np.column_stack(transforms)
-    rows, places = data.rows(), slice(PER_BODY * carrier, PER_BODY * (carrier + 1))
+    rows, notes = data.rows(), data.notes
     near = estimation.Prior.near(data.regressor.nominal, *ARM_DEVIATIONS)
-    use = rows.samples.use
-    _, late = checks.check_rows(estimation.Problem(rows, use, near), notes)
-    notes += late
-    first = _fitted(rows, places, to_carrier)
-    limit = noise_frequency(rows, use, first.residual) if band is None else None
-    if limit is not None:
-        data = replace(data, band=limit)
-        rows = data.rows()
+    _, late = checks.check_rows(estimation.Problem(rows, rows.samples.use, near), notes)
+    if band is None:
+        limit = noise_frequency(rows, rows.samples.use, fitted(rows).residual)
+        if limit is not None:
+            data = replace(data, band=limit)
+            rows = data.rows()
 
     def fit_at(age: float) -> tuple[_Fit, float, float]:
-        """The correction of an age of the efforts, and its standard deviation."""
-        now = rows if age == 0.0 else replace(data, age=age).rows()
-        fit = _without_sticking(_fitted(now, places, to_carrier))
+        """The fit at an age of the efforts, its correction, and the latter's deviation."""
+        fit = _without_sticking(fitted(rows if age == 0.0 else replace(data, age=age).rows()))
         solution = fit.unbiased(fit.columns, fit.torque)
         return fit, float(solution.values[-1]), float(solution.deviations[-1])
 
-    if not all(motion.aged for motion in rows.samples.motions) and len(late) in (0, model.n):
-        fit, more = with_age(fit_at, rows.samples.band)
-        notes += more
+    # One age of all efforts is fitted unless it is known, or only some joints' efforts are late.
+    aged, ageing = all(motion.aged for motion in rows.samples.motions), list[str]()
+    if aged or len(late) not in (0, model.n):
+        fit = _without_sticking(fitted(rows))
     else:
-        fit = _without_sticking(_fitted(rows, places, to_carrier))
-    for note in dict.fromkeys(notes):
+        fit, ageing = with_age(fit_at, rows.samples.band)
+    for note in dict.fromkeys([*notes, *late, *ageing]):
         on_note(note)
-    mass, com, inertia = central_inertia(fit.x)
-    values = np.array([mass, *com, *six_of(inertia)])
-    estimates = dict(zip(NAMES, _estimated(fit, values), strict=True))
-    largest = [mass, *[np.inf] * 3, *[0.5 * np.trace(inertia)] * 6]  # of any body, without sign
-    bounded = {name: e for name, e in estimates.items() if np.isfinite(e.high)}
-    missing = [
-        name for name, bound in zip(NAMES, largest, strict=True)
-        if not estimates[name].high - estimates[name].value < bound
-    ]  # fmt: skip
-    _, *com, xx, xy, xz, yy, yz, zz = values.tolist()
-    payload = Payload(frame=frame, mass=mass, com=tuple(com), inertia=(xx, xy, xz, yy, yz, zz))
-    intervals = {name: (e.low, e.high) for name, e in bounded.items()}
-    scatter = frozenset(name for name, e in bounded.items() if e.scatter)
-    return PayloadEstimate(payload, intervals, scatter, tuple(missing))
+    return _assessed(fit, frame)
 
 
 @dataclass(frozen=True)
@@ -189,7 +172,7 @@ class _Fit:
         return uncertainty.unbiased(rows, own, self.weights * torque, ageing, noise, size)
 
 
-def _fitted(rows: Rows, places: slice, to_carrier: Array) -> _Fit:
+def _fitted(places: slice, to_carrier: Array, rows: Rows) -> _Fit:
     """Weight the joints, and fit the payload."""
     torque = rows.effort - rows.clear(nominal_efforts(rows.plain))
     columns = np.swapaxes(rows.rigid[:, :, places] @ to_carrier, 0, 1)
@@ -216,7 +199,28 @@ def _without_sticking(fit: _Fit) -> _Fit:
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
     rows = rows.cleared(uncertainty.UNKNOWN_FRICTION * levels, sizes)
-    return _fitted(rows, fit.places, fit.to_carrier)
+    return _fitted(fit.places, fit.to_carrier, rows)
+
+
+def _assessed(fit: _Fit, frame: str) -> PayloadEstimate:
+    """The payload of a fit, its intervals, and what is not determined."""
+    mass, com, inertia = central_inertia(fit.x)
+    values = np.array([mass, *com, *six_of(inertia)])
+    estimates = dict(zip(NAMES, _estimated(fit, values), strict=True))
+    # Of any body: no moment of inertia exceeds the sum of the other two, no product half of one.
+    largest = [mass, *[np.inf] * 3, *[0.5 * np.trace(inertia)] * 6]
+    missing = tuple(
+        name for (name, e), bound in zip(estimates.items(), largest, strict=True)
+        if not e.high - e.value < bound
+    )  # fmt: skip
+    bounded = {name: e for name, e in estimates.items() if np.isfinite(e.high)}
+    _, *com, xx, xy, xz, yy, yz, zz = values.tolist()
+    return PayloadEstimate(
+        payload=Payload(frame=frame, mass=mass, com=tuple(com), inertia=(xx, xy, xz, yy, yz, zz)),
+        intervals={name: (e.low, e.high) for name, e in bounded.items()},
+        scatter=frozenset(name for name, e in bounded.items() if e.scatter),
+        missing=missing,
+    )
 
 
 def _estimated(fit: _Fit, values: Array) -> list[uncertainty.Estimate]:
@@ -238,14 +242,10 @@ def _numbers(values: Any) -> Any:
     return bodies.inertial_parameters(np.block([[density, first], [first.T, mass * np.eye(1)]]))
 
 
-def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
-    """The placement of a frame in the body that carries it, and the index of that body."""
-    if not model.has_frame(frame):
-        raise InvalidInput(
-            f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
-            f"{known_names(model.frame_names)}"
-        )
+def _payload_columns(model: ArmModel, frame: str) -> tuple[slice, Array]:
+    """``places`` and ``to_carrier`` of ``_Fit``, for a payload on a frame."""
+    check_moving(model, frame)
     entry = model.frame(frame)
-    if entry.parentJoint == 0:
-        raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
-    return entry.placement, entry.parentJoint - 1
+    first, G = PER_BODY * (entry.parentJoint - 1), entry.placement.homogeneous
+    transforms = [bodies.inertial_parameters(G @ basis @ G.T) for basis in bodies.BASIS]
+    return slice(first, first + PER_BODY), np.column_stack(transforms)

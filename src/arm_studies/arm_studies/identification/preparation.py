@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification import filtering
+from arm_studies.identification import cutoff, decimation, filtering
 from arm_studies.identification.clock import repaired, without_repeats
 from arm_studies.identification.data import JointRecord, MeasuredMotion, interpolated, runs
 
@@ -63,10 +63,10 @@ class EvenRecord:
 
     @cached_property
     def band(self) -> float:
-        """Cut-off frequency in [Hz] that suits the noise; see ``filtering.chosen_band``."""
+        """Cut-off frequency in [Hz] that suits the noise; see ``cutoff.chosen_band``."""
         if self.exact:
             return np.inf
-        return max(filtering.chosen_band(stretch.q, self.dt) for stretch in self.stretches)
+        return max(cutoff.chosen_band(stretch.q, self.dt) for stretch in self.stretches)
 
     def filtered(self, band: float | None = None, age: float = 0.0) -> MeasuredMotion:
         """Low-pass filter with zero phase and differentiate; see ``prepare``.
@@ -79,7 +79,7 @@ class EvenRecord:
             InvalidInput: If the band is not positive, or too wide for the sampling rate.
         """
         band = self.band if band is None else band
-        name, widest = self.stretches[0].name, filtering.WIDEST / self.dt
+        name, widest = self.stretches[0].name, cutoff.WIDEST / self.dt
         if not band > 0.0:
             raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
         if np.isfinite(band) and band > widest:
@@ -103,7 +103,7 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     Args:
         record: Joint states.
         band: Cut-off frequency in [Hz]; None: chosen from the noise, see
-            ``filtering.chosen_band``; inf for no filter except in differentiation.
+            ``cutoff.chosen_band``; inf for no filter except in differentiation.
 
     Returns:
         The motion.
@@ -230,7 +230,7 @@ def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
         values: dict[str, Any] = {
             key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "valid")
         }
-        values["effort"] = filtering.decimated(part.effort, stride)
+        values["effort"] = decimation.decimated(part.effort, stride)
         stretches = (slice(0, len(values["time"])),)
         values |= {"dt": dt, "low_pass": low_pass, "stretches": stretches}
         parts.append(replace(part, **values))
@@ -289,11 +289,10 @@ def _even(piece: JointRecord, step: float) -> JointRecord:
     slopes = np.gradient(piece.q, piece.time, axis=0)
     effort, v, a = (interpolated(time, piece.time, x) for x in (piece.effort, piece.v, piece.a))
     effort[far] = np.nan
-    q = cubic(time, piece.time, piece.q, slopes)
-    return replace(
-        piece, time=read_only(time), q=read_only(q), effort=read_only(effort), v=read_only(v),
-        a=read_only(a),
-    )  # fmt: skip
+    new = {"time": time, "q": cubic(time, piece.time, piece.q, slopes)}
+    new |= {"effort": effort, "v": v, "a": a}
+    parts: dict[str, Any] = {key: read_only(values) for key, values in new.items()}
+    return replace(piece, **parts)
 
 
 def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
@@ -333,7 +332,7 @@ def _motion(grid: JointRecord, low_pass: filtering.ZeroPhase, age: float) -> Mea
         q, v, a = grid.q, grid.v, grid.a
     efforts = read_only(np.column_stack(effort))
     pairs = zip((grid.q, efforts), MOTION_RATIOS, strict=True)
-    noise = [filtering.white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
+    noise = [cutoff.white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
     return MeasuredMotion(
         joint_names=grid.joint_names, time=grid.time, q=read_only(q), v=read_only(v),
         a=read_only(a), effort=efforts, valid=valid, dt=low_pass.dt,

@@ -185,9 +185,8 @@ class Identification:
         """A summary: errors, how much is known, and the notes."""
         error, nominal = ("unknown" if np.isnan(x) else f"{x:.2%}" for x in self.error)
         missing = self.missing
-        names = known_names(self.joint_names, 8)
         lines = [
-            f"<Identification of {len(self.joints)} joints: {names}",
+            f"<Identification of {len(self.joints)} joints: {known_names(self.joint_names, 8)}",
             f"torque error on held-out data: {error}, of the nominal scene {nominal}",
             f"{len(self.parameters.keys() - missing.keys())} parameters identified, "
             f"{len(missing)} not; low-pass filter {self.band:.3g} Hz; condition number "

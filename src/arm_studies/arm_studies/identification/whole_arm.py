@@ -105,7 +105,7 @@ def identify(
         scales, remarks = scales_of(rows, [SIMPLE] * model.n, prior)
         data, rows = replace(data, scales=scales), replace(rows, scales=scales)
         notes += remarks
-    aged = len(late) in (0, model.n)
+    aged = len(late) in (0, model.n)  # one age of all, not of some joints' efforts only
     fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=aged)
     notes += remarks
     report("selecting friction laws by cross-validation")

@@ -34,8 +34,7 @@ def controller_of(recipe: Recipe, job: Job) -> ControllerChoice:
     Raises:
         InvalidInput: If it or a setting is unknown or not allowed.
     """
-    varied = values_below(job.values, "controller")
-    return _with_values(recipe.controller, json.dumps(varied))
+    return _with_values(recipe.controller, json.dumps(values_below(job.values, "controller")))
 
 
 @lru_cache(maxsize=64)

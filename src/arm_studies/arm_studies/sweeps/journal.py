@@ -43,14 +43,13 @@ class Journal:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._read({"format": _FORMAT, **inputs})
-        except BlockingIOError:
+        except BaseException as error:
             self._file.close()
+            if not isinstance(error, BlockingIOError):
+                raise
             raise InvalidInput(
                 f"'{self.path}' is being written by another sweep; another folder is expected"
             ) from None
-        except BaseException:
-            self._file.close()
-            raise
 
     def close(self) -> None:
         """Close the file."""

@@ -158,11 +158,9 @@ def sweep(
             journal = stack.enter_context(closing(Journal(Path(out), planner.inputs(groups))))
         rows = dict(journal.rows) if journal else dict[int, Row]()
         begin, before = time.perf_counter(), len(rows)
-        missing = [
-            replace(group, jobs=[job for job in group.jobs if job.index not in rows])
-            for group in groups
-        ]
-        missing = [group for group in missing if group.jobs]
+        left = [[job for job in group.jobs if job.index not in rows] for group in groups]
+        pairs = zip(groups, left, strict=True)
+        missing = [replace(group, jobs=jobs) for group, jobs in pairs if jobs]
         if missing:
             pool = stack.enter_context(started(workers, cluster))
             for activity, remaining in _simulate(planner, missing, pool, rows, journal):

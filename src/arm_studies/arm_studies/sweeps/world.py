@@ -43,11 +43,11 @@ _CACHED = 64  # number of courses, and of gains, of a world that are kept
 class World:
     """Simulates runs one after another; no run depends on those before it.
 
-    Attributes:
-        joint_names: Joints of the arm.
-
     Args:
         recipe: Its inputs.
+
+    Attributes:
+        joint_names: Joints of the arm.
 
     Raises:
         ArmError: If the scene, the controller or the motion cannot be used.
@@ -56,9 +56,9 @@ class World:
     def __init__(self, recipe: Recipe) -> None:
         self._recipe, self._content = recipe, json.loads(recipe.scene)
         self._scene = load_scene(self._content)
-        self._simulator = Simulator(self._scene)
-        self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.controller_scene))))
-        simulator, dynamics = self._simulator, self._dynamics
+        self._simulator = simulator = Simulator(self._scene)
+        model = rigid_twin(load_scene(json.loads(recipe.controller_scene)))
+        self._dynamics = dynamics = Dynamics(model)
         self.joint_names = tuple(simulator.joint_names)
         if simulator.joint_names != dynamics.joint_names:
             raise InvalidInput(
@@ -68,6 +68,7 @@ class World:
         self._ticks = tick_count(recipe.duration, simulator.dt)
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
+        # By their arguments as JSON, since mappings cannot be keys of a cache.
         self._course_of = lru_cache(_CACHED)(self._course)
         self._gains_of = lru_cache(_CACHED)(
             lambda name, settings: gains(name, dynamics, Settings(**json.loads(settings)))
@@ -161,11 +162,12 @@ class World:
     def _alone(self, run: _Run) -> Row:
         """Simulate a run; an error gives a row as well."""
         try:
-            return self._compiled(run) if run.compiled else self._closed_loop(run)
+            return self._all_in_c(run) if run.compiled else self._closed_loop(run)
         except ArmError as error:
             return Row.failed(run.job, error, self._recipe.metrics)
 
-    def _compiled(self, run: _Run) -> Row:
+    def _all_in_c(self, run: _Run) -> Row:
+        """Simulate a run with its controller in compiled code."""
         stepper, n, ticks = self._stepper, len(self.joint_names), self._ticks
         trace, effort, notes = (np.empty((ticks, width)) for width in (len(run.x0), n, 2))
         stepper.restart()

@@ -144,10 +144,7 @@ def test_limits_of_minus_one_are_none(key: str, caplog: pytest.LogCaptureFixture
     assert getattr(arm(own), f"{key}_limit")[0] == 7.0
 
 
-CROSSED = {
-    'lower="2.5" upper="-3"': "lower=2.5 upper=-3",
-    'lower="0.5"': "lower=0.5 upper=0",
-}
+CROSSED = {'lower="2.5" upper="-3"': "lower=2.5 upper=-3", 'lower="0.5"': "lower=0.5 upper=0"}
 
 
 @pytest.mark.parametrize(("given", "words"), CROSSED.items())

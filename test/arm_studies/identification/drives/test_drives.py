@@ -96,10 +96,7 @@ def motor_record(kind: Any, noise: float = 0.0, seed: int = 0, **more: Any) -> M
 
 @pytest.mark.parametrize(
     ("kinds", "names"),
-    [
-        (("free",), tuple(MOTOR)),
-        (("blocked", "free", "coast"), tuple(MOTOR)),
-    ],
+    [(("free",), tuple(MOTOR)), (("blocked", "free", "coast"), tuple(MOTOR))],
 )
 def test_a_motor_is_found_from_its_tests(kinds: Sequence[str], names: Sequence[str]) -> None:
     found = identify_motor([motor_record(kind) for kind in kinds])

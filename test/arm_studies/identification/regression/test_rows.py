@@ -5,7 +5,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.filtering import REACH, decimated, spread
+from arm_studies.identification.decimation import REACH, decimated, spread
 from arm_studies.identification.regression.friction import (
     COULOMB,
     EXCESS,

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import mul
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -94,6 +95,7 @@ class DryFriction:
             stribeck_velocity=self.stribeck_velocity,
             position=tuple(self.position[i] if selected[i] else None for i in everyone),
             load=tuple(self.load[i] if selected[i] else None for i in everyone),
+            scale=self.scale,
         )
 
     def sliding(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
@@ -134,7 +136,7 @@ class DryFriction:
 
     @property
     def steepest_fall(self) -> Array:
-        """The same where it falls over speed, as by the Stribeck effect."""
+        """Largest slope by which it falls over speed, as by the Stribeck effect."""
         return self._steepest(abs(self.excess.skew) + self.excess.mean)
 
     def _steepest(self, change: Array) -> Array:
@@ -147,13 +149,12 @@ class DryFriction:
         return np.asarray(slope * largest)
 
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
-        product: Any = 1.0 if self.scale is None else self.scale
+        factors: list[Any] = [] if self.scale is None else [self.scale]
         if self.by_position:
-            product = product * _applied(self.position, q)
+            factors.append(_applied(self.position, q))
         if self.by_load:
-            product = product * _applied(self.load, size(load))
-        constant = self.scale is None and not (self.by_position or self.by_load)
-        return None if constant else product
+            factors.append(_applied(self.load, size(load)))
+        return reduce(mul, factors) if factors else None
 
 
 @frozen
@@ -166,7 +167,7 @@ class JointFriction(DryFriction):
             part is among the others.
         by_law: Dry friction of the joints whose friction model has states, for that model.
         efficiency: Efficiency of each joint's gear.
-        forward: Whether each drive's torque is positive, 1 or 0; None: as it is.
+        forward: Whether each drive's torque is positive, 1 or 0; None: as its sign says.
     """
 
     viscous: Sided
@@ -249,18 +250,18 @@ class JointFriction(DryFriction):
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Holding torque of a sticking joint, scaled such that it slips at ``level``."""
-        unscaled, (mean, skew) = reaction, self.static
+        scaled, (mean, skew) = reaction, self.static
         if skew.any():
             part = skew / np.where(mean > 0.0, mean, 1.0)
-            reaction = reaction / (1.0 + like(reaction)(part) * sign(reaction))
-        factors, relative = self._factors(q, load), {}
+            scaled = reaction / (1.0 + like(reaction)(part) * sign(reaction))
+        factors, geared = self._factors(q, load), {}
         for i in self.gears:
-            push = _column(unscaled, i)
-            level = mean[i] + skew[i] * sign(push)
-            level = level if factors is None else level * _column(factors, i)
-            loss = self._gear_loss(i, sign(unscaled), load)
-            relative[i] = push * self.level[i] / (level + size(loss) + UNLOADED)
-        return _replaced(reaction if factors is None else reaction / factors, relative)
+            push = _column(reaction, i)
+            dry = mean[i] + skew[i] * sign(push)
+            dry = dry if factors is None else dry * _column(factors, i)
+            loss = self._gear_loss(i, sign(reaction), load)
+            geared[i] = push * self.level[i] / (dry + size(loss) + UNLOADED)
+        return _replaced(scaled if factors is None else scaled / factors, geared)
 
     def most_held(self, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Size of the largest holding torque of each joint in a direction, -1 or 1."""

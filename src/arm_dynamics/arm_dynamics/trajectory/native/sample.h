@@ -11,7 +11,8 @@
  *
  * n            number of joints
  * knots        times of the segments + 1 knots in [s] from 0
- * polynomials  of every segment, coefficients of τ⁰ to τ⁵ of position, velocity and acceleration of n joints
+ * polynomials  of every segment, coefficients of s⁰ to s⁵, s from 0 to 1 in the segment: power after power, each of
+ *              positions, velocities and accelerations of n joints
  * ends         positions before and after the motion
  * torques      at every knot, linear between them and constant before and after; NULL: none, zero
  * t            time in [s] from the start

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.filtering import PASSBAND_RATIO
+from arm_studies.identification.cutoff import PASSBAND_RATIO
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.rows.rows import Rows

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification import filtering
+from arm_studies.identification import decimation
 from arm_studies.identification.data import MeasuredMotion
 from arm_studies.identification.regression.friction import DRY, EXCESS, JointFit, Shape
 
@@ -33,7 +33,7 @@ class FrictionColumns:
             for motion, stride in zip(motions, strides, strict=True)
             for stretch in motion.stretches
         ]
-        reach = np.arange(-filtering.REACH, filtering.REACH + 1)
+        reach = np.arange(-decimation.REACH, decimation.REACH + 1)
         self._near = np.concatenate([
             np.clip(np.arange(s.start, s.stop)[:, None] + reach, s.start, s.stop - 1) for s in rows
         ])  # fmt: skip
@@ -56,7 +56,7 @@ class FrictionColumns:
         return columns
 
     def _weights(self, joint: int, kind: str, stribeck_velocity: float | None) -> Array:
-        """Weights of a column for factors in the rows nearby; see ``filtering.spread``."""
+        """Weights of a column for factors in the rows nearby; see ``decimation.spread``."""
         shape = Shape(stribeck_velocity)
         columns = ((shape.unloaded(kind, v[:, joint]), stride) for v, stride in self._stretches)
-        return np.concatenate([filtering.spread(*column) for column in columns])
+        return np.concatenate([decimation.spread(*column) for column in columns])

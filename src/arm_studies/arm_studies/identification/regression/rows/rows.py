@@ -12,7 +12,7 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_studies.identification import filtering
+from arm_studies.identification import decimation, filtering
 from arm_studies.identification.data import JointRecord, interpolated
 from arm_studies.identification.preparation import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
@@ -255,5 +255,5 @@ def nominal_efforts(rows: Rows) -> Array:
         start += len(thin.time)
         dense = interpolated(motion.time, thin.time, own)
         torque = friction(motion.v, np.sign(motion.v), np.zeros_like(motion.v), dense)
-        torques += [filtering.decimated(torque[stretch], stride) for stretch in motion.stretches]
+        torques += [decimation.decimated(torque[stretch], stride) for stretch in motion.stretches]
     return np.asarray(load + rows.of_joints(np.concatenate(torques)))
