@@ -37,9 +37,6 @@ SPRING: Final = 1e-9
 """Springs against differences of eighth order of their lengths and energies, and motions on them
 against an independent integration."""
 
-STAGE_AT_END: Final = 2e-3
-"""Loads at the last stage of a step against those at its end, relative to the largest."""
-
 ORDER: Final = 0.3
 """Measured order of an integrator against the one it states."""
 

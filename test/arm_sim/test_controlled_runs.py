@@ -24,19 +24,6 @@ def test_a_controller_follows_a_motion_from_the_beginning_of_the_run() -> None:
     assert_close(done.q, expected, 1e-4)
 
 
-def test_a_loop_says_that_a_motion_takes_longer_than_asked(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    pair = ClosedLoop("two_link", acceleration_limit=10.0, dt=1e-3)
-    q = pair.simulator.state.q
-    slow = pair.follow([Waypoint(0.01, q + 0.5)])
-    assert slow.duration > 0.1
-    assert f"takes {slow.duration:.3g} s instead of 0.01 s" in caplog.text
-    caplog.clear()
-    assert pair.follow([Waypoint(3.0, q + 0.5)]).stretch == 1.0
-    assert not caplog.text
-
-
 def test_one_of_ones_own_leads_a_closed_loop_along_trajectories() -> None:
     pair = ClosedLoop("two_link", "own_controllers:Springs", dt=1e-3)
     q = pair.simulator.state.q

@@ -64,12 +64,6 @@ def test_a_contact_costs_no_operation_of_a_step_while_it_is_apart(whole: Simulat
     assert f"({above.plan.apart} in free motion)" in str(above.plan)
 
 
-def test_constraints_are_told_with_the_freedom_that_they_leave() -> None:
-    told = [str(Simulator(name).plan) for name in ("four_bar", "parallel_gripper")]
-    assert "constraints: 2 rows, 1 degree of freedom" in told[0]
-    assert "constraints: 5 rows, 2 degrees of freedom" in told[1]
-
-
 def test_the_pandas_equations_are_short(whole: Simulator) -> None:
     """Articulated bodies with the robot's constants folded in take 2036 operations; moving inertia
     to parents must save a quarter of that and more, friction included.

@@ -41,16 +41,6 @@ def test_a_box_is_lifted_as_fast_as_friction_allows(slips: bool) -> None:
     assert apart > 5e-6 if slips else abs(apart) < 1e-12
 
 
-def test_opened_fingers_rest_at_their_stops() -> None:
-    sim = models.simulator("lifting_gripper")
-    left, right = (sim.joint_names.index(name) for name in ("left", "right"))
-    u = np.zeros(sim.n)
-    u[[left, right]] = -0.5
-    sim.run(0.3, u)
-    run = sim.run(0.5, -u)
-    assert (run.q[-1, [left, right]] == 0.05).all() and not run.v[-1, [left, right]].any()
-
-
 # --- flexible_arm_wall: an impact that only the links feel ------------------------------------
 
 

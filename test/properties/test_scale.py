@@ -92,12 +92,3 @@ def test_inertias_are_compared_with_one_another(
     load = {"frame": "link2", "mass": scale.mass, "inertia": moments.tolist()}
     with pytest.raises(SceneError, match="the tensor must not be negative in any direction"):
         load_scene(scale.scene(plain) | {"payloads": [load]})
-
-
-def test_a_payload_far_out_on_a_long_arm_is_no_mistake(caplog: pytest.LogCaptureFixture) -> None:
-    load = {"frame": "link3", "mass": 1.0, "com": [50.0, 0, 0]}
-    with caplog.at_level(logging.WARNING):
-        load_scene(HUGE.scene(models.scene("planar_3r")) | {"payloads": [load]})
-        assert not caplog.records
-        load_scene(Scale(1.0, 1.0).scene(models.scene("planar_3r")) | {"payloads": [load]})
-    assert "lengths are in m" in caplog.text

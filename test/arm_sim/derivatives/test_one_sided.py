@@ -166,17 +166,6 @@ def test_many_arms_and_rollouts_refuse_the_one_that_has_none(name: str) -> None:
         assert_close(change[1, 1], one[1][:2, 0], 1e-15)
 
 
-def test_a_command_beyond_the_current_limit_is_on_no_boundary_of_the_voltage() -> None:
-    """Only at its limit exactly; the voltage would drive more."""
-    scene = geared(torque_constant=0.05, voltage_limit=2.0, resistance=1.0, current_limit=1.0)
-    sim = Simulator(scene, dt=H)
-    for command, answer in ((1.6, 0.0), (-9.0, 0.0), (1.4, H / (J + 900 * 1e-5))):
-        B = sim.linearize(sim.reset([0.0], [0.5]), [command])[1]
-        assert_close(B[1], [answer], 1e-12)
-    with pytest.raises(NotDifferentiable, match="exactly at its limit, 1.5"):
-        sim.linearize(sim.reset([0.0], [0.5]), [1.5])
-
-
 @pytest.mark.parametrize(
     ("voltage", "options"), [(9.0, {}), (1.0, {"integrator": "rk4"}), (-6.0, {})], ids=str
 )

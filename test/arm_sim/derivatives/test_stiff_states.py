@@ -4,7 +4,6 @@
 The closed form is the exponential of the system's matrix, with the held command as another state.
 """
 
-import logging
 from typing import Any
 
 import numpy as np
@@ -77,17 +76,6 @@ def test_a_gradient_over_ticks_at_rest_is_that_of_the_motion() -> None:
     for k in reversed(range(ticks)):
         assert found.tau[0, k, 0] == pytest.approx((after @ step[:3, 3])[0], rel=1e-7)
         after = after @ step[:3, :3]
-
-
-@pytest.mark.parametrize("method", ["rk4", "nystrom4", "dop853"])
-def test_fixed_steps_that_answer_otherwise_say_so(
-    method: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    sim = Simulator(viscous(1e3)[0], integrator=method)
-    A, _ = sim.linearize(sim.state, [0.0])
-    off = abs(A[1, 1] - np.exp(-1.0))
-    said = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
-    assert any("derivatives are those of" in text for text in said) == (off > 1e-6)
 
 
 @pytest.mark.parametrize("twist", [0.0, 0.2])

@@ -13,7 +13,6 @@ from arm_sim.integrators import METHODS
 from arm_sim.integrators.response import Response
 from arm_sim.integrators.stability import GROWTH, longest_step
 from models.rotor import rotor
-from tolerances import assert_close
 
 EXPLICIT = [name for name in METHODS if name != "implicit"]
 
@@ -57,20 +56,6 @@ def test_what_is_told_begins_where_steps_grow(
     assert grows(outside, name)
     text = f"integrator = '{name}' is unstable at dt = 0.001 s"
     assert text in caplog.text and f"in {1 / (1.01 * rate):.2g} s ('axle')" in caplog.text
-
-
-@pytest.mark.parametrize(
-    ("name", "real", "imaginary"),
-    [
-        ("euler", 2.0, 0.0447), ("rk4", 2.7853, 2.8284), ("nystrom4", 2.7853, None),
-        ("dopri5", 3.3066, None),
-    ],
-)  # fmt: skip
-def test_intervals_are_those_of_the_books(name: str, real: float, imaginary: float) -> None:
-    """Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2."""
-    assert_close(interval(name, [[0, 1], [0, -1]]), real, 1e-3)
-    if imaginary is not None:
-        assert_close(interval(name, [[0, 1], [-1, 0]]), imaginary, 1e-3)
 
 
 def test_a_stiff_joint_is_named_with_its_time_and_what_would_do(

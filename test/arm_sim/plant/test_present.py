@@ -85,12 +85,3 @@ def test_the_constraints_are_those_that_are_active() -> None:
     assert not sim.dynamics.constrained_forward(q, v, tau)[1].any()
     both = sim.dynamics.constrained_forward(q, v, tau, active=["plane_0"])[0]
     assert_close(both, held, PINOCCHIO)
-
-
-def test_a_recording_ends_with_the_dynamics_of_its_end() -> None:
-    sim = Simulator(scene(), backend="vm")
-    run = sim.run(0.01, lambda state: tune(sim) or [0.0, 0.0] if state.step == 5 else [0.0, 0.0])
-    q, v = run.q[-1], run.v[-1]
-    own, expected = (arm.inverse(q, v, v) for arm in (run.dynamics, sim.dynamics))
-    np.testing.assert_array_equal(own, expected)
-    assert (own != Dynamics(sim.model).inverse(q, v, v)).any()

@@ -66,13 +66,3 @@ def test_estimate_of_an_arm_far_from_its_stops_is_that_of_one_without() -> None:
         errors.append(run.local_error)
     np.testing.assert_array_equal(*errors)
     assert errors[0][-1] > 1e-8
-
-
-def test_torque_changes_between_ticks_are_met_exactly(rng: np.random.Generator) -> None:
-    """A torque that jumps each tick: error control gives what very short fixed steps give."""
-    torque = rng.normal(0.0, 10.0, (20, 2))
-    controlled = models.simulator("double_pendulum", tolerance=1e-11, dt=0.05).run(1.0, torque)
-    fine = models.simulator("double_pendulum", integrator="rk4", dt=2.5e-4).run(
-        1.0, torque.repeat(200, axis=0)
-    )
-    np.testing.assert_allclose(controlled.q[-1], fine.q[-1], rtol=0, atol=1e-8)

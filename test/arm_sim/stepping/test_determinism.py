@@ -82,8 +82,3 @@ def test_the_same_motion(name: str, options: dict[str, Any], rng: np.random.Gene
     np.testing.assert_array_equal(runs[1].tau, runs[0].tau)
     assert (runs[0].local_error[-1] > 0.0) == ("tolerance" in options)
     np.testing.assert_allclose(runs[1].local_error, runs[0].local_error, rtol=1e-6, atol=1e-18)
-
-
-def test_the_plan_names_the_backend() -> None:
-    assert "virtual machine" in str(models.simulator("gantry", backend="vm").plan)
-    assert "virtual machine" not in str(models.simulator("gantry", backend="native").plan)
