@@ -185,21 +185,18 @@ correct_wheels() {
 
 # Nothing here is C++: messages for Python need C only, and what Fast DDS, the only middleware in the wheels, needs
 # of it. The generators for C++ would take half of the time, and cannot be deselected: std_msgs brings them all.
-leave_out_generators() {
+fit_wheels() {
     local name
+    correct_wheels
     for name in rosidl_generator_cpp rosidl_typesupport_{cpp,fastrtps_cpp,introspection_cpp}; do
         : >"$env/share/$name/cmake/${name}_generate_interfaces.cmake"
     done
 }
 
-fit_wheels() {
-    correct_wheels
-    leave_out_generators
-}
-
 set_up_packages() {
     was_complete=
-    rm -rf "$env"
+    [[ ! -e $env || -e $env/setuptools.txt ]] || die "$env is not an environment of ./arm; rename or remove it"
+    rm -rf "$env" && mkdir -p "$env" && : >"$env/setuptools.txt" # by which it is known
     step "Creating ${env#"$root/"} with $base_python" make_environment
     step "Installing packages (0.5 GB to download, one to five minutes)" install_packages
     if [[ $kind == pypi ]]; then step "Fitting the ROS 2 packages to this machine" fit_wheels; fi

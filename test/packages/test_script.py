@@ -163,6 +163,15 @@ def closed() -> Iterator[Path]:
         folder.chmod(0o755)
 
 
+def test_an_environment_of_another_is_not_replaced(closed: Path) -> None:
+    closed.chmod(0o755)
+    (closed / ".venv").mkdir()
+    (closed / ".venv/mine").touch()
+    done = arm(closed, "setup")
+    assert done.returncode == 1 and f"{closed}/.venv is not an environment" in done.stderr
+    assert (closed / ".venv/mine").exists()
+
+
 # What follows a program of the user's does not ask ./arm.
 @pytest.mark.parametrize("line", ["setup", "python mine.py --help"])
 def test_a_folder_that_cannot_be_written_is_named(closed: Path, line: str) -> None:

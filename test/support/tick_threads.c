@@ -249,8 +249,8 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
       .raw = state_raw, .size = MESSAGE, .fields = 1, .joints = JOINTS, .at = {HEAD}, .numbers = {numbers}};
   arm_t arm = {.tick = drive, .x = x, .command = next_command, .dt = 1e-3, .acted = acted};
   tick_t copy = {
-      .raw = tick_raw, .size = MESSAGE, .stamp = 0, .hold = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
-      .sizes = {8 * JOINTS}, .tick = 1, .state = 2};
+      .raw = tick_raw, .size = MESSAGE, .stamp_at = 0, .hold_at = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
+      .sizes = {8 * JOINTS}, .tick_channel = 1, .state_channel = 2};
   ticks_t ticks = {
       .ask = answer, .bell = &bell, .take = joint_state_take, .source = &from, .reader = &reader, .at_once = 2, .leads = {1},
       .arbiter = &arbiter, .slot = &slot, .arm = &arm, .x = x, .effort = acted,

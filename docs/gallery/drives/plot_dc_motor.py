@@ -141,7 +141,7 @@ other.set_ylabel("speed of the flywheel [rad/s]", color="C1")
 other.plot(time, speed, color="C1")
 
 w = np.linspace(0.0, volts / K, 200)
-axes[1].plot(w, K * (volts - K * w) / R, color="0.6", label="constant current")
+axes[1].plot(w, K * (volts - K * w) / R, color="0.6", label="steady state")
 axes[1].plot(N * speed, K * current, label="the run")
 axes[1].plot(N * cut.v[:, 0], K * cut.z[:, 0], "--", label="with a limit of 8 A")
 axes[1].plot(*curve.T, "ko", ms=4, label="settled under six loads")
@@ -188,8 +188,8 @@ plt.show()
 # Questions
 # ---------
 # 1. At which speed does the motor give most power, and which part of the electrical power is that?
-#    *Hint:* :math:`\tau_m\omega` is a parabola; its top is the maximum of the dotted curve. The
-#    current there is half of the stall current.
+#    *Hint:* :math:`\tau_m\omega` is a parabola; at its top the current is half of
+#    the stall current.
 # 2. Which pole is electrical, which mechanical, and what do they become for :math:`L \to 0`?
 #    *Hint:* print the poles with ``L`` a tenth as large; one goes to :math:`-R/L`, the other to
 #    :math:`-K^2 / (R J)`. Leave ``inductance`` out of the scene and ``run.z`` is empty.

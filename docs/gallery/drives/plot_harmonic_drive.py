@@ -44,7 +44,7 @@ use_style()
 # %%
 # The scene
 # ---------
-# How the numbers are found on a data sheet is told in "Friction and actuation": H is half the
+# How the numbers are found on a data sheet stands on the page "Drives": H is half the
 # width of the loop at zero torque, D the twist in which a reversal closes half of it.
 
 print((files("arm_sim") / "scenes/lectures/harmonic_drive.yaml").read_text())

@@ -85,7 +85,7 @@ assert np.ptp(centre) <= 1e-10
 # About the upright position the motion from step to step is nearly linear,
 # :math:`x_{k+1} = A x_k + B F_k`; the simulator gives the exact derivatives of its step. The force
 # :math:`F = -K x` that minimizes :math:`\sum x^T Q x + R F^2` follows from a Riccati equation
-# (the linear quadratic regulator). The weights ask for 0.1 m, 0.1 rad and 10 N.
+# (the linear quadratic regulator). The weights are those of 0.1 m, 0.1 rad and 10 N.
 
 sim.reset(q=[0.0, 0.0])
 A, B = sim.linearize(sim.state, np.zeros(2))
@@ -160,5 +160,6 @@ plt.show()
 # ---------
 # 1. From which angle on does the controller no longer save the pendulum? *Hint:* the rail ends at
 #    2 m; and how much force would a nearly horizontal pendulum need?
-# 2. The cart first moves *towards* the side to which the pendulum leans. Why can no controller
-#    avoid this? *Hint:* look at the sign of the acceleration of the centre of mass.
+# 2. The cart first moves *towards* the side to which the pendulum leans. Why must it do
+#    so at some time? *Hint:* the second equation: which accelerations of the cart right the
+#    pendulum?

@@ -4,7 +4,7 @@ An arm held by friction
 =======================
 
 At rest, the friction of a joint is a reaction: it balances gravity and the command,
-:math:`F = g(q) - \tau`, as long as :math:`|F| \le F_s`. A UR5e with :math:`F_s` = 45 N m in
+:math:`F = \tau - g(q)`, as long as :math:`|F| \le F_s`. A UR5e with :math:`F_s` = 45 N m in
 shoulder and elbow holds itself without a command. A torque of the elbow that falls at
 :math:`r` = 60 N m/s makes it break away at :math:`t = (F_s - g_3) / r`, and not before.
 

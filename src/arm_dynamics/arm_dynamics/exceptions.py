@@ -28,6 +28,7 @@ ELSEWHERE = {
     "pose": "fkine fk forward_kinematics T",
     "jacobian": "J jac jacob0 frame_jacobian",
     "arm_dynamics.task_space.InverseKinematics": "ik ikine inverse_kinematics",
+    "kinetic": "T kinetic_energy",
     "energy": "T V U kinetic_energy potential_energy",
     "position_lower": "lower lower_limit limits position_limits qlim",
     "viscous": "damping",

@@ -220,7 +220,7 @@ def test_the_newest_choice_counts_whatever_was_being_prepared(
 
 BAD = [
     ({"controller": "magic"}, "'magic'; allowed: one of pd, pid"),
-    ({"controller": "operational_space"}, "frame is not given; a task controller needs one of"),
+    ({"controller": "operational_space"}, "frame (task_frame of the node) is not given"),
     ({"task_frame": "paw"}, "frame 'paw' does not exist"),
     ({"task_frame": FRAME, "task_axes": "x, w"}, "different names out of x, y, z, rx, ry, rz"),
     (

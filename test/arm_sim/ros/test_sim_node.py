@@ -131,7 +131,7 @@ def test_when_a_node_is_destroyed_its_threads_have_ended(
     if make is SimNode:
         report = node.loop.report()
         summary = (
-            f"{report.ticks} time steps, {report.rate:.2f} per second, {report.missed} deadlines "
+            f"{report.ticks} cycles, {report.rate:.2f} per second, {report.missed} deadlines "
             f"missed, {report.dropped} dropped; lateness {report.lateness}; 0 answers\n"
         )
         assert summary in capfd.readouterr().err

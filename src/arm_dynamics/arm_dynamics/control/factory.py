@@ -383,6 +383,5 @@ def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
 
 def _task(dynamics: Dynamics, s: Settings) -> TaskSpace:
     if not s.frame:
-        frames = known_names(dynamics.model.frame_names)
-        raise InvalidInput(f"frame is not given; a task controller needs one of {frames}")
+        raise InvalidInput("frame (task_frame of the node) is not given; a frame is expected")
     return TaskSpace(dynamics, s.frame, selection=s.axes)

@@ -106,7 +106,7 @@ class Dynamics:
         "damping friction viscous coulomb": "build another Dynamics, of a scene with "
         "joints: {'*': {friction: {viscous: …}}}",
         "mass masses inertia payload payloads": "build another Dynamics, of a scene with "
-        "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …}}",
+        "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …, com: …, inertia: …}}",
         "gravity": "build another Dynamics(scene), of a scene with gravity: [x, y, z]",
         "latex symbolic sympy": f"{ARM} export SCENE writes its equations, as C",
         "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "

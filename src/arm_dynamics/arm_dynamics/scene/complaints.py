@@ -123,7 +123,7 @@ def _reason(error: ErrorDetails, schema: Schema) -> str:
             entries = value.strip("[]() \n").replace(",", " ").split()
             example = f", such as [{', '.join(entries)}]"
         elif isinstance(value, int | float) and not isinstance(value, bool):
-            example = f", such as [0, 0, {value}]"
+            example = f", such as [0, 0, {-abs(value):g}]"
         return f"a list is expected{example}"
     if kind == "string_type" and isinstance(error["input"], bool | int | float):
         return "text is expected; in quotes it is text"

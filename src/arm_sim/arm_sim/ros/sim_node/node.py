@@ -234,7 +234,7 @@ class SimNode(Node):
             loop, round_trip = self.loop.report(), self.engine.round_trip.histogram.percentiles()
             trips = f", round trip {round_trip}" if round_trip.count else ""
             self.get_logger().info(
-                f"{loop.ticks} time steps, {loop.rate:.2f} per second, {loop.missed} deadlines "
+                f"{loop.ticks} cycles, {loop.rate:.2f} per second, {loop.missed} deadlines "
                 f"missed, {loop.dropped} dropped; lateness {loop.lateness}; "
                 f"{round_trip.count} answers{trips}"
             )
