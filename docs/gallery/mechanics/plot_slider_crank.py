@@ -132,7 +132,7 @@ other.set_ylabel("slider [m]", color="C1")
 other.plot(run.time, run.q[:, rail], color="C1")
 turns = angle / (2.0 * np.pi)
 right.plot(turns, speed, label="run")
-mean = np.trapezoid(J, angle) / np.ptp(angle)  # over the angle
+mean = np.sum(0.5 * (J[1:] + J[:-1]) * np.diff(angle)) / np.ptp(angle)  # over the angle
 smooth = np.sqrt(2.0 * tau * (angle - angle[0]) / mean)
 right.plot(turns, smooth, "--", label="with the mean inertia")
 right.set(xlabel="turns of the crank", ylabel="speed [rad/s]", title="Speed")
