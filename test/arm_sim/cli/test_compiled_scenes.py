@@ -25,7 +25,7 @@ from arm_dynamics.codegen import compiler, processor
 from arm_dynamics.control import NAMES, Settings, make_controller
 from arm_dynamics.control.compiled_law import compiled_law
 from arm_sim import Simulator
-from arm_sim.stepping.batch import Batch
+from arm_sim.stepping.rollouts.batch import Batch
 from arm_studies.cli.main import main
 from arm_studies.optimization import ILQR, Phase, QuadraticCost
 from arm_studies.optimization.backward import library_of

@@ -13,8 +13,8 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.stepping.batch import Batch
-from arm_sim.stepping.threads import share
+from arm_sim.stepping.rollouts.batch import Batch
+from arm_sim.stepping.rollouts.threads import share
 from models import features
 from tolerances import BACKENDS, assert_close
 

@@ -8,9 +8,9 @@ import pytest
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.cutoff import chosen_band, white_noise
-from arm_studies.identification.filtering import ZeroPhase
 from arm_studies.identification.preparation import resampled
+from arm_studies.identification.signals.cutoff import chosen_band, white_noise
+from arm_studies.identification.signals.filtering import ZeroPhase
 
 RATE = 500.0
 T = np.arange(0.0, 10.0, 1.0 / RATE)

@@ -15,9 +15,9 @@ from samples import always
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, identify, mapped, prepare
 from arm_studies.identification.data import read_joint_record
-from arm_studies.identification.filtering import ZeroPhase
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.signals.filtering import ZeroPhase
 
 BESIDE = Path(__file__).parents[4] / "shared/data/identification"
 FOLDER = Path(os.environ.get("ARM_RECORDINGS", BESIDE))

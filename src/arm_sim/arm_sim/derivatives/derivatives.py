@@ -22,7 +22,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import packed
 from arm_sim.plant.plant import Plant
 from arm_sim.state import State
-from arm_sim.stepping.batch import Batch, by_tick, states
+from arm_sim.stepping.rollouts.batch import Batch, by_tick, states
 from arm_sim.stepping.stepper import Stepper
 
 

@@ -27,7 +27,7 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
 from arm_sim.stepping.arm_table import Engine
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 
 # Ticks that are made in one call
 STRETCH = 1024

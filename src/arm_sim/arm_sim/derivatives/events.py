@@ -33,7 +33,7 @@ from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import dense_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.lanes import ADDRESS, built_of_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, built_of_lanes, lanes_source
 
 # Segments of a tick, and steps of all of them, for which there is room.
 MOST_SEGMENTS, MOST_STEPS = 1000, 200_000

@@ -35,11 +35,17 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Marks
-from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lane_widths import widest
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source, takes_equal_steps
-from arm_sim.stepping.threads import share
+from arm_sim.stepping.rollouts.batch import Batch
+from arm_sim.stepping.rollouts.lane_widths import widest
+from arm_sim.stepping.rollouts.lanes import (
+    ADDRESS,
+    NUMBER,
+    built_of_lanes,
+    lanes_source,
+    takes_equal_steps,
+)
+from arm_sim.stepping.rollouts.threads import share
 
 
 @frozen

@@ -34,8 +34,8 @@ from arm_sim.derivatives.tick_derivatives import TickDerivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import within_reach
-from arm_sim.stepping.lane_widths import check_lanes
 from arm_sim.stepping.python_function import unanswered
+from arm_sim.stepping.rollouts.lane_widths import check_lanes
 from arm_sim.stepping.stepper import Stepper
 
 

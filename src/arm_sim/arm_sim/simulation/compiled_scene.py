@@ -15,7 +15,7 @@ from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.physics import Physics
 from arm_sim.simulation.plan import Plan
-from arm_sim.stepping.rollout import Rollouts
+from arm_sim.stepping.rollouts.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.trial import keeps_accuracy
 

@@ -41,8 +41,8 @@ from arm_sim.simulation.run import Control, driver_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
 from arm_sim.state import State
-from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces
+from arm_sim.stepping.rollouts.batch import Batch
 from arm_sim.stepping.stepper import Stepper
 
 if TYPE_CHECKING:

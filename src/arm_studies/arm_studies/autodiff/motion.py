@@ -13,7 +13,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.plant.placing import inside_stops
 from arm_sim.simulation.simulator import Simulator
-from arm_sim.stepping.batch import Batch
+from arm_sim.stepping.rollouts.batch import Batch
 
 # The libraries call from threads of their own; each call takes all cores.
 _ONE_AT_A_TIME = Lock()

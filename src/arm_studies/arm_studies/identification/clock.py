@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_studies.identification.cutoff import NOISE_RATIO, WIDEST, chosen_band
 from arm_studies.identification.data import JointRecord, interpolated, runs
-from arm_studies.identification.filtering import ZeroPhase
+from arm_studies.identification.signals.cutoff import NOISE_RATIO, WIDEST, chosen_band
+from arm_studies.identification.signals.filtering import ZeroPhase
 
 ROUNDS = 4
 # Fraction of the positions' noise power that late stamps must explain to be corrected.

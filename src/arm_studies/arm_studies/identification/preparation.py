@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification import cutoff, decimation, filtering
 from arm_studies.identification.clock import repaired, without_repeats
 from arm_studies.identification.data import JointRecord, MeasuredMotion, interpolated, runs
+from arm_studies.identification.signals import cutoff, decimation, filtering
 
 # Steps without a sample that split a recording; over shorter holes the filter gets interpolated
 # values, and only the samples that are missing are left out.

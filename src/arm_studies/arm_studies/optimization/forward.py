@@ -15,7 +15,7 @@ from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper, lanes
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lane_widths import widest
+from arm_sim.stepping.rollouts.lane_widths import widest
 from arm_studies.optimization.backward import OWN, Policy
 
 

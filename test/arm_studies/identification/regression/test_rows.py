@@ -5,7 +5,6 @@ import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.decimation import REACH, decimated, spread
 from arm_studies.identification.regression.friction import (
     COULOMB,
     EXCESS,
@@ -16,6 +15,7 @@ from arm_studies.identification.regression.friction import (
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
+from arm_studies.identification.signals.decimation import REACH, decimated, spread
 
 STRIDE = 10
 

@@ -16,7 +16,7 @@ from arm_sim.derivatives.tangents.step_tangent import StepTangent, command_tange
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.engine import NATIVE
-from arm_sim.stepping.lanes import lanes_source
+from arm_sim.stepping.rollouts.lanes import lanes_source
 from arm_sim.stepping.tick_functions import MOVING
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:

@@ -24,9 +24,9 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.lane_widths import widest
-from arm_sim.stepping.lanes import ADDRESS, NUMBER, built_of_lanes
-from arm_sim.stepping.threads import share
+from arm_sim.stepping.rollouts.lane_widths import widest
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes
+from arm_sim.stepping.rollouts.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
 # halved once more: from there on they converge by the method's order. Rounding, relative to the

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.cutoff import PASSBAND_RATIO
 from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
+from arm_studies.identification.signals.cutoff import PASSBAND_RATIO
 
 # Ratio of neighbouring bandwidths that are tried, and the smallest relative to the band.
 STEP, NARROWEST = 0.9, 0.06

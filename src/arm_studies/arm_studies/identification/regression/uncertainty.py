@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.filtering import FLAT_NOISE
 from arm_studies.identification.regression.estimation import Mask, solved
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.rows.rows import Rows
+from arm_studies.identification.signals.filtering import FLAT_NOISE
 
 # Singular values relative to the largest below which a direction is not determined.
 SINGULAR = 1e-7

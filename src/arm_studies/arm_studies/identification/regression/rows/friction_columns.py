@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification import decimation
 from arm_studies.identification.data import MeasuredMotion
 from arm_studies.identification.regression.friction import DRY, EXCESS, JointFit, Shape
+from arm_studies.identification.signals import decimation
 
 # Columns of each joint that are kept: of every kind, and some Stribeck velocities.
 KEPT = 8

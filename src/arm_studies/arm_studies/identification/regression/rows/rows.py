@@ -12,7 +12,6 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_studies.identification import decimation, filtering
 from arm_studies.identification.data import JointRecord, interpolated
 from arm_studies.identification.preparation import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
@@ -20,6 +19,7 @@ from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.friction_columns import KEPT
 from arm_studies.identification.regression.rows.samples import Samples
 from arm_studies.identification.regression.rows.sticking import Clearing, pulses
+from arm_studies.identification.signals import decimation, filtering
 
 SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
 

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification import filtering
 from arm_studies.identification.data import MeasuredMotion
 from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import sticking
 from arm_studies.identification.regression.rows.friction_columns import FrictionColumns
+from arm_studies.identification.signals import filtering
 
 HELD_OUT = 0.3  # Fraction of each recording, at its end, that is held out to measure errors.
 FOLDS = 5  # Folds of the rest by which laws are selected, each predicted from the others.

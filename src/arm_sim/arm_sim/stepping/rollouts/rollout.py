@@ -15,10 +15,10 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
-from arm_sim.stepping.batch import Batch
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.lane_widths import check_lanes, natural_width, widest
-from arm_sim.stepping.lanes import (
+from arm_sim.stepping.rollouts.batch import Batch
+from arm_sim.stepping.rollouts.lane_widths import check_lanes, natural_width, widest
+from arm_sim.stepping.rollouts.lanes import (
     ADDRESS,
     NUMBER,
     built_of_lanes,
@@ -26,8 +26,8 @@ from arm_sim.stepping.lanes import (
     takes_equal_steps,
     ticks_of_lanes,
 )
+from arm_sim.stepping.rollouts.threads import share
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.threads import share
 
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
