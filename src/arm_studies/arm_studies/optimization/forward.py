@@ -12,9 +12,10 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address, strides
 from arm_sim.simulation.simulator import Simulator
-from arm_sim.stepping import Stepper, lanes
+from arm_sim.stepping import Stepper
 from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
 from arm_sim.stepping.engine import Compiled
+from arm_sim.stepping.rollouts import lanes
 from arm_sim.stepping.rollouts.lane_widths import widest
 from arm_studies.optimization.backward import OWN, Policy
 
