@@ -72,7 +72,7 @@ def environment(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def told(environment: Path, *words: str | Path, **given: str) -> str:
+def output_of(environment: Path, *words: str | Path, **given: str) -> str:
     """What its Python prints, started with these variables alone."""
     done = subprocess.run(
         [environment / "bin/python", *words], env={"PATH": "/usr/bin:/bin", **given},
@@ -84,9 +84,9 @@ def told(environment: Path, *words: str | Path, **given: str) -> str:
 
 def test_python_gets_what_it_lacks(environment: Path) -> None:
     given = {"LD_LIBRARY_PATH": "/two:/three"}
-    assert told(environment, "-c", SHOW, "a b", **given) == "/one:/two:/three ours ['a b']\n"
+    assert output_of(environment, "-c", SHOW, "a b", **given) == "/one:/two:/three ours ['a b']\n"
     given = {"LD_LIBRARY_PATH": "/one:/two", "KIND": "theirs"}
-    assert told(environment, "-c", SHOW, **given) == "/one:/two theirs []\n"
+    assert output_of(environment, "-c", SHOW, **given) == "/one:/two theirs []\n"
 
 
 def test_python_starts_once_more_at_most(environment: Path) -> None:
@@ -94,7 +94,7 @@ def test_python_starts_once_more_at_most(environment: Path) -> None:
     packages = environment / PACKAGES
     (packages / "taker.py").write_text("import os; os.environ.pop('LD_LIBRARY_PATH', None)\n")
     (packages / "a.pth").write_text("import taker\n")  # read first
-    assert told(environment, "-c", SHOW) == "/one:/two ours []\n"
+    assert output_of(environment, "-c", SHOW) == "/one:/two ours []\n"
 
 
 @pytest.mark.parametrize(("place", "held"), [("arm_sim/sim", 2), ("mine/sim", 0)])
@@ -102,4 +102,4 @@ def test_signals_wait_until_a_node_listens(environment: Path, place: str, held: 
     script = environment / place
     script.parent.mkdir()
     script.write_text("import signal; print(len(signal.pthread_sigmask(signal.SIG_BLOCK, [])))\n")
-    assert told(environment, script) == f"{held}\n"
+    assert output_of(environment, script) == f"{held}\n"

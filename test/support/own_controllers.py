@@ -39,13 +39,6 @@ class Pull(JointLaw):
         return rigid.gravity(q) + 0.5 * (pull + memory[0]), (pull,)
 
 
-class Bounded(Pull):
-    """Its spring yields, by a function of NumPy."""
-
-    def formula(self, rigid: Any, q: Any, v: Any, desired: Any, tuning: Any, memory: Any) -> Any:
-        return rigid.gravity(q) + 5.0 * np.tanh(tuning[0] * (desired.q - q)), memory
-
-
 class Numbers(Pull):
     """Its formula takes numbers only."""
 
@@ -113,10 +106,6 @@ class Broken:
 
 class NoTorque:
     pass
-
-
-def made_by_a_function(dynamics: Dynamics) -> Springs:
-    return Springs(dynamics, stiffness=100.0)
 
 
 NUMBER = 7

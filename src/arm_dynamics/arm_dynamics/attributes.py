@@ -107,7 +107,7 @@ def check_arguments(owner: object, method: Callable[..., Any], keywords: Iterabl
     """Refuse keywords that a method, or the constructor, lacks."""
     parameters = [*signature(method).parameters.values()][1:]
     takes_any = any(x.kind is x.VAR_KEYWORD for x in parameters)
-    names = [x.name for x in parameters if x.kind is not x.VAR_POSITIONAL and not takes_any]
+    names = [] if takes_any else [x.name for x in parameters if x.kind is not x.VAR_POSITIONAL]
     for name in set(keywords) - set(names) if names else ():
         called = _called(owner, method).removesuffix(".__init__")
         near = did_you_mean(name, names) or _hint(owner, name)

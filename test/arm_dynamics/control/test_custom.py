@@ -87,6 +87,17 @@ def test_one_with_a_formula_is_compiled_as_ours_are(dynamics: Dynamics) -> None:
         np.testing.assert_allclose(control.torque(STATE, GOAL), expected, rtol=1e-12)
 
 
+def test_a_formula_may_use_functions_of_numpy(dynamics: Dynamics) -> None:
+    class Bounded(own_controllers.Pull):
+        def formula(self, rigid: Any, q: Any, v: Any, goal: Any, tuning: Any, memory: Any) -> Any:
+            return rigid.gravity(q) + 5.0 * np.tanh(tuning[0] * (goal.q - q)), memory
+
+    control = make_controller(Bounded, dynamics)
+    assert compiled_law(control) is not None
+    expected = Bounded(dynamics).torque(STATE, GOAL)
+    np.testing.assert_allclose(control.torque(STATE, GOAL), expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("maker", [own_controllers.Numbers, own_controllers.Other])
 def test_one_whose_formula_is_no_expression_or_another_runs_uncompiled(
     dynamics: Dynamics, maker: Any, caplog: pytest.LogCaptureFixture
