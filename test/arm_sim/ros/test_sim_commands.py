@@ -1,24 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to the sim node, ticked by hand."""
+"""Commands to the sim node, ticked by hand: efforts, velocities and positions, by some joints."""
 
-import time
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, by_hand, command, motion, next_command, ticks
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 
 import models
-from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.interfaces import RESET
+from arm_dynamics.ros.interfaces import RESET, STEP
 from arm_sim.ros import SimNode
+from arm_sim.ros.interfaces import COMMANDS
 
 pytestmark = pytest.mark.ros
+
+NAN = float("nan")
+PANDA = list(models.dynamics("panda").joint_names)
+START = models.dynamics("panda").model.q0
 
 
 @pytest.fixture
@@ -27,48 +30,15 @@ def node(ros: Ros) -> SimNode:
     return by_hand(ros)
 
 
-def acting(node: SimNode) -> np.ndarray:
-    """The torque of the next tick."""
-    return next_command(node.engine.commands, node.simulator.state.q)
+@pytest.fixture
+def panda(ros: Ros) -> SimNode:
+    """A Panda whose ticks are triggered by hand, with its brakes on."""
+    return by_hand(ros, "panda", stale_policy="brake")
 
 
-def named(stamp: int, source: str, joint: int, effort: float) -> bytes:
-    message = JointState(name=[NAMES[joint]], effort=[effort])
-    message.header.frame_id = source
-    message.header.stamp = to_time(stamp)
-    return serialize_message(message)
-
-
-def test_all_commands_that_come_within_a_tick_are_looked_at(ros: Ros, node: SimNode) -> None:
-    """Sixteen sources: one in control, and fifteen others."""
-    for _ in range(10):
-        node.inputs.on_joint_commands(named(0, "leader", 0, 1.0))
-    publisher = ros.publisher(JointState, "/joint_commands")
-    heard = ros.listen(JointState, "/joint_commands", 50)
-    publisher.publish(named(0, "leader", 0, 2.0))
-    for _ in range(15):
-        publisher.publish(named(0, "other", 0, 9.0))
-    ros.spin_until(lambda: len(heard) == 16)  # so the node, too, has all of them
-    node.tick()
-    assert node.simulator.effort[0] == 2.0
-    assert node.engine.arbiter.refused == 15
-
-
-def test_of_bare_commands_only_the_newest_is_taken(ros: Ros, node: SimNode) -> None:
-    publisher = ros.publisher(Float64MultiArray, "/sim/commands")
-    beside = ros.peer.create_subscription(Float64MultiArray, "/sim/commands", print, 10)
-    ros.spin_until(lambda: publisher.get_subscription_count() == 2)
-    for count in range(1, 6):
-        publisher.publish(Float64MultiArray(data=[0.0] * (10 + count)))
-    left = 5
-    while left:  # until all of them are there, without a look into the node's own subscription
-        with beside.handle:
-            left -= beside.handle.take_message(Float64MultiArray, False) is not None
-    time.sleep(0.05)
-    ros.spin_until(lambda: node.inputs.refused)
-    end = time.monotonic() + 0.2
-    ros.spin_until(lambda: time.monotonic() > end)
-    assert node.inputs.refused == 1
+def send(node: SimNode, name: list[str], source: str = "", **fields: Any) -> None:
+    header = Header(frame_id=source)
+    node.inputs.on_joint_commands(command(header=header, name=name, **fields))
 
 
 def test_quality_of_service(ros: Ros) -> None:
@@ -84,72 +54,44 @@ def test_quality_of_service(ros: Ros) -> None:
         )  # fmt: skip
         assert end.qos_profile.reliability == reliability
         assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
-
-
-def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
-    node.inputs.on_joint_commands(command(name=[NAMES[0]], effort=[0.5]))
-    np.testing.assert_array_equal(acting(node), [0.5, 0.0])
-    node.inputs.on_joint_commands(command(name=[NAMES[1]], effort=[0.7]))
-    np.testing.assert_array_equal(acting(node), [0.5, 0.7])
+    assert COMMANDS.subscribe.depth == 1, "of bare commands only the newest is taken"
 
 
 def test_bad_commands_are_passed_over(node: SimNode, capfd: pytest.CaptureFixture[str]) -> None:
-    node.inputs.on_joint_commands(command(name=list(NAMES), effort=TAU))
-    bad: tuple[dict[str, Any], ...] = (
-        {"name": ["nobody"], "effort": [1.0]}, {"name": list(NAMES), "effort": [1.0]},
-        {"name": list(NAMES), "effort": [1.0, np.nan]},
-        {"name": list(NAMES), "effort": [np.inf, 1.0]},
-        {"name": list(NAMES), "position": [1.0]}, {"name": list(NAMES), "velocity": [np.inf, 1.0]},
-        {"name": list(NAMES)}, {},
+    node.inputs.on_joint_commands(command(name=NAMES, effort=TAU))
+    bad: tuple[dict[str, Any] | list[float], ...] = (
+        {"name": ["nobody"], "effort": [1.0]}, {"name": NAMES, "effort": [1.0, NAN]},
+        {"name": NAMES, "position": [1.0]}, {"name": NAMES, "velocity": [np.inf, 1.0]},
+        {"name": NAMES}, {}, [], [1.0] * 3, [NAN, 0.0],
     )  # fmt: skip
-    for count, fields in enumerate(bad, 1):
-        node.inputs.on_joint_commands(command(**fields))
-        np.testing.assert_array_equal(acting(node), TAU)
+    for count, given in enumerate(bad, 1):
+        if isinstance(given, dict):
+            node.inputs.on_joint_commands(command(**given))
+        else:
+            node.inputs.on_commands(Float64MultiArray(data=given))
+        acting = next_command(node.engine.commands, node.simulator.state.q)
+        np.testing.assert_array_equal(acting, TAU)
         assert node.inputs.refused == count
-    said = capfd.readouterr().err
-    assert "command ignored: unknown joints nobody" in said and "effort has 1 numbers" in said
-
-
-def test_mimic_joints_may_be_commanded_as_they_follow(
-    ros: Ros, capfd: pytest.CaptureFixture[str]
-) -> None:
-    node, both = by_hand(ros, "gripper"), ["left_slide", "right_slide"]
-    node.inputs.on_joint_commands(command(name=both, position=[0.03, -0.011]))
-    np.testing.assert_array_equal(acting(node).position, [np.nan, 0.03])
-    for fields in ({"name": both, "position": [0.02, 0.02]}, {"name": both[1:], "effort": [1.0]}):
-        node.inputs.on_joint_commands(command(**fields))
-        np.testing.assert_array_equal(acting(node).position, [np.nan, 0.03])
-    assert node.inputs.refused == 2
-    assert "command ignored: position: right_slide is 0.02, but right_" in capfd.readouterr().err
-
-
-def test_bad_arrays_are_passed_over(node: SimNode) -> None:
-    node.inputs.on_commands(Float64MultiArray(data=TAU))
-    for count, data in enumerate(([], [1.0], [1.0] * 3, [np.nan, 0.0], [0.0] * 1000), 1):
-        node.inputs.on_commands(Float64MultiArray(data=data))
-        np.testing.assert_array_equal(acting(node), TAU)
-        assert node.inputs.refused == count
+    assert "command ignored: unknown joints nobody" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("topic", "effort"), [("joint_commands", 1000.0), ("~/commands", -1000.0)]
 )
 def test_effort_beyond_its_limit_is_clipped_and_reported_once(
-    ros: Ros, topic: str, effort: float,
+    panda: SimNode, topic: str, effort: float,
     capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
-    node = by_hand(ros, "panda")
-    efforts = [1.0, effort, 0.0, 0.0, 0.0, 0.0, -2.0]
+    efforts = [1.0, effort, 0.0, 0.0, 0.0, effort, -2.0]
     for _ in range(4):
         if topic == "joint_commands":
-            node.inputs.on_joint_commands(command(name=node.simulator.joint_names, effort=efforts))
+            panda.inputs.on_joint_commands(command(name=PANDA, effort=efforts))
         else:
-            node.inputs.on_commands(Float64MultiArray(data=efforts))
-        node.tick()
-    limit = node.simulator.model.effort_limit[1]
-    expected = [1.0, np.copysign(limit, effort), 0.0, 0.0, 0.0, 0.0, -2.0]
-    np.testing.assert_array_equal(node.simulator.effort, expected)
-    told = f"command {effort:g} N m of joint 'panda_joint2' exceeds its limit of {limit:g} N m"
+            panda.inputs.on_commands(Float64MultiArray(data=efforts))
+        panda.tick()
+    limit = panda.simulator.model.effort_limit
+    np.testing.assert_array_equal(panda.simulator.effort, np.clip(efforts, -limit, limit))
+    told = f"command {effort:g} N m of joint 'panda_joint2' exceeds its limit of {limit[1]:g} N m"
     assert capfd.readouterr().err.count(told) == 1
     assert not caplog.records  # the simulation itself has nothing to add
 
@@ -181,3 +123,75 @@ def test_old_commands_give_way_to_the_policy(
     node.requests.answer(RESET)
     node.tick()
     assert "commands have resumed" not in capfd.readouterr().err, "a reset is no command"
+
+
+def test_by_name_in_any_order_and_some_joints_only(panda: SimNode) -> None:
+    """Joints that were never commanded get no effort; others keep their last command."""
+    send(panda, PANDA, position=START.tolist())
+    ticks(panda, 10)
+    send(panda, [PANDA[6], PANDA[0]], position=[START[6] + 0.02, 0.03])
+    ticks(panda, 400)
+    wanted = [0.03, *START[1:6], START[6] + 0.02]
+    np.testing.assert_allclose(panda.simulator.state.q, wanted, atol=1e-9)
+    panda.engine.reset()
+    send(panda, PANDA[:1], position=[0.0])
+    panda.tick()
+    np.testing.assert_array_equal(panda.simulator.effort[1:], 0.0)
+
+
+def test_efforts_between_positions(panda: SimNode) -> None:
+    send(panda, PANDA, position=START.tolist())
+    send(panda, PANDA[6:], effort=[0.25])
+    panda.tick()
+    assert panda.simulator.effort[6] == 0.25
+    assert abs(panda.simulator.effort[1]) > 1.0  # holds against its weight
+    send(panda, PANDA, effort=[0.5] * 7)
+    panda.tick()
+    np.testing.assert_array_equal(panda.simulator.effort, 0.5)
+
+
+def test_what_is_nan_is_not_commanded(panda: SimNode) -> None:
+    """As the hardware of ros2_control sends what no controller has claimed."""
+    send(panda, PANDA, position=[NAN] * 7, effort=[NAN] * 7)
+    ticks(panda, 20)
+    np.testing.assert_array_equal(panda.simulator.state.q, START)
+    assert panda.engine.held == "brakes"
+    assert panda.inputs.refused == 0
+    send(panda, PANDA, position=[*START[:6], NAN], effort=[NAN] * 6 + [0.1])
+    panda.tick()
+    assert panda.simulator.effort[6] == 0.1
+
+
+def test_two_sources_lead_joints_by_position_and_by_effort(node: SimNode) -> None:
+    start = node.simulator.state.q
+    for _ in range(50):
+        send(node, NAMES[:1], "left", position=start[:1].tolist())
+        send(node, NAMES[1:], "right", effort=[0.3])
+        node.tick()
+    assert node.simulator.effort[1] == 0.3
+    assert abs(node.simulator.state.q[0] - start[0]) < 1e-2
+    assert set(node.engine.arbiter.sources) == {"left", "right"}
+
+
+def test_who_commands_nothing_owns_nothing(node: SimNode) -> None:
+    """Hardware that no controller has claimed, beside one that leads; and two that lead."""
+    start = node.simulator.state.q.tolist()
+    for _ in range(20):
+        send(node, NAMES, position=[NAN, NAN])
+    for _ in range(20):
+        send(node, NAMES, "leader", position=start)
+        node.tick()
+    assert node.inputs.refused == 0
+    send(node, NAMES, position=[0.0, 0.0])
+    assert node.inputs.refused == 1
+    node.tick()
+    assert abs(node.simulator.state.q - start).max() < 1e-9
+
+
+def test_steps_of_a_paused_simulation_wait_for_the_servos(ros: Ros) -> None:
+    """In a node that ticks by the clock they are built in the background."""
+    node = ros.add(SimNode, models.scene("two_link"), paused=True)
+    goal = node.simulator.state.q + 0.01
+    send(node, NAMES, position=goal.tolist())
+    assert node.requests.answer(STEP, STEP.type.Request(steps=300)).success
+    np.testing.assert_allclose(node.simulator.state.q, goal, atol=1e-8)
