@@ -93,39 +93,32 @@ def test_gives_up_deadlines_when_too_far_behind() -> None:
     assert np.diff(began[10:]) == pytest.approx(np.full(29, 0.4))
 
 
-def test_skip_leaves_out_what_has_passed_and_stays_on_the_grid() -> None:
-    loop, began = late_once(4, 41, 20, overrun="skip")
-    assert began == [4.0 * k for k in range(10)] + [77.0] + [80.0 + 4.0 * k for k in range(9)]
-    assert (loop.report().missed, loop.report().dropped) == (1, 9)
-
-
-def test_slow_down_lets_time_fall_behind_and_never_hurries() -> None:
-    loop, began = late_once(4, 41, 20, overrun="slow_down")
-    assert began == [4.0 * k for k in range(10)] + [77.0 + 4.0 * k for k in range(10)]
-    assert (loop.report().missed, loop.report().dropped) == (1, 9)
-
-
-@pytest.mark.parametrize("overrun", ["skip", "slow_down"])
-def test_a_tick_late_by_less_than_a_period_leaves_nothing_out(overrun: str) -> None:
-    """Or by just a period."""
+@pytest.mark.parametrize(("overrun", "next_one"), [("skip", 80.0), ("slow_down", 81.0)])
+def test_the_next_tick_is_on_the_grid_or_a_period_after_the_late_one(
+    overrun: str, next_one: float
+) -> None:
+    """Late by less than a period, or by just one, it leaves nothing out."""
     grid = [4.0 * k for k in range(20)]
+    loop, began = late_once(4, 41, 20, overrun=overrun)
+    assert began == grid[:10] + [77.0] + [next_one + 4.0 * k for k in range(9)]
+    assert (loop.report().missed, loop.report().dropped) == (1, 9)
     for long in (7, 8):
         loop, began = late_once(4, long, 20, overrun=overrun)
         assert began == [*grid[:10], 36.0 + long, *grid[11:]]
         assert (loop.report().missed, loop.report().dropped) == (0, 0)
 
 
-def test_stop_waits_for_the_last_tick() -> None:
-    loop = RealtimeLoop(each(lambda: time.sleep(0.02)), 1e-3)
+def test_its_thread_prepares_and_ends_with_the_last_tick() -> None:
+    names = list[str]()
+    note = lambda: names.append(threading.current_thread().name)  # noqa: E731
+    loop = RealtimeLoop(each(lambda: time.sleep(0.02)), 1e-3, prepare=note)
+    loop.stop()  # before it has started
     run(loop, 2)
     ticks = loop.report().ticks
-    time.sleep(0.05)
+    time.sleep(0.03)
     assert loop.report().ticks == ticks
+    assert names == ["realtime_loop"]
     assert all(thread.name != "realtime_loop" for thread in threading.enumerate())
-
-
-def test_stop_without_start_and_from_within() -> None:
-    RealtimeLoop(each(lambda: None), 1e-3).stop()
     loop = RealtimeLoop(each(lambda: loop.stop()), 1e-3)
     run(loop, 1)
     assert loop.report().ticks == 1
@@ -145,15 +138,14 @@ def test_histogram_is_exact_to_the_microsecond(rng: np.random.Generator) -> None
 
 def test_a_duration_lies_between_the_edges_of_its_bar() -> None:
     """Which is a microsecond wide below 20 ms."""
-    for duration in (0.0200005, 0.0203, 0.1, 1.0, 60.0, 1000.0):
+    for duration in (0.0200005, 0.1, 1000.0):
         histogram = Histogram()
+        assert histogram.bars() == ()
         library().count_duration(byref(histogram), round(1e9 * duration))
         ((edge, count),) = histogram.bars()
         assert count == 1
-        assert edge / 2 ** (1 / 32) <= duration * (1 + 1e-9)
-        assert duration <= edge * (1 + 1e-9)
+        assert edge / 2 ** (1 / 32) <= duration * (1 + 1e-9) <= edge * (1 + 2e-9)
     histogram = Histogram()
-    assert histogram.bars() == ()
     for nanoseconds in (0, 999, 1000, 19_999_999):
         library().count_duration(byref(histogram), nanoseconds)
     edges, counts = zip(*histogram.bars(), strict=True)
@@ -196,11 +188,3 @@ def test_an_answer_acts_until_the_next_one_comes() -> None:
     library().sent(byref(trip), 202 * ms)
     trip.answered(202 * ms, 0)
     assert trip.take_oldest() == 0.0
-
-
-def test_prepares_in_its_own_thread() -> None:
-    names: list[str] = []
-    prepare = lambda: names.append(threading.current_thread().name)  # noqa: E731
-    loop = RealtimeLoop(each(lambda: None), 1e-3, prepare=prepare)
-    run(loop, 1)
-    assert names == ["realtime_loop"]
