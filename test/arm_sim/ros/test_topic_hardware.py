@@ -70,22 +70,6 @@ def test_a_static_hold_moves_no_bit(ros: Ros) -> None:
     np.testing.assert_allclose(still, start + 0.2, atol=1e-5 / 7)
 
 
-def test_interfaces_may_differ_from_joint_to_joint(ros: Ros) -> None:
-    node = robot(ros)
-    names, start = list(node.simulator.joint_names), node.simulator.state.q.copy()
-    hardware = TopicHardware(
-        {**offered(node, "position"), names[5]: ("velocity",), names[6]: ("effort",)}
-    )
-    hardware.read(deserialize_message(state_bytes(node), JointState))
-    hardware.activate()
-    hardware.command[names[5], "velocity"], hardware.command[names[6], "effort"] = 0.1, 0.2
-    for _ in range(50):
-        cycle(node, hardware)
-    assert node.simulator.effort[6] == 0.2
-    assert abs(node.simulator.state.v[5] - 0.1) < 1e-2
-    np.testing.assert_allclose(node.simulator.state.q[:5], start[:5], atol=1e-3)
-
-
 @pytest.mark.parametrize(("threshold", "silent"), [(1e-5, True), (-1.0, False)])
 def test_torques_want_a_threshold_of_minus_one(ros: Ros, threshold: float, silent: bool) -> None:
     """A torque that acts is what is measured: with the default the next one is not sent."""
