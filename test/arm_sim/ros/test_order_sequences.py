@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests and commands in any sequence: a sim by the clock equals one by hand.
+"""Requests and commands in any sequence: a sim by the clock equals one by hand, and a recording
+says what the running node said.
 
 ``--fuzz N`` makes the test N times as long; ``tools/sanitize.py`` runs it under sanitizers.
 """
@@ -20,8 +21,10 @@ from pushes import pushed
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from recorded_engine import contents
+from recorded_engine import scene as above_a_table
+from samples import always
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, by_hand, next_command
+from sim_by_hand import by_hand, next_command
 from std_msgs.msg import Float64MultiArray
 
 import models
@@ -35,12 +38,32 @@ from arm_sim.ros import SimNode, node_library
 from arm_sim.ros.commands.latest import POLICIES
 from arm_sim.ros.timing.histogram import Histogram
 from arm_sim.ros.timing.realtime_loop import Due
+from arm_sim.simulation.energy_meter import Account
+from models import features
 
 pytestmark = pytest.mark.ros
 
 TIMEOUT = 5  # ticks that a command acts
 WIRE = Path(__file__).parents[2] / "support/wire.c"
 PATIENCE = 60  # ticks between two orders, at most
+PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
+LOAD = {"frame": "tip", "mass": 0.1, "com": [0.0] * 3, "inertia": [0.0] * 6}
+LIMITS = {"effort": 5.0, "lower": -1.5, "upper": 1.5}
+KINDS: dict[str, dict[str, Any]] = {
+    "plain": PLAIN,  # nothing of it is tunable
+    "tunable": PLAIN | {"joints": {"*": {"limits": LIMITS, "friction": {"viscous": 0.3}}},
+                        "payloads": [LOAD], "tunable": ["payload", "friction"]},
+    "dry friction above a table": above_a_table(),
+} | {
+    ", ".join(parts): features.scene("planar", parts)
+    for parts in (
+        ("coulomb", "contact", "payload"), ("lugre", "end stop", "mimic"), ("current", "voltage"),
+        ("bilateral", "viscous", "payload"), ("bilateral", "coulomb", "contact"),
+        ("flexible", "harmonic", "end stop"), ("lossy gear", "coulomb", "spring", "point spring"),
+        ("lugre", "contact", "voltage", "payload"),
+    )  # fmt: skip
+}  # fmt: skip
+EXACT = 1e-9  # of the energy that moved
 
 
 class Wire(Structure):
@@ -61,7 +84,11 @@ def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
 
 
 class Sim:
-    """A node with its messages."""
+    """A node with its messages, and its energy account from each reset to the next.
+
+    Attributes:
+        spans: First and last tick of each account, counted from the start, and what it said.
+    """
 
     def __init__(self, ros: Ros, library: CDLL, scene: Any, path: Path) -> None:
         self.node: SimNode = by_hand(
@@ -73,6 +100,18 @@ class Sim:
         self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
         newest: Any = self.node.inputs.polled._subscription
         self._to = newest.pointer
+        self.names = list(self.node.simulator.joint_names)
+        self.spans = list[tuple[int, int, Account]]()
+
+    def open(self) -> None:
+        """Begin an account."""
+        self.node.engine.energy.keep(True)
+        self._since = self.node.recorder.ticks
+
+    def read(self) -> None:
+        """Read the account, if there is one."""
+        if (account := self.node.engine.energy.read()) is not None:
+            self.spans.append((self._since, self.node.recorder.ticks, account))
 
     def hears(self, messages: list[bytes]) -> None:
         """Let these come from now on; the last one ends ticks by the clock."""
@@ -111,7 +150,7 @@ class Sim:
             "acted": simulator.arm.acted.tobytes(),
             "parameters": simulator.arm.parameters.tobytes(),
             "commands": (slot.any, slot.age, slot.stale, slot.stale_count),
-            "next": str(next_command(slot, simulator.arm.x[:2])),
+            "next": str(next_command(slot, simulator.arm.x[: simulator.n])),
             "sources": [(k, s.joints, s.last_time, s.count) for k, s in arbiter._streams.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),
@@ -120,25 +159,27 @@ class Sim:
         }  # fmt: skip
 
 
-def command(rng: np.random.Generator, stamp: int) -> bytes:
+def command(rng: np.random.Generator, names: list[str], stamp: int) -> bytes:
     """A message that is mostly an ordinary command; empty: there is none at this moment."""
-    way, efforts = rng.random(), (*rng.uniform(-2.0, 2.0, 2).tolist(),)
+    way, efforts = rng.random(), rng.uniform(-2.0, 2.0, len(names)).tolist()
     if way < 0.5:
         return b""
-    told = JointState(name=NAMES, effort=efforts)
+    told = JointState(name=names, effort=efforts)
     told.header.frame_id, told.header.stamp = "leader", to_time(stamp)
     if way > 0.99:
-        told.name, told.effort = NAMES[:1], efforts[:1]
+        told.name, told.effort = names[:1], efforts[:1]
     elif way > 0.985:
-        told.effort = [1e4, -1e4]
+        told.effort = [1e4 * effort for effort in efforts]
     elif way > 0.98:
         told.header.frame_id = "another"
     elif way > 0.97:
-        told.effort = [float(rng.choice([np.nan, np.inf])), 0.0]
+        told.effort = [float(rng.choice([np.nan, np.inf])), *efforts[1:]]
     elif way > 0.965:
         told.position, told.effort = efforts, []
+    elif way > 0.96:
+        told.velocity, told.effort = efforts, []
     raw = bytes(serialize_message(told))
-    return bent(rng, raw) if 0.95 < way <= 0.965 else raw
+    return bent(rng, raw) if 0.945 < way <= 0.96 else raw
 
 
 Order = Callable[[Sim], Any]
@@ -160,23 +201,40 @@ def tuned(**values: Any) -> Order:
     return lambda sim: str(sim.node.set_parameters_atomically(wanted))
 
 
-def order(rng: np.random.Generator) -> Order:
+def reset(sim: Sim) -> Any:
+    """Reset, which begins another account."""
+    kept = sim.node.engine.energy.is_open
+    sim.read()
+    answer = asked(interfaces.RESET)(sim)
+    if kept:
+        sim.open()
+    return answer
+
+
+def order(rng: np.random.Generator, names: list[str], frame: str) -> Order:
     """A request to a sim between two ticks, sometimes an invalid one."""
-    two, wild = rng.uniform(-1.0, 1.0, 2).tolist(), float(rng.choice([1.0, 1.0, 1.0, np.nan]))
-    numbers = Float64MultiArray(data=[wild * x for x in two[: rng.choice([2, 2, 1])]])
-    frame = str(rng.choice(["tip", "tip", "toe"]))  # without padding, which may hold anything
-    push = pushed(frame, *rng.normal(size=5), wild)
+    some, wild = rng.uniform(-1.0, 1.0, len(names)), float(rng.choice([1.0, 1.0, 1.0, np.nan]))
+    few, near = some.tolist(), float(rng.choice([1.0, 0.02]))
+    numbers = Float64MultiArray(data=(wild * some)[: rng.choice([9, 9, 1])].tolist())
+    push = pushed(str(rng.choice([frame, frame, "toe"])), *rng.normal(size=5), wild)
+
+    def place(sim: Sim) -> Any:
+        there = np.clip(sim.node.simulator.state.q + near * some, -1.5, 1.5)
+        return asked(interfaces.SET_JOINT_STATE, position=there.tolist(), velocity=few)(sim)
+
     all_of_them: tuple[Order, ...] = (
-        asked(interfaces.RESET),
-        asked(interfaces.RESET),
+        reset,
+        Sim.read,
+        place,
         asked(interfaces.RESET_COUNTERS),
         asked(interfaces.PAUSE, data=bool(rng.random() < 0.3)),
         asked(interfaces.PAUSE, data=False),
         asked(interfaces.STEP, steps=int(rng.choice([0, 1, 7, 10_001]))),
-        asked(interfaces.SET_JOINT_STATE, position=[wild * x for x in two]),
-        asked(interfaces.SET_JOINT_STATE, joint_names=NAMES[1:], velocity=two[:1]),
-        asked(interfaces.SET_PAYLOAD, index=0, mass=2.0 * two[0], com=[0.0, 0.0, 0.1]),
-        asked(interfaces.SET_FRICTION, viscous=two),
+        asked(interfaces.SET_JOINT_STATE, position=(wild * some).tolist()),
+        asked(interfaces.SET_JOINT_STATE, joint_names=names[1:2], velocity=few[:1]),
+        asked(interfaces.SET_PAYLOAD, index=0, mass=2.0 * few[0], com=[0.0, 0.0, 0.1]),
+        asked(interfaces.SET_FRICTION, viscous=few),
+        asked(interfaces.SET_FRICTION, viscous=np.abs(some).tolist()),
         tuned(command_timeout=float(rng.choice([0.0, TIMEOUT * 1e-3, 0.02, -1.0]))),
         tuned(stale_policy=str(rng.choice([*POLICIES, "none"]))),
         lambda sim: sim.node.inputs.on_commands(numbers),
@@ -186,41 +244,70 @@ def order(rng: np.random.Generator) -> Order:
     return all_of_them[rng.integers(len(all_of_them))]
 
 
+@pytest.mark.parametrize("kind", always(KINDS, *list(KINDS)[1:3], list(KINDS)[-1]))
 def test_orders_and_commands_in_any_sequence(
-    ros: Ros, library: CDLL, tmp_path: Path, rng: np.random.Generator, fuzz: int
+    ros: Ros, library: CDLL, tmp_path: Path, rng: np.random.Generator, fuzz: int, kind: str
 ) -> None:
     """In the second half somebody hears energies, too."""
-    load = {"frame": "tip", "mass": 0.1, "com": [0.0] * 3, "inertia": [0.0] * 6}
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    scene["joints"] = {"*": {"limits": {"effort": 5.0}}}
-    scene |= {"payloads": [load], "tunable": ["payload", "friction"]}
-    fast, slow = (Sim(ros, library, scene, tmp_path / f"{k}.mcap") for k in range(2))
+    fast, slow = (Sim(ros, library, KINDS[kind], tmp_path / f"{k}.mcap") for k in range(2))
     outputs = [sim.node.outputs for sim in (fast, slow)]
+    frame = "forearm" if "forearm" in fast.node.simulator.model.pin.names else "link3"
     for turn in range(120 * fuzz):
         if turn == 60 * fuzz:
             ros.listen(Energy, "sim/energy")
             ros.spin_until(lambda: all(each.energy.has_subscribers for each in outputs))
+            fast.open(), slow.open()
         stamp = fast.node.engine.stamp
-        messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]
+        messages = [command(rng, fast.names, stamp) for _ in range(rng.integers(1, PATIENCE))]
         for sim in fast, slow:
             sim.hears(messages)
         slow.ticks(fast.lives())
         assert fast.everything == slow.everything
-        wanted = order(rng)
+        wanted = order(rng, fast.names, frame)
         assert wanted(fast) == wanted(slow)
         assert fast.everything == slow.everything
     for sim in fast, slow:
+        sim.read()
         assert sim.node.recorder is not None and sim.node.recorder.lost == 0
         sim.node.recorder.close()
-    told, expected = contents(fast.path), contents(slow.path)
+    assert_same_messages(fast.path, slow.path)
+    recording = Recording.load(fast.path)
+    found = replay(recording)
+    assert found.equal, found.first or found.failure
+    assert fast.spans
+    for first, last, told in fast.spans:
+        assert_same_account(recording, first, last, told)
+    again = Recording.load(recording.save(tmp_path / "again.mcap"))
+    assert replay(again).equal
+    np.testing.assert_allclose(again.balance, recording.balance, atol=1e-12)
+
+
+def assert_same_messages(path: Path, other: Path) -> None:
+    """Assert that two files have the same messages, among them energies."""
+    told, expected = contents(path), contents(other)
     assert told.keys() == expected.keys()
-    name, other = fast.path.name.encode(), slow.path.name.encode()
-    padded = {"/sim/commands", "/sim/energy"}  # padding may hold anything
+    padded = {"/sim/commands", "/sim/wrench", "/sim/energy"}  # padding may hold anything
     for topic in told.keys() - padded:
-        assert [raw.replace(name, other) for raw in told[topic]] == expected[topic]
-    energies, wanted_energies = (
-        [deserialize_message(raw, Energy) for raw in found.get("/sim/energy", [])]
+        named = [raw.replace(path.name.encode(), other.name.encode()) for raw in told[topic]]
+        assert named == expected[topic]
+    energies, wanted = (
+        [deserialize_message(raw, Energy) for raw in found["/sim/energy"]]
         for found in (told, expected)
     )
-    assert energies == wanted_energies and energies
-    assert replay(Recording.load(fast.path)).equal
+    assert energies == wanted and energies
+
+
+def assert_same_account(recording: Recording, first: int, last: int, told: Account) -> None:
+    """Assert that energies of a recording between two rows are those that a node told."""
+    rows = slice(first, last + 1)
+    parts = (
+        recording.kinetic, recording.potential, recording.stored,
+        recording.supplied, recording.lost, recording.changed,
+    )  # fmt: skip
+    moved = sum(float(np.ptp(part[rows])) for part in parts)
+    rounding = 8.0 * np.spacing(max(float(abs(part).max()) for part in parts))
+    found = [np.diff(part[[first, last]])[0] for part in (
+        recording.balance, recording.supplied, recording.lost
+    )]  # fmt: skip
+    wanted = [told.balance, told.input, told.dissipated]
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=EXACT * moved + rounding)
