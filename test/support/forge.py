@@ -4,7 +4,7 @@
 A start of Python with Pinocchio, CasADi and rclpy takes a second and more of a processor, and the
 pages have many lines. The server imports everything once and forks for each. ``forge.py SOCKET
 WORDS…`` hands over its folder, environment and files, passes Ctrl-C and SIGTERM on, and ends like
-the child, whose process it names in the file ``FORGED`` if there is this variable.
+the child.
 """
 
 import array
@@ -34,9 +34,6 @@ def ask(path: str, words: list[str]) -> int:
         child = int(answers.readline())
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda number, _: os.kill(child, number))
-        if named := os.environ.get("FORGED"):
-            with open(named, "w") as file:
-                file.write(str(child))
         return int(answers.readline())
 
 
