@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sim node whose ticks are triggered by hand."""
 
-from collections.abc import Callable
 from ctypes import byref
 from typing import Any
 
@@ -10,10 +9,8 @@ from harness import Ros
 from polled import offered
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 import models
-from arm_dynamics.ros import ControllerNode
 from arm_sim.ros import SimNode
 from arm_sim.ros.commands.latest import LatestCommand
 from arm_sim.ros.node_library import library
@@ -52,29 +49,3 @@ def ticks(node: SimNode, count: int) -> None:
 
 def motion(node: SimNode) -> np.ndarray:
     return np.array([node.simulator.state.q, node.simulator.state.v])
-
-
-def follow(
-    sim: SimNode, controller: ControllerNode, goal: JointTrajectory, count: int,
-    answer: Callable[[], bytes | None] | None = None,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Errors and positions at each tick, each state answered within its tick."""
-    answer = answer or (lambda: controller.on_joint_states(state_bytes(sim)))
-    errors, positions = [], []
-    for k in range(count):
-        sim.inputs.on_joint_commands(answer())
-        if k == 0:
-            controller.on_joint_trajectory(goal)
-        sim.tick()
-        reference = controller.goals.follower.reference(round(sim.simulator.state.time * 1e9))
-        errors.append(reference.q - sim.simulator.state.q)
-        positions.append(sim.simulator.state.q)
-    return np.array(errors), np.array(positions)
-
-
-def state_bytes(sim: SimNode) -> bytes:
-    state, message = sim.simulator.state, JointState(name=list(sim.simulator.joint_names))
-    message.position, message.velocity = state.q.tolist(), state.v.tolist()
-    stamp = round(state.time * 1e9)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    return serialize_message(message)

@@ -1,102 +1,103 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sim and controller close the loop, driven by hand: no clock, so the same on every machine."""
+"""Sim and controller close the loop, driven by hand: no clock, so the same on every machine.
 
-import math
+Commands of arms with drives are currents and voltages.
+"""
+
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
-from rclpy.serialization import deserialize_message, serialize_message
-from samples import sampled
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import follow, state_bytes
+from sim_by_hand import by_hand, command, next_command
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros import ControllerNode
-from arm_dynamics.trajectory import Waypoint
-from arm_sim.ros import SimNode
-from arm_sim.simulation.closed_loop import ClosedLoop
-from tolerances import ALGEBRA, assert_close
+from arm_dynamics.ros.common.convert import to_time
+from arm_sim.ros.commands.latest import LatestCommand
 
 pytestmark = pytest.mark.ros
 
 RMS = 1e-3  # [rad] with a perfect model
-GOALS = 0.5 * np.array([[1, -1, 1, -1, 1, -1, 1], [0, 0, 0, 0, 0, 0, 0]])
+HOME = models.dynamics("panda").model.q0
+THERE_AND_BACK = HOME + 0.5 * np.array([[1, -1, 1, -1, 1, -1, 1], [0] * 7])
 
 
-def pair(
-    ros: Ros, controllers_scene: Any = None, **parameters: Any
-) -> tuple[SimNode, ControllerNode]:
-    scene = models.scene("panda")
-    sim = ros.add(SimNode, scene, realtime=False, integrator="rk4", **parameters)
-    return sim, ros.add(ControllerNode, controllers_scene or scene, bandwidth=[20.0])
+def followed(
+    ros: Ros, scene: str, goals: Any, ticks: int, has_velocities: bool = True, **parameters: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and positions at each tick of an arm that is led to a goal in each second.
 
-
-def trajectory(sim: SimNode) -> JointTrajectory:
-    """Half a radian there and back with every joint, in two seconds."""
-    points = [
-        JointTrajectoryPoint(positions=(sim.simulator.model.q0 + goal).tolist()) for goal in GOALS
-    ]
-    for i, point in enumerate(points):
-        point.time_from_start.sec = i + 1
-    return JointTrajectory(joint_names=list(sim.simulator.joint_names), points=points)
-
-
-def rms(errors: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
-
-
-def test_tracks_with_a_perfect_model(ros: Ros) -> None:
-    sim, controller = pair(ros)
-    errors, positions = follow(sim, controller, trajectory(sim), 2500)
-    assert rms(errors) < RMS
-    assert np.ptp(positions, axis=0).min() > 0.4
-    np.testing.assert_allclose(positions[-1], sim.simulator.model.q0, rtol=0.0, atol=RMS)
-
-
-@pytest.mark.parametrize("sent", sampled([[], [math.nan] * 7], 1), ids=["none", "nan"])
-def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) -> None:
-    sim, _ = pair(ros)
-    controller = ros.add(
-        ControllerNode, models.scene("panda"), bandwidth=[20.0], velocities="positions",
-        velocity_cutoff=150.0,
-    )  # fmt: skip
-
-    def answer() -> bytes | None:
-        message = deserialize_message(state_bytes(sim), JointState)
-        message.velocity = sent
-        return controller.on_joint_states(serialize_message(message))
-
-    errors, _ = follow(sim, controller, trajectory(sim), 1500, answer)
-    assert rms(errors) < RMS
-    assert not controller._log.passed_over
-
-
-def test_the_efforts_of_a_motion_repeat_it_without_feedback(ros: Ros) -> None:
-    """Torques of a controlled motion, sent as efforts of its points, are the motion's own."""
-    scene, ticks = models.scene("panda"), 1500
-    controlled = ClosedLoop(scene)
-    home = controlled.simulator.state.q
-    controlled.follow([Waypoint(1.0 + i, home + goal) for i, goal in enumerate(GOALS)])
-    done = controlled.run(1.5)
-    q, tau = done.q, done.command
-    sim = ros.add(SimNode, scene, realtime=False, integrator="rk4")
-    blind = ros.add(ControllerNode, scene, controller="pd", bandwidth=[0.0])
-    repeated = JointTrajectory(joint_names=list(sim.simulator.joint_names))
-    for k in range(ticks):
-        point = JointTrajectoryPoint(positions=q[k].tolist(), effort=tau[k].tolist())
-        point.time_from_start.sec, point.time_from_start.nanosec = divmod(k * 10**6, 10**9)
-        repeated.points.append(point)
-    blind.on_joint_states(state_bytes(sim))
-    blind.on_joint_trajectory(repeated)
-    while blind.busy:
-        blind.deliver()
-    for k in range(ticks):
-        assert_close(sim.simulator.state.q, q[k], 1e-6)
-        command = blind.on_joint_states(state_bytes(sim))
-        given = deserialize_message(command, JointState).effort
-        assert_close(given, tau[k], ALGEBRA)
-        sim.inputs.on_joint_commands(command)
+    Each state is answered within its tick.
+    """
+    sim = by_hand(ros, scene, integrator="rk4")
+    parameters = {"bandwidth": [20.0], **parameters}
+    controller = ros.add(ControllerNode, models.scene(scene), **parameters)
+    trajectory = JointTrajectory(joint_names=list(sim.simulator.joint_names))
+    for second, goal in enumerate(goals, 1):
+        trajectory.points.append(JointTrajectoryPoint(positions=list(goal)))
+        trajectory.points[-1].time_from_start.sec = second
+    errors, positions = [], []
+    for tick in range(ticks):
+        state, message = sim.simulator.state, JointState(name=trajectory.joint_names)
+        message.header.stamp, message.position = to_time(sim.engine.stamp), state.q.tolist()
+        message.velocity = state.v.tolist() if has_velocities else []
+        sim.inputs.on_joint_commands(controller.on_joint_states(serialize_message(message)))
+        if tick == 0:
+            controller.on_joint_trajectory(trajectory)
         sim.tick()
+        state = sim.simulator.state
+        reference = controller.goals.follower.reference(round(1e9 * state.time))
+        errors.append(reference.q - state.q)
+        positions.append(state.q)
+    assert not controller._log.passed_over
+    return np.array(errors), np.array(positions)
+
+
+@pytest.mark.parametrize(
+    "parameters", [{}, {"velocities": "positions", "velocity_cutoff": 150.0}],
+    ids=["by velocities", "without"],
+)  # fmt: skip
+def test_tracks_with_a_perfect_model(ros: Ros, parameters: dict[str, Any]) -> None:
+    errors, positions = followed(ros, "panda", THERE_AND_BACK, 2500, not parameters, **parameters)
+    assert np.sqrt(np.mean(errors**2)) < RMS
+    assert np.ptp(positions, axis=0).min() > 0.4
+    np.testing.assert_allclose(positions[-1], HOME, rtol=0.0, atol=RMS)
+
+
+@pytest.mark.parametrize(
+    ("scene", "goal", "error"),
+    [("motor_pendulum", [1.2], 5e-3), ("flexible_arm", [0.3, -0.6], 1e-2)],
+)
+def test_controller_leads_an_arm_through_its_motors(
+    ros: Ros, scene: str, goal: list[float], error: float
+) -> None:
+    """Voltages on a motor, a harmonic drive and a belt: the node finds commands by itself."""
+    errors, _ = followed(ros, scene, [goal], 1500)
+    assert np.abs(errors).max() < error
+    assert np.abs(errors[-1]).max() < error / 2
+
+
+def test_a_voltage_on_the_topic_and_its_limit(ros: Ros) -> None:
+    sim = by_hand(ros, "motor_pendulum")
+    sim.inputs.on_joint_commands(command(name=["swing"], effort=[100.0]))
+    for _ in range(20):
+        sim.tick()
+    current = sim.simulator.state.z[0]
+    assert 0.0 < current < 24.0 / 0.8
+    np.testing.assert_allclose(sim.simulator.effort, 50 * 0.05 * current, rtol=1e-12)
+
+
+def test_gravity_is_carried_by_commands_of_the_drives_where_springs_leave_any() -> None:
+    """Volts on a motor: the current that gives the torque, times the resistance."""
+    for name, *q in ("motor_pendulum", 0.7), ("spring_balanced_arm", 0.3, -0.4):
+        dynamics = models.dynamics(name)
+        slot, weight = LatestCommand(dynamics), dynamics.gravity(np.array(q))
+        slot.configure(1, "gravity")
+        assert abs(weight).max() > 0.2
+        wanted = 0.8 * weight / (50 * 0.05) if name == "motor_pendulum" else np.zeros(2)
+        acting = next_command(slot, np.array(q))
+        np.testing.assert_allclose(acting, wanted, rtol=1e-12, atol=1e-12)
