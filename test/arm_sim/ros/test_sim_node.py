@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node, ticked by hand: what moves it, what it publishes, what it refuses."""
+"""The sim node, ticked by hand: what moves and stops it, what it publishes, what it refuses."""
 
 import threading
 import time
@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 from arm_msgs.msg import Energy
-from arm_msgs.srv import Step
+from arm_msgs.srv import SetJointState, Step
+from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Ros
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
 
 import models
 from arm_dynamics.ros import ControllerNode
+from arm_dynamics.ros.interfaces import PAUSE, SET_JOINT_STATE, STEP
 from arm_sim.ros import SimNode
+from arm_sim.ros.sim_params import SimParams
 
 pytestmark = pytest.mark.ros
 
@@ -54,51 +58,48 @@ def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode
     assert message.effort[1] == 0.25
 
 
-def test_energy_account_balances(ros: Ros) -> None:
+def test_energy_account_balances_and_begins_again_after_a_reset(ros: Ros) -> None:
     node = by_hand(ros, "panda", energy_period=0.01, command_timeout=0.0, integrator="rk4")
     heard = ros.listen(Energy, "/sim/energy")
-    ticks(node, 10)
-    node.inputs.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
-    start = sum(node.simulator.dynamics.energy(*motion(node)))
-    for _ in range(20):
-        ticks(node, 10)
-        ros.spin_until(lambda: heard)
-    ros.spin_until(lambda: heard[-1].header.stamp.nanosec == 210_000_000)
-    assert {m.header.stamp.nanosec % 10_000_000 for m in heard} == {0}
-    last = heard[-1]
-    kinetic, potential = node.simulator.dynamics.energy(*motion(node))
-    assert (last.kinetic, last.potential) == (kinetic, potential)
-    assert last.total == pytest.approx(kinetic + potential)
-    assert last.input > 0.1
-    assert last.dissipated > 1e-4
-    assert last.balance == pytest.approx(last.total - start - last.input + last.dissipated)
-    assert abs(last.balance) < 1e-6 * last.input
-
-
-def test_energies_begin_again_after_a_reset(ros: Ros) -> None:
-    node = by_hand(ros, energy_period=0.01)
-    heard = ros.listen(Energy, "/sim/energy")
-    for count in 2, 4:
-        node.inputs.on_commands(Float64MultiArray(data=[1.5, -0.5]))
-        ticks(node, 20)
-        ros.spin_until(lambda count=count: len(heard) == count)
+    for run in 1, 2:
+        node.inputs.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
+        for count in range(20 * run - 19, 20 * run + 1):
+            ticks(node, 10)
+            ros.spin_until(lambda count=count: len(heard) == count)
+            if count == 20 * run - 19:  # since it is heard
+                start = sum(node.simulator.dynamics.energy(*motion(node)))
+        last = heard[-1]
+        assert last.header.stamp.nanosec == 200_000_000
+        kinetic, potential = node.simulator.dynamics.energy(*motion(node))
+        assert (last.kinetic, last.potential) == (kinetic, potential)
+        assert last.total == pytest.approx(kinetic + potential)
+        assert last.input > 0.1
+        assert last.dissipated > 1e-4
+        assert last.balance == pytest.approx(last.total - start - last.input + last.dissipated)
+        assert abs(last.balance) < 1e-6 * last.input
         node.engine.reset()
-    first, again = heard[1], heard[3]
-    assert first.input != 0.0
-    assert (first.input, first.total) == (again.input, again.total)
+    assert (heard[19].input, heard[19].total) == (last.input, last.total)
 
 
-def test_simulated_time_goes_at_a_tenth_of_the_clock(ros: Ros) -> None:
+@pytest.mark.parametrize("factor", [0.1, 0.0])
+def test_simulated_time_goes_at_a_tenth_of_the_clock_or_as_fast_as_possible(
+    ros: Ros, factor: float
+) -> None:
     began = time.monotonic()
-    node = ros.add(SimNode, models.scene("two_link"), realtime_factor=0.1)
+    node = ros.add(SimNode, models.scene("two_link"), realtime_factor=factor)
     ros.spin_until(lambda: node.simulator.arm.step_count >= 20)
-    assert time.monotonic() - began > 0.18
+    report = node.loop.report()
+    assert time.monotonic() - began > 0.18 if factor else report.missed == report.dropped == 0
 
 
-def test_simulated_time_goes_as_fast_as_possible(ros: Ros) -> None:
-    node = ros.add(SimNode, models.scene("two_link"), realtime_factor=0.0, dt=0.001)
-    ros.spin_until(lambda: node.simulator.arm.step_count >= 100)
-    assert node.loop.report().missed == node.loop.report().dropped == 0
+def test_parameters_without_effect_are_named(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    """Those for another source of ticks, unless they have their defaults."""
+    lockstep = SimParams(lockstep=True, lockstep_retry=0.1, cpus="0", overrun="skip")
+    assert lockstep.unused == ("overrun",)
+    assert SimParams(overrun="skip", priority=5, lockstep_retry=0.1).unused == ("lockstep_retry",)
+    by_hand(ros, realtime_factor=0.0, cpus="0", overrun="catch_up")
+    told = "without effect, since time steps are triggered by hand: realtime_factor, cpus\n"
+    assert told in capfd.readouterr().err
 
 
 def test_a_failure_in_the_loop_pauses_it(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
@@ -135,3 +136,98 @@ def test_when_a_node_is_destroyed_its_threads_have_ended(
             f"missed, {report.dropped} dropped; lateness {report.lateness}; 0 answers\n"
         )
         assert summary in capfd.readouterr().err
+
+
+def set_joint_state(node: SimNode, **fields: Any) -> Any:
+    return node.requests.answer(SET_JOINT_STATE, SetJointState.Request(**fields))
+
+
+def pause(node: SimNode, stop: bool) -> None:
+    assert node.requests.answer(PAUSE, SetBool.Request(data=stop)).success
+
+
+def test_mimic_joints_may_be_set_as_they_follow(ros: Ros) -> None:
+    node, both = by_hand(ros, "gripper"), ["right_slide", "left_slide"]
+    assert set_joint_state(node, joint_names=both, position=[-0.011, 0.03]).success
+    for fields, words in (
+        ({"joint_names": both, "velocity": [0.1, 0.1]}, "right_slide is 0.1, but right_slide fol"),
+        ({"joint_names": both[:1], "position": [0.0]}, "right_slide follows left_slide; command"),
+    ):
+        answer = set_joint_state(node, **fields)
+        assert not answer.success and words in answer.message
+        np.testing.assert_array_equal(motion(node), [[0.0, 0.03], [0.0, 0.0]])
+
+
+def test_a_pause_stops_time_and_is_seen_now_and_then(
+    ros: Ros, node: SimNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ticks(node, 3)
+    pause(node, True)
+    before, heard = motion(node), ros.listen(JointState, "/joint_states", 50)
+    ticks(node, 350)
+    np.testing.assert_array_equal(motion(node), before)
+    ros.spin_until(lambda: len(heard) >= 3)
+    assert 3 <= len(heard) <= 4
+    assert {message.header.stamp.nanosec for message in heard} == {3_000_000}
+    pause(node, False)
+    ticks(node, 3)
+    assert node.simulator.arm.step_count == 6
+    said = capfd.readouterr().err
+    assert "paused at 0.003 s" in said and "running on at 0.003 s" in said
+
+
+def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> None:
+    ticks(node, 10)
+    moving = motion(node)
+    heard = ros.listen(JointState, "/joint_states")
+    answer = set_joint_state(node, joint_names=[NAMES[1]], position=[0.7])
+    assert answer.success, answer.message
+    np.testing.assert_array_equal(motion(node), [[moving[0, 0], 0.7], [moving[1, 0], 0.0]])
+    assert node.simulator.state.time == pytest.approx(0.01)
+    ros.spin_until(lambda: heard)
+    assert heard[-1].position[1] == 0.7
+    assert set_joint_state(node, velocity=[1000.0, -1000.0]).success
+    np.testing.assert_array_equal(motion(node), [[moving[0, 0], 0.7], [1000.0, -1000.0]])
+
+
+def test_divergence_pauses_and_keeps_the_last_good_state(
+    node: SimNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ticks(node, 4)
+    node.simulator.set_state([0.0, 0.0], [1e160, 1e160])
+    good = motion(node)
+    ticks(node, 3)
+    assert capfd.readouterr().err.count("cannot be computed") == 1
+    found = {f.part: f for f in node.diagnostics()}["simulation"]
+    assert found.message(node).level == DiagnosticStatus.ERROR and found.values["diverged"]
+    answer = node.requests.answer(STEP, Step.Request(steps=2))
+    assert not answer.success
+    assert "after 0 of 2 steps" in answer.message
+    ticks(node, 3)
+    np.testing.assert_array_equal(motion(node), good)
+    node.simulator.set_state([0.0, 0.0], [0.0, 0.0])
+    pause(node, False)
+    ticks(node, 2)
+    assert node.simulator.arm.step_count == 6
+    found = {f.part: f for f in node.diagnostics()}["simulation"]
+    assert found.message(node).level == DiagnosticStatus.OK
+
+
+def test_by_the_clock_it_ticks_and_serves(ros: Ros) -> None:
+    node = ros.add(SimNode, models.scene("two_link"))
+    heard = ros.listen(JointState, "/joint_states")
+    ros.spin_until(lambda: heard)
+    running = ros.call(Step, "/sim/step", Step.Request(steps=1))
+    assert not running.success
+    assert "paused" in running.message
+    assert ros.call(SetBool, "/sim/pause", SetBool.Request(data=True)).success
+    count = node.simulator.arm.step_count
+    answer = ros.call(Step, "/sim/step", Step.Request(steps=7))
+    assert answer.success, answer.message
+    assert node.simulator.arm.step_count == count + 7
+    assert answer.time == pytest.approx(1e-3 * (count + 7))
+    request = SetJointState.Request(position=[0.5, 0.5])
+    assert ros.call(SetJointState, "/sim/set_joint_state", request).success
+    np.testing.assert_array_equal(motion(node), [[0.5, 0.5], [0.0, 0.0]])
+    assert ros.call(Trigger, "/sim/reset", Trigger.Request()).success
+    assert node.simulator.arm.step_count == 0
