@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensor readings of a known motion: resolution, offsets, noise, spectra, delays."""
+"""Sensor readings of a known motion: resolution, offsets, noise, spectra. Random numbers of ticks,
+and by them delay, jitter and loss of messages that carry their tick.
+"""
 
 from typing import Any
 
@@ -9,9 +11,11 @@ import scipy
 
 from arm_dynamics import SceneError
 from arm_dynamics.scene import imperfections as schema
+from arm_sim.imperfections.chance import Chance, Channel, normal
+from arm_sim.imperfections.lines import Line
 from arm_sim.imperfections.sensors import Sensors
 
-DT, NAMES = 1e-3, ("one", "two")
+DT, TICKS, NAMES = 1e-3, 20_000, ("one", "two")
 
 
 def told(q: np.ndarray, v: np.ndarray | None = None, **scene: Any) -> list[np.ndarray]:
@@ -66,7 +70,7 @@ def test_what_is_rounded_has_its_error_in_it_already() -> None:
 
 
 def test_noise_and_offset_of_each_quantity() -> None:
-    still, count = np.zeros((20_000, 2)), 20_000
+    still, count = np.zeros((TICKS, 2)), TICKS
     given = {"noise": {"*": 0.1, "two": 0.3}, "offset": {"one": 2.0}}
     for found in told(still, position=given, velocity=given, effort=given):
         np.testing.assert_allclose(found.mean(axis=0), [2.0, 0.0], atol=5 * 0.3 / np.sqrt(count))
@@ -74,11 +78,7 @@ def test_noise_and_offset_of_each_quantity() -> None:
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_one_joint_alone_may_err(joint: int) -> None:
-    for quantity, name in enumerate(("position", "velocity", "effort")):
-        for kind in ("noise", "offset"):
-            found = told(np.zeros((200, 2)), **{name: {kind: {NAMES[joint]: 0.1}}})[quantity]
-            assert not found[:, 1 - joint].any() and found[:, joint].all()
+def test_one_joint_alone_may_have_a_filter(joint: int) -> None:
     q, v = swing()
     filtered = told(q, v, velocity={"cutoff": {NAMES[joint]: 50.0}})[1]
     np.testing.assert_array_equal(filtered[:, 1 - joint], v[:, 1 - joint])
@@ -125,14 +125,6 @@ def test_a_filter_has_settled_at_the_start() -> None:
     np.testing.assert_allclose(told(still, v, velocity={"cutoff": 20.0})[1], v, rtol=1e-12)
 
 
-def test_states_come_late() -> None:
-    q, v = swing()
-    position, velocity, _ = told(q, v, delay=0.005)
-    np.testing.assert_array_equal(position[5:], q[:-5])
-    np.testing.assert_array_equal(velocity[5:], v[:-5])
-    np.testing.assert_array_equal(position[:5], np.tile(q[0], (5, 1)))  # known at the start
-
-
 def test_a_state_that_is_lost_leaves_the_one_before_as_a_whole() -> None:
     q, v = swing()
     position, velocity, _ = told(q, v, loss=0.3)
@@ -147,3 +139,89 @@ def test_a_filter_too_fast_for_the_ticks_is_refused_by_name() -> None:
         SceneError, match="cutoff' = 500 Hz of joint 'two'; allowed: less than 500 Hz"
     ):
         told(np.zeros((1, 2)), velocity={"cutoff": {"two": 500}})
+
+
+def noise(seed: int = 1, channel: Channel = Channel.POSITION, arm: int = 0) -> Chance:
+    return Chance(seed, channel, normal(np.array([0.0, 5.0]), np.array([1.0, 2.0])), arm)
+
+
+def rows(chance: Chance, ticks: np.ndarray) -> np.ndarray:
+    return np.array([chance.at(int(tick)) for tick in ticks])
+
+
+def test_ticks_may_be_asked_in_any_order_and_again(rng: np.random.Generator) -> None:
+    order = rng.permutation(400)
+    np.testing.assert_array_equal(rows(noise(), order), rows(noise(), np.arange(400))[order])
+
+
+def test_seeds_channels_and_arms_are_uncorrelated() -> None:
+    others = [noise(2), noise(channel=Channel.VELOCITY), noise(arm=1), noise(arm=2)]
+    ticks = np.arange(6400)
+    columns = np.column_stack([rows(one, ticks) for one in (noise(), *others)])
+    correlation = np.corrcoef(columns.T) - np.eye(columns.shape[1])
+    assert abs(correlation).max() < 5.0 / np.sqrt(len(ticks))
+
+
+def test_noise_is_white() -> None:
+    samples = rows(noise(), np.arange(TICKS))
+    for lag in (1, 2, 63, 64, 65):  # across blocks as within
+        together = np.corrcoef(samples[lag:, 0], samples[:-lag, 0])[0, 1]
+        assert abs(together) < 5.0 / np.sqrt(TICKS)
+
+
+def received(**line: float) -> list[int | None]:
+    """The newest message at each tick when one is sent in each."""
+    carrier: Line[int] = Line(schema.Line(**line), DT, 3, Channel.STATES)
+    return [carrier.carry(tick, tick) for tick in range(TICKS)]
+
+
+def ages(**line: float) -> np.ndarray:
+    newest = received(**line)
+    return np.array([tick - sent for tick, sent in enumerate(newest) if sent is not None])
+
+
+@pytest.mark.parametrize(("delay", "ticks"), [(0.0, 0), (0.001, 1), (0.0011, 2), (0.1, 100)])
+def test_a_delay_is_seen_at_the_first_tick_that_is_not_before(delay: float, ticks: int) -> None:
+    newest = received(delay=delay)
+    assert newest[:ticks] == [None] * ticks
+    assert set(ages(delay=delay)) == {ticks}
+
+
+def test_loss_leaves_the_one_before() -> None:
+    newest = received(loss=0.2)
+    fresh = np.array([sent == tick for tick, sent in enumerate(newest)])
+    assert abs(fresh.mean() - 0.8) < 5.0 * np.sqrt(0.2 * 0.8 / TICKS)
+    kept = [sent for sent in newest if sent is not None]
+    assert kept == sorted(kept)
+    # The number of losses in a row is geometric, with mean 0.2 / 0.8.
+    assert abs(ages(loss=0.2).mean() - 0.25) < 0.02
+
+
+def test_jitter_is_even_between_delay_and_delay_and_jitter() -> None:
+    """Sent now and then, so that none is overtaken, a third arrives in each of three ticks."""
+    line: Line[int] = Line(schema.Line(delay=0.001, jitter=0.003), DT, 3, Channel.STATES)
+    late = []
+    for sent in range(0, TICKS, 10):
+        line.send(sent, sent)
+        late.append(next(k for k in range(10) if line.receive(sent + k) == sent))
+    times, counts = np.unique(late, return_counts=True)
+    np.testing.assert_array_equal(times, [2, 3, 4])
+    np.testing.assert_allclose(counts / len(late), 1 / 3, atol=5.0 * np.sqrt(2 / 9 / len(late)))
+
+
+def test_what_is_overtaken_never_shows_and_hides_nothing() -> None:
+    """At each tick the newest is the last sent of those that have arrived, each sent alone."""
+    alone = []
+    for sent in range(300):
+        line: Line[int] = Line(schema.Line(jitter=0.005), DT, 3, Channel.STATES)
+        line.send(sent, sent)
+        alone.append(next(k for k in range(sent, sent + 9) if line.receive(k) == sent))
+    for tick, newest in enumerate(received(jitter=0.005)[:300]):
+        assert newest == max((k for k, at in enumerate(alone) if at <= tick), default=None)
+
+
+def test_a_restart_forgets_what_is_on_the_way() -> None:
+    line: Line[int] = Line(schema.Line(delay=0.002), DT, 3, Channel.STATES)
+    line.send(0, 0)
+    line.restart(received=7)
+    assert [line.receive(tick) for tick in range(5)] == [7] * 5

@@ -109,16 +109,6 @@ def test_a_reset_and_a_jump_start_sensors_anew() -> None:
     assert abs(sim.measured.v).max() < 1.0  # the jump is no velocity of 1000 rad/s
 
 
-def test_the_plan_says_what_is_on() -> None:
-    plan = str(imperfect().plan)
-    assert "computed    sensors: of position, velocity, effort; 1 to 3 ms late; 5 % lost" in plan
-    assert "computed    delay and loss of commands: 1 to 2 ms late; 5 % lost" in plan
-    plan = simulator().plan
-    off = {part.name: part.why for part in plan.parts if not part.on}
-    assert off["sensors"] == "measurements are exact and immediate"
-    assert off["delay and loss of commands"] == "they act immediately"
-
-
 def test_a_compiled_controller_cannot_take_sensor_readings() -> None:
     sim = imperfect()
     with pytest.raises(InvalidInput, match="'sensors' or 'commands'"):

@@ -16,25 +16,19 @@ def reference(setpoints: Setpoints) -> tuple[np.ndarray, np.ndarray]:
     return q.copy(), v.copy()
 
 
-def among(command: JointCommand, place: int) -> JointCommand:
-    """The command of one joint as that of a joint of three, of which the others stay at 1 rad."""
-    fields = np.full((3, 3), [[1.0], [np.nan], [np.nan]])
-    fields[:, place] = [command.position[0], command.velocity[0], command.effort[0]]
-    return JointCommand(*fields, stamp=command.stamp)
-
-
 def lead(commands: dict[int, JointCommand], ticks: int) -> np.ndarray:
     """Position and velocity of a joint's reference in each tick, shape (ticks, 2).
 
-    They are the same for each of three joints, and the others do not move.
+    The others stay at 1 rad, whichever of three joints it is.
     """
     found = np.empty((3, ticks, 2))
     for joint in range(3):
         setpoints = Setpoints(3, DT)
-        wider = {step: among(command, joint) for step, command in commands.items()}
-        newest = wider[0]
         for step in range(ticks):
-            newest = wider.get(step, newest)
+            if (one := commands.get(step)) is not None:
+                fields = np.full((3, 3), [[1.0], [np.nan], [np.nan]])
+                fields[:, joint] = one.position[0], one.velocity[0], one.effort[0]
+                newest = JointCommand(*fields, stamp=one.stamp)
             setpoints.at(newest, step)
             q, v = reference(setpoints)
             found[joint, step] = q[joint], v[joint]
