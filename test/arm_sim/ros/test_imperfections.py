@@ -28,6 +28,7 @@ def node_with(ros: Ros, sensors: Any = None, commands: Any = None, **parameters:
 
 
 def test_joint_states_carry_sensor_readings_and_ground_truth_is_a_separate_topic(ros: Ros) -> None:
+    assert not node_with(ros).count_publishers("/sim/ground_truth")
     node = node_with(ros, SENSORS)
     told = ros.listen(JointState, "/joint_states", 50)
     true = ros.listen(JointState, "/sim/ground_truth", 50)
@@ -67,14 +68,7 @@ def test_a_recording_has_what_sensors_told_also_after_resets(ros: Ros, tmp_path:
     np.testing.assert_array_equal(found[rows], np.array(told)[rows])
 
 
-def test_without_sensors_there_is_no_second_topic(ros: Ros) -> None:
-    node = node_with(ros)
-    names = [name for name, _ in node.get_publisher_names_and_types_by_node("sim", "/")]
-    assert "/joint_states" in names
-    assert "/sim/ground_truth" not in names
-
-
-def acting(node: SimNode, count: int) -> list[float]:
+def acting(node: SimNode | TickEngine, count: int) -> list[float]:
     """Torque of the second joint in each of some ticks."""
     found = []
     for _ in range(count):
@@ -83,8 +77,13 @@ def acting(node: SimNode, count: int) -> list[float]:
     return found
 
 
-def test_commands_act_when_they_arrive_and_no_sooner(ros: Ros) -> None:
-    node = node_with(ros, commands={"delay": 0.003})
+@pytest.mark.parametrize("waits", [False, True])
+def test_commands_act_when_they_arrive_and_no_sooner(ros: Ros, waits: bool) -> None:
+    """Time that waits for a command goes on when one is on the way."""
+    node = node_with(ros, commands={"delay": 0.003}, wait_for_command=waits)
+    if waits:
+        ticks(node, 3)
+        assert node.simulator.arm.step_count == 0
     node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
     first = acting(node, 2)
     node.inputs.on_commands(Float64MultiArray(data=[0.0, 2.0]))
@@ -98,11 +97,7 @@ def test_a_held_command_is_lost_once_and_not_again_in_each_tick() -> None:
         lossy = {**PLAIN, "sensors": {"seed": seed}, "commands": {"loss": 0.5}}
         engine = TickEngine(Simulator(lossy), wrench_timeout=0.1, wrench_reference="local")
         engine.commands.put((0.0, 1.0))
-        found = []
-        for _ in range(10):
-            engine.tick()
-            found.append(float(engine.simulator.effort[1]))
-        outcomes.add(tuple(found))
+        outcomes.add(tuple(acting(engine, 10)))
     assert outcomes == {(0.0,) * 10, (1.0,) * 10}
 
 
@@ -114,14 +109,6 @@ def test_a_delayed_command_that_is_sent_again_does_not_become_stale() -> None:
         engine.commands.put(command)
         engine.tick()
     assert simulator.effort[1] == 1.0
-
-
-def test_time_that_waits_for_a_command_goes_on_when_one_is_on_the_way(ros: Ros) -> None:
-    node = node_with(ros, commands={"delay": 0.002}, wait_for_command=True)
-    ticks(node, 3)
-    assert node.simulator.arm.step_count == 0
-    node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
-    assert acting(node, 3) == [0.0, 0.0, 1.0]
 
 
 def test_a_reset_forgets_commands_on_the_way(ros: Ros) -> None:

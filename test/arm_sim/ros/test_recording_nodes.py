@@ -3,6 +3,7 @@
 
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -22,7 +23,6 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
 from arm_sim import Recording, Simulator
-from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import messages
 from arm_sim.replay import replay
 from arm_sim.ros import SimNode
@@ -102,26 +102,16 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     node = by_hand(ros, record=str(tmp_path / "run.mcap"))
     ticks(node, 10)
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
-    assert finding.values["ticks"] == 10 and finding.values["ticks lost"] == 0
-    assert finding.values["path"] == str(tmp_path / "run.mcap")
+    assert (finding.values["ticks"], finding.values["ticks lost"]) == (10, 0)
     assert finding.message(node).message == "ok"
     thread = node.recorder.thread
     node.recorder.lost, thread.lost = 2, 3
     thread.trouble, thread.failure = "the disk is full", "recording stopped"
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
     assert finding.values["ticks lost"] == 2 and finding.values["messages lost"] == 3
-    found = finding.message(node)
-    assert (found.level, found.message) == (
-        DiagnosticStatus.ERROR,
-        "2 time steps not in the recording: the disk is full; 3 messages not in the recording: "
-        "the disk is full; recording stopped",
-    )
-
-
-def test_a_path_that_cannot_be_recorded_to_is_refused(ros: Ros, tmp_path: Path) -> None:
-    for path, name in (("nowhere/run.mcap", "run.mcap"), ("run.txt", "run.txt")):
-        with pytest.raises(InvalidInput, match=name):
-            by_hand(ros, record=str(tmp_path / path))
+    assert finding.message(node).level == DiagnosticStatus.ERROR
+    for said in "2 time steps not in the recording: the disk is full", "recording stopped":
+        assert said in finding.message(node).message
 
 
 NODES = [SimNode, ControllerNode, DynamicsNode, TopicRecorder, Player]
@@ -139,7 +129,7 @@ def test_a_node_that_could_not_be_built_can_be_destroyed(kind: Any, ros: Ros) ->
             super().__init__(*args, **more)
 
     unusable = Path(__file__).parent if kind is TopicRecorder else Path("nowhere.yaml")
-    with pytest.raises(ArmError):
+    with pytest.raises(ArmError, match=unusable.name):
         Kept(unusable, context=ros.context)
     Kept.made.destroy_node()
 
@@ -187,45 +177,29 @@ def test_what_cannot_be_played_is_said(ros: Ros, tmp_path: Path) -> None:
     assert player.duration == 1.0
     with pytest.raises(InvalidInput, match="rate"):
         player.start(-1.0)
-    with pytest.raises(NoRecording, match="none"):
-        Player(tmp_path / "none.mcap", context=ros.peer.context)
 
 
-class Clock:
-    """A clock that goes on while somebody waits, and what was published at its times."""
+@pytest.mark.parametrize("rate", [2.0, 0.0])
+def test_messages_are_played_at_their_times(
+    rate: float, ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a clock that goes on while the player waits, and is always a little late."""
+    (tmp_path / "robot.csv").write_text("time,position.a\n5,0\n5.04,1\n5.1,2\n")
+    player, now, at = ros.add(Player, tmp_path / "robot.csv"), [50.0], list[float]()
+    assert not player.done and player.duration == pytest.approx(0.1)
 
-    def __init__(self) -> None:
-        self.now, self.at = 50.0, list[float]()
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def wait(self, seconds: float) -> bool:
-        self.now += seconds + 0.001  # it is always a little late
+    def wait(seconds: float) -> bool:
+        now[0] += seconds + 0.001
         return False
 
-    def set(self) -> None:
-        """Nobody is to be woken up."""
-
-    def publish(self, raw: bytes) -> None:
-        self.at.append(self.now - 50.0)
-
-
-@pytest.mark.parametrize(("rate", "stretch"), [(2.0, 0.5), (0.0, 0.0)])
-def test_messages_are_played_at_their_times(
-    rate: float, stretch: float, ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "robot.csv").write_text("time,position.a\n5,0\n5.04,1\n5.1,2\n")
-    player, clock = ros.add(Player, tmp_path / "robot.csv"), Clock()
-    assert not player.done and player.duration == pytest.approx(0.1)
-    monkeypatch.setattr("arm_sim.ros.record.player.time", clock)
-    player._pending = [(log, clock, raw) for log, _, raw in player._pending]
-    player._stop = clock
+    monkeypatch.setattr("arm_sim.ros.record.player.time", Mock(monotonic=lambda: now[0]))
+    topic = Mock(publish=lambda raw: at.append(now[0] - 50.0))
+    player._pending = [(log, topic, raw) for log, _, raw in player._pending]
+    player._stop = Mock(wait=wait)
     player.start(rate)
     player._thread.join(10.0)
     assert player.done and player.published == 3
-    times = stretch * np.array([0.0, 0.04, 0.1])
-    np.testing.assert_allclose(clock.at, times + (0.001 if rate else np.array([1, 2, 3]) / 1000))
+    np.testing.assert_allclose(at, [0.001, 0.021, 0.051] if rate else [0.001, 0.002, 0.003])
 
 
 def test_a_player_that_is_destroyed_stops(ros: Ros, tmp_path: Path) -> None:
@@ -253,28 +227,17 @@ def test_of_our_files_what_nodes_understand_is_played_or_what_is_named(
         Player(path, ("/joint_states", "/joint_state"), context=ros.peer.context)
 
 
-RELIABLE, LOSSY = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
-LATCHED, PASSING = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
-
-
-@pytest.mark.parametrize(
-    ("offered", "taken"),
-    [
-        ([(RELIABLE, LATCHED)], (RELIABLE, LATCHED)),
-        ([(RELIABLE, LATCHED), (RELIABLE, PASSING)], (RELIABLE, PASSING)),
-        ([(LOSSY, PASSING), (RELIABLE, PASSING)], (LOSSY, PASSING)),
-    ],
-)
-def test_a_recorder_hears_every_publisher_of_a_topic(
-    offered: list[tuple[Any, Any]], taken: tuple[Any, Any], ros: Ros, tmp_path: Path
-) -> None:
-    for reliability, durability in offered:
-        profile = QoSProfile(depth=1, reliability=reliability, durability=durability)
-        ros.peer.create_publisher(JointState, "states", profile)
-    ros.spin_until(lambda: ros.peer.count_publishers("/states") == len(offered))
+def test_a_recorder_hears_every_publisher_of_a_topic(ros: Ros, tmp_path: Path) -> None:
+    """Those that were there before and a weaker one; and earlier messages if all keep these."""
     recorder = ros.add(TopicRecorder, tmp_path / "run.mcap", ("states",))
-    ros.spin_until(lambda: len(recorder.get_publishers_info_by_topic("/states")) == len(offered))
-    recorder.count.clear()
-    recorder.discover()
-    found = recorder.get_subscriptions_info_by_topic("/states")[-1].qos_profile
-    assert (found.reliability, found.durability) == taken
+    latched, passing, lossy = (QoSProfile(depth=1) for _ in range(3))
+    latched.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    lossy.reliability = ReliabilityPolicy.BEST_EFFORT
+    for count, weakest in enumerate((latched, passing, lossy), 1):
+        ros.peer.create_publisher(JointState, "states", weakest)
+        ros.spin_until(lambda count=count: recorder.count_publishers("/states") == count)
+        recorder.count.clear()
+        recorder.discover()
+        *_, taken = (each.qos_profile for each in recorder.subscriptions)
+        assert taken.reliability == weakest.reliability
+        assert taken.durability == weakest.durability

@@ -46,21 +46,10 @@ def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any) -> None:
     assert model.joint_names == models.dynamics("two_link").joint_names
 
 
-def test_beside_a_scene_a_description_is_not_used(
-    ros: Ros, capfd: pytest.CaptureFixture[str]
-) -> None:
-    for scene in {}, {"scene": str(models.SCENES / "two_link.yaml")}:
-        given = None if scene else models.scene("two_link")
-        ros.add(SimNode, given, realtime=False, robot_description="<robot", **scene)
-        assert "'robot_description' is not used" in capfd.readouterr().err
-
-
 def test_no_arm_is_an_error(ros: Ros) -> None:
     refused: tuple[tuple[dict[str, Any], str], ...] = (
-        ({"description_timeout": 0.0}, "'scene' is empty.*none arrived within 0 s"),
-        ({"description_timeout": 0.1}, "on /robot_description, where none arrived within 0.1 s"),
+        ({"description_timeout": 0.1}, "'scene' is empty.*none arrived within 0.1 s"),
         ({"robot_description": "/etc/passwd"}, "not well-formed XML"),
-        ({"robot_description": "<robot name='x'/>"}, "no <link> found"),
         ({"robot_description": URDF, "max_joints": 1}, "2 joints that move; at most 1 are"),
         ({"robot_description": URDF, "max_description_size": 99}, "'max_description_size'"),
     )

@@ -8,23 +8,27 @@ import numpy as np
 import pytest
 from arm_msgs.srv import SetFriction, SetJointState, SetPayload, Step
 from bent_messages import bent
+from geometry_msgs.msg import PoseStamped
 from harness import Ros
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, next_command
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 
 import models
 from arm_dynamics import load_scene
-from arm_dynamics.ros import ControllerNode
+from arm_dynamics.ros import ControllerNode, DynamicsNode
 from arm_dynamics.ros.interfaces import (
+    INVERSE_DYNAMICS,
     RESET,
     SET_FRICTION,
     SET_JOINT_STATE,
     SET_PAYLOAD,
     STEP,
+    TASK_SPACE,
 )
 from arm_sim.ros import SimNode
 from arm_sim.servo import JointCommand
@@ -175,3 +179,53 @@ def test_orders_of_any_content(
     requests.answer(SET_PAYLOAD, SetPayload.Request(mass=0.1))
     requests.answer(SET_FRICTION, SetFriction.Request(viscous=[0.0, 0.0]))
     assert_alive(sim)
+
+
+RUDE = "\n\u202eall is well\x1b[31m" + "x" * 100_000
+
+
+def is_safe(text: str) -> None:
+    """Text of a caller is repeated clipped and on one line."""
+    assert text
+    assert text.isprintable()
+    assert len(text) < 2500
+
+
+def test_text_in_questions_to_the_dynamics_node(ros: Ros) -> None:
+    node = ros.add(DynamicsNode, models.scene("two_link"))
+    for service, request in (
+        (INVERSE_DYNAMICS, {"joint_names": [RUDE, "elbow"]}),
+        (TASK_SPACE, {"frame": RUDE}),
+        (TASK_SPACE, {"frame": "tip", "reference": RUDE}),
+        (TASK_SPACE, {"frame": "tip", "axes": [RUDE]}),
+    ):
+        asked = service.type.Request(position=[0.0, 0.0], **request)
+        answer = node.answer(service, asked, service.type.Response())
+        assert not answer.success
+        is_safe(answer.message)
+
+
+def test_text_in_parameters_and_goals_of_the_controller(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    for name in ("controller", "task_frame"):
+        (result,) = node.set_parameters([Parameter(name, value=RUDE)])
+        assert not result.successful
+        is_safe(result.reason)
+    goal = PoseStamped()
+    goal.header.frame_id, goal.pose.orientation.w = RUDE, 1.0
+    node.on_cartesian_goal(goal)
+    ros.spin_until(lambda: not node.busy)
+    is_safe(node.goals.outcome)
+
+
+def test_text_in_sources_of_commands_in_the_diagnostics(ros: Ros) -> None:
+    node = by_hand(ros)
+    for _ in range(20):
+        node.inputs.on_joint_commands(command(header=Header(frame_id=RUDE)))
+        node.tick()
+    node.inputs.on_joint_commands(command())
+    is_safe(node.engine.arbiter.last_refusal)
+    for finding in node.diagnostics():
+        for value in finding.values.values():
+            assert str(value).isprintable()
+            assert len(str(value)) < 2500

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock, PropertyMock
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from harness import Ros
 from rclpy.parameter import Parameter
 from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
-import models
 from arm_dynamics.exceptions import CompilerMissing
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
@@ -26,12 +26,12 @@ from models import features
 
 pytestmark = pytest.mark.ros
 
-READY = (
-    "panda", "motor_pendulum", "flexible_arm", "slider_crank_motor", "lifting_gripper",
-    "spring_balanced_arm",
-)  # fmt: skip
-SCENES: dict[str, Any] = {name: name for name in READY}
-SCENES["bristles above a table"] = features.scene("planar", ("lugre", "contact"))
+SCENES: dict[str, Any] = {
+    "panda": "panda",
+    "flexible_arm": "flexible_arm",
+    "slider_crank_motor": "slider_crank_motor",
+    "bristles above a table": features.scene("planar", ("lugre", "contact")),
+}
 
 
 def braked(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
@@ -86,21 +86,23 @@ def test_a_stop_takes_the_way_that_the_servos_need(ros: Ros) -> None:
     np.testing.assert_allclose(place(node) - before, speed / 200.0, rtol=0.2)
 
 
-def test_commands_let_it_go_on_from_where_it_stands(ros: Ros) -> None:
-    node, sim = braked(ros), models.simulator("two_link")
-    ticks(node, 50)
-    node.inputs.on_joint_commands(command(name=list(NAMES), effort=[1.0, 2.0]))
-    node.tick()
-    sim.step([1.0, 2.0])
-    np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
-    assert node.engine.held == "no"
+@pytest.mark.parametrize("policy", ["brake", "servo"])
+def test_wherever_it_stands_it_is_held(ros: Ros, policy: str) -> None:
+    """At the start, put elsewhere, and after a reset; a push moves what servos hold."""
+    node = braked(ros, stale_policy=policy)
+    request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=[0.4, -0.3])
+    for service, given in (RESET, None), (SET_JOINT_STATE, request), (RESET, None):
+        assert node.requests.answer(service, given).success
+        there = place(node)
+        ticks(node, 50)
+        np.testing.assert_array_equal(place(node), there)
+    node.engine.push("forearm", [5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    ticks(node, 20)
+    assert (place(node) != there).any() == (policy == "servo")
 
 
 def test_servos_hold_where_it_was_stopped(ros: Ros) -> None:
     node = braked(ros, command_timeout=0.01, stale_policy="servo")
-    start = place(node)
-    ticks(node, 100)
-    np.testing.assert_array_equal(place(node), start)
     for _ in range(40):
         node.inputs.on_joint_commands(command(name=list(NAMES), effort=[0.0, 0.0]))
         node.tick()
@@ -112,21 +114,18 @@ def test_servos_hold_where_it_was_stopped(ros: Ros) -> None:
     np.testing.assert_array_equal(place(node), still)
 
 
-def test_a_push_moves_what_servos_hold_and_not_what_brakes_hold(ros: Ros) -> None:
-    for policy, moves in (("servo", True), ("brake", False)):
-        node = braked(ros, stale_policy=policy)
-        start = place(node)
-        node.engine.push("forearm", [5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        ticks(node, 20)
-        assert (place(node) != start).any() == moves
+def stopping_of(*speed: float, dt: float = 1e-3) -> tuple[SimpleNamespace, Stopping]:
+    """An arm of two joints that has been led, and what stops it with servos that are there."""
+    arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, *speed]), step_count=0, dt=dt)
+    stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
+    stopping.release()
+    return arm, stopping
 
 
 @pytest.mark.parametrize("speed", [[0.0, 1.0], [-1.0, 0.0]])
 def test_a_push_soon_after_it_stood_is_not_taken_for_its_motion(speed: list[float]) -> None:
     """Servos hold the place where it stood, though it has not been stopping for long."""
-    arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, *speed]), step_count=0, dt=1e-3)
-    stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
-    stopping.release()
+    arm, stopping = stopping_of(*speed)
     slowing = stopping.stop(SERVO)
     assert slowing is not None and slowing.velocity.tolist() == [0.0, 0.0]
     arm.x, arm.step_count = np.array([0.4, -0.1, 0.0, 0.0]), 1
@@ -138,8 +137,7 @@ def test_a_push_soon_after_it_stood_is_not_taken_for_its_motion(speed: list[floa
 
 def test_each_stop_may_take_its_own_time() -> None:
     """Up to the longest one; that of the stop before it does not count."""
-    arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, 1.0, -1.0]), step_count=0, dt=0.25)
-    stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
+    arm, stopping = stopping_of(1.0, -1.0, dt=0.25)
     for begin in (0, 100):
         stopping.release()
         slowed = []
@@ -148,64 +146,24 @@ def test_each_stop_may_take_its_own_time() -> None:
         assert slowed == [True] * 4 + [False] * 2  # a second
 
 
+def test_joints_below_a_millirad_per_second_are_held_at_once() -> None:
+    for speed, slows in (1.01e-3, True), (-1.01e-3, True), (1e-3, False), (-1e-3, False):
+        for joints in (speed, 0.0), (0.0, speed):
+            assert (stopping_of(*joints)[1].stop(BRAKE) is not None) == slows
+
+
 def test_servos_that_cannot_be_built_are_not_kept_quiet() -> None:
     """Else the brakes would hold the arm whatever positions are commanded, without a word."""
-
-    class Compiled:
-        has_servo = False
-
-        @property
-        def servo(self) -> None:
-            raise CompilerMissing("no compiler")
-
+    compiled = Mock(has_servo=False)
+    type(compiled).servo = PropertyMock(side_effect=CompilerMissing("no compiler"))
     background = Background("servos")
-    servos = Servos(SimpleNamespace(compiled=Compiled()), background)
+    servos = Servos(Mock(compiled=compiled), background)
     assert not servos.request()
     while not background.ready:
         time.sleep(1e-4)
     with pytest.raises(CompilerMissing):
         servos.request()
     background.close()
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-def test_joints_below_a_millirad_per_second_are_held_at_once(joint: int) -> None:
-    for speed, slows in (1.01e-3, True), (-1.01e-3, True), (1e-3, False), (-1e-3, False):
-        arm = SimpleNamespace(n=2, x=np.zeros(4), step_count=0, dt=1e-3)
-        arm.x[2 + joint] = speed
-        stopping = Stopping(arm, SimpleNamespace(request=lambda: True))
-        stopping.release()
-        assert (stopping.stop(BRAKE) is not None) == slows
-
-
-def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
-    node = braked(ros, command_timeout=0.0)
-    ticks(node, 5)
-    node.engine.energy.keep(True)
-    q = node.simulator.state.q.tolist()
-    request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=q, velocity=[1.0, 0.0])
-    assert node.requests.answer(SET_JOINT_STATE, request).success
-    moving = node.engine.energy.read()
-    node.tick()
-    stopped = node.engine.energy.read()
-    assert moving is not None and stopped is not None
-    assert stopped.kinetic == 0.0
-    np.testing.assert_allclose(moving.changed - stopped.changed, moving.kinetic, rtol=1e-9)
-    assert abs(stopped.balance) < 1e-9
-
-
-def test_put_elsewhere_it_is_held_there(ros: Ros) -> None:
-    for policy in ("brake", "servo"):
-        node = braked(ros, stale_policy=policy)
-        ticks(node, 5)
-        request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=[0.4, -0.3])
-        assert node.requests.answer(SET_JOINT_STATE, request).success
-        ticks(node, 50)
-        np.testing.assert_array_equal(place(node), [0.4, -0.3])
-        node.requests.answer(RESET)
-        start = place(node)
-        ticks(node, 50)
-        np.testing.assert_array_equal(place(node), start)
 
 
 def test_reset_to_a_motion_it_stands_there_at_once(ros: Ros) -> None:
@@ -221,13 +179,11 @@ def test_reset_to_a_motion_it_stands_there_at_once(ros: Ros) -> None:
 
 def test_another_policy_takes_over_in_motion(ros: Ros) -> None:
     node = braked(ros)
-    ticks(node, 10)
     start = place(node)
-    assert node.set_parameters([Parameter("stale_policy", value="zero")])[0].successful
-    ticks(node, 50)
-    assert abs(place(node) - start).max() > 1e-3
-    assert node.set_parameters([Parameter("stale_policy", value="brake")])[0].successful
-    ticks(node, 1200)
+    for policy, count in ("zero", 50), ("brake", 1200):
+        assert node.set_parameters([Parameter("stale_policy", value=policy)])[0].successful
+        ticks(node, count)
+        assert abs(place(node) - start).max() > 1e-3
     assert not node.simulator.state.v.any()
 
 
@@ -235,11 +191,11 @@ def test_a_place_does_not_grow_old_and_an_effort_does(ros: Ros) -> None:
     node = braked(ros, command_timeout=0.01)
     start = place(node)
     node.inputs.on_joint_commands(command(name=list(NAMES), position=start.tolist()))
-    ticks(node, 500)
+    ticks(node, 100)
     assert not node.engine.commands.stale
     np.testing.assert_array_equal(place(node), start)
     node.inputs.on_joint_commands(command(name=list(NAMES), velocity=[0.0, 0.0]))
-    ticks(node, 500)
+    ticks(node, 100)
     assert not node.engine.commands.stale
     node.inputs.on_joint_commands(command(name=list(NAMES), velocity=[0.1, 0.0]))
     ticks(node, 20)
