@@ -24,7 +24,7 @@ from arm_sim.ros import SimNode
 pytestmark = pytest.mark.ros
 
 URDF = models.scene("two_link").robot.urdf
-GRIPPER = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
 with_tf = pytest.mark.skipif(
     importlib.util.find_spec("tf2_msgs") is None, reason="tf2_msgs is not built"
 )
@@ -71,32 +71,24 @@ def test_a_description_is_published_for_late_subscribers_unless_it_was_heard(ros
     assert ros.peer.count_publishers("/robot_description") == 1
 
 
-def told(message: JointState) -> dict[str, float]:
-    return dict(zip(message.name, message.position, strict=True))
-
-
-def test_joint_states_are_of_the_arm_and_those_for_people_of_all_joints(ros: Ros) -> None:
-    node = by_hand(ros, "panda")
-    states = ros.listen(JointState, "/joint_states")
-    everything = ros.listen(JointState, "/sim/all_joint_states")
-    ticks(node, 3)
-    own = dict(zip(node.simulator.joint_names, node.simulator.state.q.tolist(), strict=True))
-    ros.spin_until(lambda: states and told(states[-1]) == own)
-    ros.spin_until(lambda: everything and told(everything[-1]) == {**own, **GRIPPER})
-    assert everything[-1].header.stamp == states[-1].header.stamp
-    assert list(everything[-1].velocity[7:]) == list(everything[-1].effort[7:]) == [0.0, 0.0]
-
-
-def test_joint_states_may_be_of_all_joints(ros: Ros) -> None:
-    node = by_hand(ros, "panda", publish_all_joints=True)
-    states = ros.listen(JointState, "/joint_states")
+@pytest.mark.parametrize("every", [False, True])
+def test_joint_states_are_of_the_arm_unless_all_joints_are_wanted(ros: Ros, every: bool) -> None:
+    """Those for people are of all joints in any case."""
+    node = by_hand(ros, "panda", publish_all_joints=every)
+    shown, published = (
+        ros.listen(JointState, topic) for topic in ("/sim/all_joint_states", "/joint_states")
+    )
     node.inputs.on_joint_commands(command(name=["panda_joint1"], effort=[1.5]))
-    node.tick()
-    ros.spin_until(lambda: states and states[-1].header.stamp.nanosec)
-    own = dict(zip(node.simulator.joint_names, node.simulator.state.q.tolist(), strict=True))
-    assert told(states[-1]) == {**own, **GRIPPER}
-    np.testing.assert_array_equal(states[-1].effort, [*node.simulator.effort, 0.0, 0.0])
-    np.testing.assert_array_equal(states[-1].velocity[:7], node.simulator.state.v)
+    ticks(node, 3)
+    ros.spin_until(lambda: shown and shown[-1].header.stamp.nanosec == 3_000_000)
+    ros.spin_until(lambda: published and published[-1].header.stamp == shown[-1].header.stamp)
+    sim = node.simulator
+    for message, fingers in (shown[-1], FINGERS), (published[-1], FINGERS if every else []):
+        assert list(message.name) == [*sim.joint_names, *fingers]
+        still = [0.0] * len(fingers)
+        np.testing.assert_array_equal(message.position, [*sim.state.q, *still])
+        np.testing.assert_array_equal(message.velocity, [*sim.state.v, *still])
+        np.testing.assert_array_equal(message.effort, [*sim.effort, *still])
 
 
 def test_nothing_is_shown_at_rate_zero_or_without_tf_messages(
