@@ -31,7 +31,7 @@ NODES = [
 ]
 SIM = [
     "test/arm_sim/ros/test_order_sequences.py",
-    "test/arm_sim/ros/test_ticks.py",
+    "test/arm_sim/ros/test_realtime_loop.py",
     "test/arm_sim/ros/test_tick_recorder.py",
     "test/arm_sim/ros/test_tick_threads.py",
 ]

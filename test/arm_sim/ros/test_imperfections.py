@@ -79,11 +79,15 @@ def acting(node: SimNode | TickEngine, count: int) -> list[float]:
 
 @pytest.mark.parametrize("waits", [False, True])
 def test_commands_act_when_they_arrive_and_no_sooner(ros: Ros, waits: bool) -> None:
-    """Time that waits for a command goes on when one is on the way."""
+    """Time that waits for a command, also after a reset, goes on when one is on the way."""
     node = node_with(ros, commands={"delay": 0.003}, wait_for_command=waits)
-    if waits:
+    for _ in range(2 * waits):
         ticks(node, 3)
         assert node.simulator.arm.step_count == 0
+        node.inputs.on_commands(Float64MultiArray(data=[0.0, 3.0]))
+        ticks(node, 3)
+        assert node.simulator.arm.step_count == 3
+        node.engine.reset()
     node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
     first = acting(node, 2)
     node.inputs.on_commands(Float64MultiArray(data=[0.0, 2.0]))

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics import load_scene
-from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
+from arm_dynamics.ros.interfaces import RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_sim import Simulator
 from arm_sim.ros import SimNode
 from arm_sim.ros.commands.arbiter import STREAM
@@ -45,23 +45,19 @@ def command(source: str = "", effort: Any = TAU) -> bytes:
     return serialize_message(message)
 
 
-def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
+def test_a_wrench_comes_over_its_topic_and_bad_ones_are_passed_over(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
     node = by_hand(ros, wrench_timeout=10.0)
-    publisher = ros.publisher(WrenchStamped, "/sim/wrench")
-    publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
-    ros.spin_until(lambda: node.engine.wrenches.active)
-    node.requests.answer(RESET)
-    assert not node.engine.wrenches.active
-
-
-def test_bad_wrenches_are_passed_over(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
-    node = by_hand(ros)
     refused = ("paw", 1.0, "frame 'paw'"), ("", 1.0, "frame ''"), ("tip", np.nan, "= nan")
     for count, (frame, force, said) in enumerate(refused, 1):
         node.inputs.on_wrench(pushed(frame, force, *[0.0] * 5))
         assert said in capfd.readouterr().err
         assert node.engine.wrenches.active == ()
         assert node.inputs.refused_wrenches == count
+    publisher = ros.publisher(WrenchStamped, "/sim/wrench")
+    publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    ros.spin_until(lambda: node.engine.wrenches.active)
 
 
 LOAD = {"frame": "tip", "mass": 0.5, "com": [0.0] * 3, "inertia": [0.0] * 6}
@@ -91,18 +87,6 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
     node.engine.configure(0.0, "gravity")  # which is the new one
     carried = next_command(node.engine.commands, sim.state.q)
     np.testing.assert_allclose(carried, sim.dynamics.gravity(sim.state.q), rtol=1e-12)
-
-
-def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
-    node = by_hand(ros, wait_for_command=True)
-    ticks(node, 50)
-    assert node.simulator.arm.step_count == 0
-    node.inputs.on_commands(Float64MultiArray(data=TAU))
-    ticks(node, 5)
-    assert node.simulator.arm.step_count == 5
-    node.requests.answer(RESET)
-    ticks(node, 5)
-    assert node.simulator.arm.step_count == 0
 
 
 def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
