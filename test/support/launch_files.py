@@ -47,18 +47,6 @@ class Start:
     parameters: dict[str, object]  # parameters by name, typed
     remaps: dict[str, str]  # new names of topics
 
-    def ros_arguments(self) -> list[str]:
-        """What the executable would be given after ``--ros-args``."""
-        said = ["-r", f"__ns:={self.namespace}"]
-        said += ["-r", f"__node:={self.name}"] if self.name else []
-        said += [word for path in self.files for word in ("--params-file", str(path))]
-        for name, value in self.parameters.items():
-            text = yaml.safe_dump(value, default_flow_style=True).splitlines()[0]
-            said += ["-p", f"{name}:={text}"]
-        for old, new in self.remaps.items():
-            said += ["-r", f"{old}:={new}"]
-        return said
-
 
 @dataclass
 class Launch:

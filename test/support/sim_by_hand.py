@@ -5,6 +5,7 @@ from ctypes import byref
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from polled import offered
 from rclpy.serialization import serialize_message
@@ -49,3 +50,12 @@ def ticks(node: SimNode, count: int) -> None:
 
 def motion(node: SimNode) -> np.ndarray:
     return np.array([node.simulator.state.q, node.simulator.state.v])
+
+
+def pushed(frame: str, *values: float) -> WrenchStamped:
+    """A push on a frame: three numbers of the force, then three of the torque."""
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = values
+    return message

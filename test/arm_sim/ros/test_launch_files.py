@@ -14,14 +14,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
-from forging import running
 from launch_files import Launch, Start, by_python
 
 import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.controller.controller_params import ControllerParams
-from arm_dynamics.ros.interfaces import CONTROLLER_STATE
-from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.ros.sim_params import SimParams
 
@@ -137,24 +134,6 @@ def test_a_description_keeps_its_robot() -> None:
     again = Dynamics(load_scene({"robot": {"urdf": text}}))
     q = np.full(model.n, 0.3)
     np.testing.assert_array_equal(again.gravity(q), models.dynamics("xarm7").gravity(q))
-
-
-@pytest.mark.ros
-def test_two_arms_are_led_each_in_its_namespace(
-    tmp_path: Path, forge: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With the arguments that ros2 launch gives the executables."""
-    starts = started("two_arms", left="two_link", right="two_link")
-    commands = [(s.executable, "--ros-args", *s.ros_arguments()) for s in starts]
-    states: dict[str, list[Any]] = {"left": [], "right": []}
-    with running(forge, tmp_path, *commands) as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        with Listener() as listener:
-            for arm, heard in states.items():
-                listener.subscribe(CONTROLLER_STATE, f"/{arm}/controller/state", heard.append)
-            assert listener.until(lambda: all(states.values()), 40.0), listener.nodes()
-    for heard in states.values():
-        assert list(heard[0].joint_names) == ["shoulder", "elbow"]
 
 
 def test_what_is_shared_is_installed(tmp_path: Path) -> None:

@@ -194,7 +194,8 @@ def test_after_a_reset_the_first_state_is_answered_again(ros: Ros) -> None:
 
 
 def test_services_are_answered_while_the_pair_runs_as_fast_as_it_can(ros: Ros) -> None:
-    options = {"context": ros.context}
+    """In a namespace, as one of two arms."""
+    options = {"context": ros.context, "namespace": "left"}
     sim = SimNode(PLAIN, parameter_overrides=[Parameter("lockstep", value=True)], **options)
     controller = ControllerNode(PLAIN, own_thread=True, **options)
     over = threading.Event()
@@ -203,7 +204,7 @@ def test_services_are_answered_while_the_pair_runs_as_fast_as_it_can(ros: Ros) -
     try:
         ros.spin_until(lambda: sim.simulator.arm.step_count > 1000)
         with closing(Caller(5.0, ros.domain)) as caller:
-            response = caller.ask("sim", STEP, STEP.type.Request(steps=5), repeatable=False)
+            response = caller.ask("left/sim", STEP, STEP.type.Request(steps=5), repeatable=False)
     finally:
         over.set()
         thread.join()

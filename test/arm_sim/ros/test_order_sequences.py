@@ -17,14 +17,13 @@ import pytest
 from arm_msgs.msg import Energy
 from bent_messages import bent
 from harness import Ros
-from pushes import pushed
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from recorded_engine import contents
 from recorded_engine import scene as above_a_table
 from samples import always
 from sensor_msgs.msg import JointState
-from sim_by_hand import by_hand, next_command
+from sim_by_hand import by_hand, next_command, pushed
 from std_msgs.msg import Float64MultiArray
 
 import models

@@ -12,10 +12,9 @@ from arm_msgs.srv import SetFriction, SetPayload
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
-from pushes import pushed
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, TAU, by_hand, next_command, ticks
+from sim_by_hand import NAMES, TAU, by_hand, next_command, pushed, ticks
 from std_msgs.msg import Float64MultiArray
 
 import models

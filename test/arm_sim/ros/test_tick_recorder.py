@@ -68,6 +68,20 @@ def test_every_tick_is_in_the_file_and_comes_out_again(
     assert not found.apart.any()
 
 
+def test_what_holds_the_arm_and_what_changes_it_is_recorded(
+    engine: TickEngine, recorder: TickRecorder
+) -> None:
+    """Set in motion while brakes hold it: they take that motion and nothing else, and once."""
+    engine.configure(0.02, "brake")
+    engine.tick()
+    engine.change(lambda: engine.simulator.set_state([0.4, -0.3], [1.0, 0.5]))
+    engine.tick()
+    loaded = recorded(recorder)
+    assert loaded.hold is not None and loaded.hold[:-1].all()
+    assert np.ptp(loaded.energy) > 1.0
+    np.testing.assert_allclose(np.ptp(loaded.energy - loaded.changed), 0.0, atol=1e-12)
+
+
 def test_an_event_after_a_reset_is_at_the_time_of_the_recording(
     engine: TickEngine, recorder: TickRecorder, tmp_path: Path
 ) -> None:
