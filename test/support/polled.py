@@ -58,12 +58,3 @@ def each(tick: Callable[[], object], clock: Any = time) -> Callable[[Due], None]
         tick()
 
     return run
-
-
-def raising(error: Exception) -> Callable[..., Any]:
-    """A function that raises an exception."""
-
-    def fail(*given: object) -> None:
-        raise error
-
-    return fail

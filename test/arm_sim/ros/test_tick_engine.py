@@ -9,10 +9,11 @@ from contextlib import contextmanager, suppress
 from threading import Event, Thread, current_thread
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from polled import polled, raising
+from polled import polled
 
 import models
 from arm_dynamics import InvalidInput
@@ -230,7 +231,8 @@ def asked(queue: TickQueue, action: Callable[[], Any]) -> Iterator[Future[Any]]:
 def test_the_thread_that_ticks_runs_what_others_ask_for() -> None:
     """And what is raised there is raised where it was asked for."""
     made, error = engine(), TimeoutError("no answer")
-    with asked(made.queue, current_thread) as thread, asked(made.queue, raising(error)) as other:
+    failing = Mock(side_effect=error)
+    with asked(made.queue, current_thread) as thread, asked(made.queue, failing) as other:
         while not (thread.done() and other.done()):
             made.tick()
     assert thread.result() is current_thread()

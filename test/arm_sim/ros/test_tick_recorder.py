@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from polled import raising
 from recorded_engine import busy, contents, engine_of, run, scene
 
 from arm_dynamics import InvalidInput, load_scene
@@ -282,7 +282,7 @@ def test_whatever_goes_wrong_in_the_thread_is_said_and_what_is_lost_counted(
     recorder = TickRecorder(tmp_path / "run.mcap", engine, on_failure=said.append)
     thread = recorder.thread
     assert thread.trouble == "the disk is slow"
-    thread.mcap.flush = raising(error)
+    thread.mcap.flush = Mock(side_effect=error)
     count = thread.chunk.count
     while not thread.failure or count < 20:
         thread.add(1, 0, 0, bytes(SIZE // 3))
