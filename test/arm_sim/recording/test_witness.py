@@ -2,14 +2,13 @@
 """The error of a motion, from a second run by other means, against closed forms and finer runs."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, SceneError
+from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import read_only
 from arm_dynamics.control import PDGravity
 from arm_dynamics.trajectory import Waypoint, quintic
@@ -36,9 +35,6 @@ def test_a_right_motion_is_trusted() -> None:
     assert_close(motion.q[-1], [2.0 * stops / 2], 1e-12)
     assert motion.error.shape == (401, 2) and motion.error.max() < 1e-9
     assert motion.verdict.startswith("accurate to ") and motion.verdict in repr(motion)
-    coasting = Simulator(rotor(0.02), dt=5e-3)
-    coasting.reset(v=[5.0])
-    assert coasting.run(1.0).trusted  # little energy that changes its form
     held = Simulator(SCENE).run(0.2, [1.0 - 1e-9])
     assert held.verdict.startswith("accurate to rounding, by a second run ")
     assert not held.v.any()
@@ -66,24 +62,16 @@ def test_a_tick_that_ends_elsewhere_is_named(caplog: pytest.LogCaptureFixture) -
     assert "most of it arises in this time step" in wrong.doubt and wrong.verdict == wrong.doubt
 
 
-@pytest.mark.parametrize("duration", [0.2, 0.01], ids=["blow", "end of a tick"])
-def test_a_blow_in_one_step_is_noticed(duration: float) -> None:
+def test_a_blow_in_one_step_is_noticed() -> None:
     """A mass of 1 kg leaves an undamped stop half a period later, which is less than a tick."""
-    stiffness, lower = (1e6, 0.5) if duration == 0.2 else (22500.0, 0.412)
-    stop = {"limits": {"lower": -1.0, "upper": lower, "stop": {"stiffness": stiffness}}}
+    stop = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"stiffness": 1e6}}}
     sim = Simulator(rotor(1.0) | {"joints": {"axle": stop}}, integrator="rk4", dt=1e-2)
     sim.reset(q=[0.4], v=[2.0])
-    assert not sim.run(duration).trusted
-
-
-def test_a_bounce_at_the_end_of_a_tick_is_no_doubt() -> None:
-    """There both runs differ in the velocity by rounding of the time: before it, or after it."""
-    stop = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"restitution": 0.5}}}
-    sim = Simulator(rotor(1.0) | {"joints": {"axle": stop}})
+    assert not sim.run(0.2).trusted
+    rebound = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"restitution": 0.5}}}
+    sim = Simulator(rotor(1.0) | {"joints": {"axle": rebound}})
     sim.reset(q=[0.4], v=[1.0])
-    motion = sim.run(0.2)
-    assert_close(motion.q[-1], [0.45], 1e-12)
-    assert motion.trusted
+    assert sim.run(0.2).trusted  # though both runs meet the stop at the end of a tick
 
 
 def test_a_motion_under_a_function_with_a_memory_is_repeated_in_windows() -> None:
@@ -194,30 +182,15 @@ def test_the_scene_says_how_accurate_a_motion_is_to_be() -> None:
     for accuracy in (0.1, 10.0):
         motion = run(scene | {"sim": {"accuracy": accuracy * float(error.max())}}, 0.2, **rough)
         assert motion.trusted == (accuracy > 1.0)
-    assert "accuracy    1e-07 of" in str(Simulator(scene | {"sim": {"accuracy": 1e-7}}).plan)
-    for wrong in (0.0, -1e-6, float("nan")):
-        with pytest.raises(SceneError, match=r"sim\.accuracy"):
-            Simulator(scene | {"sim": {"accuracy": wrong}})
-
-
-def test_a_recording_in_a_file_is_judged_alike(tmp_path: Path) -> None:
-    motion = run(rotor(0.1, viscous=2.0, coulomb=0.5), 0.2, integrator="heun", dt=2e-3)
-    loaded = Recording.load(motion.save(tmp_path / "run.mcap"))
-    assert loaded.second_run.how == WHOLE
-    np.testing.assert_array_equal(loaded.error, motion.error)
-    np.testing.assert_array_equal(loaded.local_error, motion.local_error)
 
 
 def test_what_is_no_motion_of_ticks_is_refused() -> None:
-    motion = run()
+    """A second run that cannot go on is a doubt."""
+    motion = run(rotor(0.1, effort=1e300))
     with pytest.raises(InvalidInput, match="part of a recording"):
         motion.part(range(0, 400, 10)).error  # noqa: B018
     with pytest.raises(InvalidInput, match="measured"):
         replace(motion, of_robot=True).error  # noqa: B018
-
-
-def test_a_second_run_that_cannot_go_on_is_a_doubt() -> None:
-    motion = run(rotor(0.1, effort=1e300))
     command = motion.command.copy()
     command[200:] = 1e300
     broken = replace(motion, command=read_only(command))

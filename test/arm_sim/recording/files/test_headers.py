@@ -27,16 +27,15 @@ def test_units_in_brackets_are_read():
     columns = ["time_ms", "hip.pos [deg]", "hip.vel (deg/s)", "slide_q [mm]", "hip.tau [turns]"]
     header = read_header(columns)
     assert header.clock == Column(0, 1e-3)
-    factors = [header.columns[key].factor for key in header.columns]
+    factors = [column.factor for column in header.columns.values()]
     np.testing.assert_allclose(factors, [np.pi / 180.0, np.pi / 180.0, 1e-3])
 
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_numbered_joints(first):
-    names = ["t", *(f"{what}{first + i}" for what in ("q", "dq", "tau") for i in range(7))]
-    header = read_header(names)
-    assert header.joints == tuple(f"joint{i}" for i in range(1, 8))
-    assert header.columns["effort", "joint3"] == Column(17)
+    header = read_header(["t", *(f"{what}{first + i}" for what in ("q", "tau") for i in range(3))])
+    assert header.joints == ("joint1", "joint2", "joint3")
+    assert header.columns["effort", "joint3"] == Column(6)
 
 
 def test_names_that_hold_such_words_are_left_whole():
