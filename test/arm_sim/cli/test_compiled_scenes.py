@@ -5,7 +5,6 @@ must not load.
 
 import hashlib
 import json
-import logging
 import os
 import shutil
 import subprocess
@@ -15,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from harness import reserve_domain, surroundings
-from samples import always
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, KernelError
@@ -85,7 +83,6 @@ def made(tmp_path_factory: pytest.TempPathFactory, hasty: dict[str, str]) -> Pat
 
 @pytest.fixture
 def scene(made: Path) -> Path:
-    """The scene."""
     return made / "rod.yaml"
 
 
@@ -107,12 +104,10 @@ def without_compiler(patch: pytest.MonkeyPatch, folder: Path, compiled: Path) ->
     patch.setenv("ARM_CACHE", str(compiled))
 
 
-def build(scene: Path, out: Path, *options: str, **environment: str) -> Result:
-    done = CliRunner(env=environment).invoke(
-        main, ["build", str(scene), "--out", str(out), *options]
-    )
+def build(scene: Path, out: Path, *options: str, **environment: str) -> None:
+    words = ["build", str(scene), "--out", str(out), *options]
+    done = CliRunner(env=environment).invoke(main, words)
     assert done.exit_code == 0, done.output
-    return done
 
 
 def step_in(folder: Path) -> Path:
@@ -196,20 +191,17 @@ def test_controllers_are_compiled_on_request(
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("name", always(["flexible_arm", "pendulum"], "pendulum"))
-def test_loops_of_the_nodes_are_compiled_on_request(
-    name: str, tmp_path: Path, hasty: dict[str, str]
-) -> None:
+def test_loops_of_the_nodes_are_compiled_on_request(tmp_path: Path, hasty: dict[str, str]) -> None:
     """Without a compiler they then run in C."""
     out, nothing = tmp_path / "compiled", tmp_path / "nothing"
     nothing.mkdir()
-    build(Path(name), out, "--nodes", **hasty)
+    build(Path("pendulum"), out, "--nodes", **hasty)
     domain, reservation = reserve_domain()
     environment = surroundings(PATH=str(nothing), XDG_CACHE_HOME=str(nothing), ARM_CACHE=str(out),
                                ROS_LOG_DIR=str(tmp_path))  # fmt: skip
     done = subprocess.run(
-        [sys.executable, "-P", "-c", NODES, name, str(domain)], capture_output=True, text=True,
-        timeout=120, env=environment, check=False,
+        [sys.executable, "-P", "-c", NODES, "pendulum", str(domain)], capture_output=True,
+        text=True, timeout=120, env=environment, check=False,
     )  # fmt: skip
     reservation.close()
     assert done.stdout.splitlines() == ["[True, True, '']"], done.stderr
@@ -229,26 +221,15 @@ def test_a_node_without_compiled_code_says_how_to_get_it(scene: Path, compiled: 
         assert word in said
 
 
-def test_other_folders_of_the_list_are_searched(
+def test_all_folders_of_the_list_are_searched_and_what_is_in_none_is_said_with_the_way_out(
     scene: Path, compiled: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv("ARM_CACHE", os.pathsep.join([str(tmp_path), "", str(compiled)]))
+    monkeypatch.setenv("ARM_CACHE", os.pathsep.join([str(tmp_path / "none"), "", str(compiled)]))
     assert motion(scene)[-1, 0] != 1.0
-
-
-def test_what_was_not_compiled_is_said_with_the_way_out(scene: Path, compiled: Path) -> None:
     with pytest.raises(KernelError) as said:
         Simulator(scene, "euler", backend="native")
-    for word in (str(compiled), "nothing in it", "apt install gcc", "./arm build", "ARM_CACHE="):
+    for word in (str(compiled), "none: no such folder", "apt install gcc", "./arm build"):
         assert word in str(said.value)
-
-
-def test_a_folder_that_is_not_there_is_named(
-    scene: Path, compiled: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("ARM_CACHE", "/no/such/folder")
-    with pytest.raises(KernelError, match="/no/such/folder: no such folder"):
-        motion(scene)
 
 
 def damaged(library: Path) -> None:
@@ -256,11 +237,6 @@ def damaged(library: Path) -> None:
     content[len(content) // 2] ^= 0xFF
     library.unlink()  # code that this process has loaded is not changed beneath it
     library.write_bytes(content)
-
-
-def linked(library: Path) -> None:
-    library.rename(library.with_suffix(".elsewhere"))
-    library.symlink_to(library.with_suffix(".elsewhere"))
 
 
 def not_a_library(library: Path) -> None:
@@ -275,11 +251,7 @@ REFUSED = {
         lambda x: x.with_suffix(".json").chmod(0o646), r"json can be written by others"
     ),
     "folder writable by all": (lambda x: x.parent.chmod(0o777), "written by others"),
-    "a link": (linked, "is not a plain file"),
     "without a manifest": (lambda x: x.with_suffix(".json").unlink(), "json cannot be read"),
-    "with half a manifest": (
-        lambda x: x.with_suffix(".json").write_text('{"scene": "rod.yaml"'), "json is damaged"
-    ),
     "with a manifest of another version": (lambda x: say(x, more=1), "of another version"),
     "for another processor": (
         lambda x: say(x, instructions=["avx9000", "sse77"]), "processor lacks: avx9000, sse77"
@@ -310,17 +282,8 @@ def test_with_a_compiler_a_refusal_is_logged_and_the_code_compiled(
     library = step_in(compiled)
     damaged(library)
     monkeypatch.setenv("PATH", os.defpath)
-    with caplog.at_level(logging.WARNING):
-        np.testing.assert_array_equal(motion(scene), before)
+    np.testing.assert_array_equal(motion(scene), before)
     assert f"{library} (rod.yaml: simulator step) is damaged" in caplog.text
-
-
-def test_a_folder_that_others_may_write_is_not_built_into(scene: Path, tmp_path: Path) -> None:
-    tmp_path.chmod(0o777)
-    done = CliRunner().invoke(main, ["build", str(scene), "--out", str(tmp_path)])
-    assert done.exit_code == 1
-    assert f"{tmp_path} can be written by others" in done.output
-    assert list(tmp_path.glob("*.so")) == []
 
 
 def test_building_again_keeps_what_is_right_and_mends_the_rest(
@@ -336,6 +299,11 @@ def test_building_again_keeps_what_is_right_and_mends_the_rest(
     assert {name for name in now if now[name] != kept.get(name)} == {f"{step}.so", f"{step}.json"}
 
 
-def test_unknown_level() -> None:
+def test_what_cannot_be_built_is_refused(scene: Path, tmp_path: Path) -> None:
+    """For an unknown level of processors, or into a folder that others may write."""
     with pytest.raises(InvalidInput, match=r"x86-64-v9.*x86-64-v3"):
         processor.needed("x86-64-v9")
+    tmp_path.chmod(0o777)
+    done = CliRunner().invoke(main, ["build", str(scene), "--out", str(tmp_path)])
+    assert done.exit_code == 1 and f"{tmp_path} can be written by others" in done.output
+    assert list(tmp_path.glob("*.so")) == []
