@@ -9,7 +9,6 @@ import os
 import shutil
 import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,8 @@ import pytest
 from click.testing import CliRunner
 from harness import reserve_domain, surroundings
 
-import models
-from arm_dynamics import Dynamics, InvalidInput, KernelError
+from arm_dynamics import InvalidInput, KernelError
 from arm_dynamics.codegen import compiler, processor
-from arm_dynamics.control import NAMES, Settings, make_controller
-from arm_dynamics.control.compiled_law import compiled_law
 from arm_sim import Simulator
 from arm_sim.stepping.rollouts.batch import Batch
 from arm_studies.cli.main import main
@@ -170,23 +166,6 @@ def test_derivatives_are_compiled_on_request_for_a_level_of_processors(
         sim.arm.plant, np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.arm.parameters, False
     )
     assert rollouts.side_by_side(batch) == []
-    assert not list((tmp_path / "cache").rglob("*.so"))
-
-
-@pytest.mark.nightly
-def test_controllers_are_compiled_on_request(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hasty: dict[str, str]
-) -> None:
-    """A machine without a compiler then switches to each of them."""
-    scene, out = models.SCENES / "two_link.urdf", tmp_path / "compiled"
-    options = "--controllers", "--task-frame", "tip", "--task-axes", "x z"
-    build(scene, out, *options, **hasty)
-    without_compiler(monkeypatch, tmp_path, out)
-    dynamics, chosen = Dynamics(scene), {"frame": "tip", "axes": "x z", "damping": 2.0}
-    for name, friction, observer in product(NAMES, (False, True), (0.0, 9.0)):
-        settings = Settings(friction=friction, observer=observer, bandwidth=7.0, **chosen)
-        control = make_controller(name, dynamics, settings)
-        assert compiled_law(control) is not None, (name, settings)
     assert not list((tmp_path / "cache").rglob("*.so"))
 
 

@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from arm_msgs.msg import Energy, TrackingState
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
 import models
 from arm_sim.cli.demo.observer import Observations, Observer, _Query
@@ -89,23 +92,13 @@ def test_a_loop_is_closed_within_limits() -> None:
 def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     """Nothing of before it began, and only answers that succeeded."""
     observer = Observer.__new__(Observer)  # in no graph
-
-    def state(seconds: float) -> Any:
-        stamp = SimpleNamespace(sec=int(seconds), nanosec=int(1e9 * (seconds % 1.0)))
-        fields = "reference_position", "feedback_position", "position_error", "effort"
-        numbers = {name: [seconds, k] for k, name in enumerate(fields)}
-        account = {"input": seconds, "dissipated": 2 * seconds, "balance": 3 * seconds}
-        return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **numbers, **account)
-
-    observer.start = 2_000_000_000
-    observer._states = observer._energies = [state(s) for s in (1.5, 2.0, 2.5, 3.25)]
-    observer._queries = [
-        _Query(state, 0.01, SimpleNamespace(success=ok, effort=[1, 2]))
-        for state, ok in zip(observer._states[1:], (True, False, True), strict=True)
-    ]
+    observer.start, stamps = 2_000_000_000, (Time(sec=1), Time(sec=2), Time(sec=3))
+    states = [TrackingState(header=Header(stamp=x), effort=[x.sec]) for x in stamps]
+    observer._states = states
+    observer._energies = [Energy(header=state.header, dissipated=1.0) for state in states]
+    answers = [SimpleNamespace(success=ok, effort=[7.0]) for ok in (False, True)]
+    observer._queries = [_Query(*q) for q in zip(states[1:], (0.1, 0.2), answers, strict=True)]
     found = observer.observations()
-    np.testing.assert_allclose(found.time, [0.0, 0.5, 1.25])
-    np.testing.assert_array_equal(found.effort, [[2.0, 3], [2.5, 3], [3.25, 3]])
-    np.testing.assert_allclose(found.query_time, [0.0, 1.25])
-    np.testing.assert_array_equal(found.heat, [4.0, 5.0, 6.5])
-    assert observer.now() == pytest.approx(1.25)
+    np.testing.assert_array_equal(np.column_stack([found.time, found.effort]), [[0, 2], [1, 3]])
+    assert (found.query_time, found.latencies, found.query_effort) == (1.0, 0.2, 7.0)
+    assert found.heat.tolist() == [1.0, 1.0] and observer.now() == 1.0

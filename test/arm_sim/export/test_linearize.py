@@ -22,11 +22,9 @@ DRY = {"joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0
 SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "four_bar": ("four_bar", FIXED),
     "dry": ("two_link", DRY),
-    "panda": ("panda", {}),
     "panda_table": ("panda_table", {}),
     "slider_crank_motor": ("slider_crank_motor", FIXED),
     "implicit": ("two_link", DRY | {"sim": {"integrator": "implicit", "dt": 2e-3}}),
-    "motor_pendulum": ("motor_pendulum", FIXED),
     "limited": ("two_link", {"joints": {"*": {"limits": {"effort": 5.0}}}}),
     "hanging": ("two_link", FIXED | {"commands": {"gravity_compensated": True}}),
 }
@@ -40,7 +38,6 @@ class Case:
         scene, more = SCENES[name]
         self.simulator = Simulator(load_scene(scene).model_dump(exclude_unset=True) | more)
         self.name, self.folder, self.n = name, folder / name, self.simulator.n
-        self.nx = self.simulator.arm.plant.nx
         export(self.simulator.model, self.folder, name, DERIVATIVES)
         self.libraries = [Library(self.folder, name, BITS, compiler) for compiler in compilers()]
 
@@ -51,7 +48,8 @@ class Case:
 
     def slopes(self, ticks: Ticks, command: Array) -> tuple[int, Array, Array]:
         """Code, A and B; those are NaN where they are not set."""
-        A, B = np.full((self.nx, self.nx), np.nan), np.full((self.nx, self.n), np.nan)
+        nx = self.simulator.arm.plant.nx
+        A, B = np.full((nx, nx), np.nan), np.full((nx, self.n), np.nan)
         code = ticks.function("sim_linearize")(*map(pointer, (ticks.memory, command, A, B)))
         return int(code), A, B
 

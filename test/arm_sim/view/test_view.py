@@ -4,7 +4,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import sleep
 from typing import Any
 
 import numpy as np
@@ -83,39 +82,21 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(
         playing.film(tmp_path / "d.avi")
 
 
-def test_a_visitor_waits_until_a_film_is_written(
-    playing: Player, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    camera = pictures.camera
-
-    @contextmanager
-    def visited(*given: Any) -> Iterator[Any]:
-        def shoot() -> Any:
-            playing._order(lambda: playing.seek(0.25))
-            sleep(0.05)
-            return picture()
-
-        with camera(*given) as picture:
-            yield shoot
-
-    monkeypatch.setattr(pictures, "camera", visited)
-    film = look(playing.film(tmp_path / "a.gif", (60, 20), rate=2.0))
-    assert film[0] == [0.0, 0.5, 1.0, 1.5, 2.0]
-
-
 def test_it_plays_pauses_and_begins_again(playing: Player) -> None:
     playing._ended.set()
     playing._thread.join()  # the beats below are the only ones
-    seen = []
-    for change in (
-        lambda: playing._update(0.5), playing.play, lambda: playing._update(0.5),
-        lambda: playing._update(1.6), lambda: setattr(playing._loop, "value", False),
-        lambda: playing._update(2.5), lambda: playing._update(0.5), playing.play,
-    ):  # fmt: skip
-        change()
-        seen.append((playing.time, playing._playing))
-    assert seen == [(0.0, False), (0.0, True), (0.5, True), (0.0, True), (0.0, True),
-                    (2.0, False), (2.0, False), (0.0, True)]  # fmt: skip
+
+    def after(seconds: float) -> tuple[float, bool]:
+        playing._update(seconds)
+        return playing.time, playing._playing
+
+    assert after(0.5) == (0.0, False)
+    playing.play()
+    assert [after(0.5), after(1.6)] == [(0.5, True), (0.0, True)]
+    playing._loop.value = False
+    assert [after(2.5), after(0.5)] == [(2.0, False), (2.0, False)]
+    playing.play()
+    assert playing.time == 0.0
 
 
 def test_the_last_state_up_to_a_time_is_shown_with_its_forces() -> None:
