@@ -129,7 +129,7 @@ def cases() -> Iterator[Any]:
             yield pytest.param(kind, row, id=name, marks=[pytest.mark.ros] if starts else [])
 
 
-@pytest.mark.parametrize(("kind", "case"), cases())
+@pytest.mark.parametrize(("kind", "case"), list(cases()))
 def test_a_mistake_is_told_in_plain_words(kind: str, case: dict[str, str]) -> None:
     what = {"scenes": of_scene, "robots": of_robot, "commands": of_command, "python": of_python}
     given = [text for key, text in case.items() if key not in ("mistake", "said")]

@@ -41,6 +41,8 @@ SCENES: dict[str, dict[str, Any]] = {
     },
 }
 FRAMES = ("forearm", "tip")
+_OWN = {"3": ("setFloat64", "getFloat64", "getFMUState", "setFMUState"),
+        "2": ("setReal", "getReal", "getFMUstate", "setFMUstate")}  # fmt: skip
 # A logger of FMI 2.0, which is given a format and one text; FMPy's takes the format alone.
 _LOG = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p)
 SLOPED = ("tunable", "dry")
@@ -87,6 +89,8 @@ class Unit:
         place = extract(packed(folder, version), mkdtemp(dir=folder))
         given = {"guid": about.guid, "modelIdentifier": "unit", "unzipDirectory": place}
         self.own = (fmi3.FMU3Slave if self.three else fmi2.FMU2Slave)(**given)
+        functions = _OWN[version]
+        self._set, self._get, self.saved, self.restore = (getattr(self.own, x) for x in functions)
         if self.three:
             self.own.instantiate(logMessage=self._note)
         else:
@@ -112,23 +116,16 @@ class Unit:
         return [self.reference[name] for name in names]
 
     def set(self, names: Sequence[str], values: Sequence[float]) -> None:
-        (self.own.setFloat64 if self.three else self.own.setReal)(self._references(names), values)
+        self._set(self._references(names), values)
 
     def get(self, names: Sequence[str]) -> np.ndarray:
-        get = self.own.getFloat64 if self.three else self.own.getReal
-        return np.array(get(self._references(names)))
+        return np.array(self._get(self._references(names)))
 
     def derivative(
         self, unknowns: Sequence[str], knowns: Sequence[str], seeds: Sequence[float]
     ) -> np.ndarray:
         places = self._references(unknowns), self._references(knowns)
         return np.array(self.own.getDirectionalDerivative(*places, seeds))
-
-    def saved(self) -> Any:
-        return self.own.getFMUState() if self.three else self.own.getFMUstate()
-
-    def restore(self, state: Any) -> None:
-        (self.own.setFMUState if self.three else self.own.setFMUstate)(state)
 
     @contextmanager
     def refuses(self, words: str, status: int = 3) -> Iterator[None]:

@@ -203,6 +203,22 @@ def test_a_change_puts_in_what_the_energies_differ_by(tuned: tuple[Simulator, fl
     assert run.balance[0] == 0.0
 
 
+def test_pushes_supply_work_in_smooth_ticks() -> None:
+    """Which are not repeated."""
+    scene = tunable_scene({"*": {"friction": {"viscous": 0.3}}}, tunable=["external"])
+    sim = Simulator(scene, integrator="rk4")
+
+    def control(state: State) -> list[float]:
+        sim.set_parameter("external", [2.0 * np.sin(state.step), 1.0])
+        return [0.0, 0.0]
+
+    run = sim.run(0.1, control)
+    assert np.abs(run.balance).max() < 1e-8 and not run.changed.any()
+    assert run.supplied[-1] == pytest.approx(
+        np.sum(run.p[:-1] * np.diff(run.q, axis=0)), rel=1e-12
+    )
+
+
 def test_multipliers_are_of_the_constraints_that_hold_at_each_time() -> None:
     """Let go in the middle of a run: the plane has borne the arm, and a push, until then."""
     plane = {"type": "plane", "frames": ["tip", "world"], "height": -0.3}
