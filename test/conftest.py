@@ -49,7 +49,7 @@ ONE_BY_ONE = ("test/docs/test_pages_run.py", "test/docs/test_examples.py")
 # Where tests start processes and wait for them.
 WAITING = (*ONE_BY_ONE, "test/packages/", "test/benchmarks/", "test/arm_sim/cli/", "test/docs/")
 # What goes by the clock and shares the machine with no other test: last, so that none waits.
-ALONE = ("test/docs/test_paths.py", "test/arm_sim/cli/test_demo.py::test_the_loop_closes")
+ALONE = ("test/arm_sim/cli/test_demo.py::test_the_loop_closes",)
 
 
 def scope(nodeid: str) -> str:

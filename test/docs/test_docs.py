@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Examples of the documentation can be run, and its links exist."""
+"""Scenes and names of the documentation exist, as do its links, and figures are those of
+``docs/facts.yaml``.
+"""
 
 import re
 import runpy
@@ -20,6 +22,18 @@ PAGES = sorted(
 )
 WIDTH = 100
 REFERENCE = (ROOT / "docs/reference/scene.md").read_text()
+FACTS = yaml.safe_load((ROOT / "docs/facts.yaml").read_text())
+
+
+def test_pages_are_short_and_broken_into_lines() -> None:
+    for page in PAGES:
+        text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
+        lines = [x for x in text.splitlines() if not x.startswith(("|", "  |", "    ", "{{"))]
+        long = [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()]
+        assert long == [], page
+        of_users = page.parent.name not in {"laboratory", "project", ROOT.name}
+        assert len(page.read_text().splitlines()) <= (300 if of_users else 10_000), page
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
 
 
 def test_links_lead_somewhere() -> None:
@@ -37,23 +51,6 @@ def anchors(page: Path) -> set[str]:
     """Names that links may have for the headings of a page."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
-
-
-def test_text_is_broken_into_lines() -> None:
-    for page in PAGES:
-        text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
-        lines = [x for x in text.splitlines() if not x.startswith(("|", "  |", "    ", "{{"))]
-        long = [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()]
-        assert long == [], page
-
-
-DEVELOPERS = {"laboratory", "project", ROOT.name}
-
-
-def test_users_read_short_pages() -> None:
-    lengths = {page: len(page.read_text().splitlines()) for page in PAGES}
-    assert lengths[ROOT / "README.md"] <= 120
-    assert [p for p, n in lengths.items() if n > 300 and p.parent.name not in DEVELOPERS] == []
 
 
 # Extending the suite shows its insides.
@@ -99,18 +96,20 @@ def test_mistakes_get_the_answers_that_the_reference_shows(written: str, answer:
     assert re.fullmatch(".*".join(map(re.escape, answer.split("…"))), str(error.value))
 
 
-def test_files_that_equations_stand_in_exist() -> None:
+def test_files_that_pages_and_tools_name_exist() -> None:
     pages = (ROOT / "docs/concepts").glob("equations*.md")
     named = re.findall(r"`(\w+/[\w/]+\.(?:py|c|h))\b", "".join(p.read_text() for p in pages))
     packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim")]
-    wrong = [file for file in named if sum((p / file).is_file() for p in packages) != 1]
-    assert named and wrong == []
-
-
-def test_tests_that_tools_and_pages_name_exist() -> None:
-    for file in (".ci/run", "CONTRIBUTING.md", "tools/sanitize.py"):
+    assert named and [x for x in named if sum((p / x).is_file() for p in packages) != 1] == []
+    extending = "docs/project/extending.md"
+    for file in (".ci/run", "CONTRIBUTING.md", "tools/sanitize.py", extending):
         named = re.findall(r"\btest/[\w/]+\.py", (ROOT / file).read_text())
         assert named and all((ROOT / path).is_file() for path in named), file
+    errata = (ROOT / "docs/concepts/errata.md").read_text()
+    for shown in re.findall(r"`(test_\w+\.py[\w:]*)`", errata):
+        test, _, name = shown.partition("::")
+        (found,) = (ROOT / "test").rglob(test)
+        assert f"def {name}(" in found.read_text(), shown
 
 
 COMMANDS = re.compile(r"\./arm ([a-z][a-z-]*)(?: ([\w./:-]+))?|scene:=([\w./:-]+)")
@@ -126,3 +125,25 @@ def test_commands_exist_and_their_scenes_are_found_from_any_folder() -> None:
     }
     named = {scene for scene in scenes if re.fullmatch(r"[a-z0-9_]+", scene)}  # not my_arm.urdf
     assert named <= {*ready_scenes(), "my_scene"}
+
+
+@pytest.mark.parametrize("name", FACTS)
+def test_pages_state_the_figure(name: str) -> None:
+    fact = FACTS[name]
+    number = fact["value"].split()[0]
+    assert len(fact["stated"]) > 1
+    for page, words in fact["stated"].items():
+        text = " ".join((ROOT / page).read_text().split())
+        assert number in words
+        assert " ".join(words.split()) in text, page
+
+
+def test_figures_of_the_readme_are_of_the_file() -> None:
+    """Every row of the README's table of measurements that states a figure has a fact."""
+    readme = (ROOT / "README.md").read_text()
+    table = readme.split("| | measured |\n")[1].split("\n\n")[0]
+    stated = [fact["stated"].get("README.md", "") for fact in FACTS.values()]
+    rest = table
+    for words in filter(None, stated):
+        rest = rest.replace(words, "")
+    assert re.findall(r"\d+e-\d+|[\d.]+ [µm]s|1/\d+", rest) == ["1 ms"]  # the step itself

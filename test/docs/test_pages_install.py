@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pages
@@ -75,9 +76,8 @@ def test_parts_of_the_suite_are_installed(project: Path) -> None:
 def test_extras_are_on_the_page_that_lists_them_and_those_that_pages_name_exist() -> None:
     text = (pages.ROOT / "docs/how-to/install.md").read_text()
     listed = re.findall(r"`([\w-]+)`", " ".join(re.findall(r"^\| (`[^|]+) \|", text, re.M)))
-    project = (pages.ROOT / "pyproject.toml").read_text()
-    extras = project.partition("[project.optional-dependencies]")[2].partition("\n[")[0]
-    there = set(re.findall(r"^([\w-]+) = \[", extras, re.M))
+    project = tomllib.loads((pages.ROOT / "pyproject.toml").read_text())["project"]
+    there = project["optional-dependencies"].keys()
     assert there <= set(listed)
     named = set(re.findall(r'"\.\[([\w-]+)\]"', " ".join(lines(BY_PIP))))
     assert {"jax", "notebook", "teaching", "view"} <= named <= there

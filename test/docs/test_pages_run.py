@@ -33,9 +33,6 @@ GIVEN: dict[str, tuple[str, ...]] = {
     "how-to/export": ("my_arm.urdf",),
     "how-to/fmu": ("my_arm.urdf",),
     "how-to/identify": ("run.mcap", "held.mcap", "bag_1", "bag_2", "table.csv", "arm.urdf"),
-    "how-to/identify-drives": (
-        "held.csv", "run.csv", "off.csv", "knocked.csv", "small.csv", "wide.csv",
-    ),
     "how-to/lockstep": ("run2.mcap",),
     "how-to/python-client": ("arm sim panda", "arm dynamics panda"),
     "how-to/recordings": ("other.mcap", "cut.mcap"),
@@ -49,7 +46,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
         "ur10_exciting_trajectory.db3", "panda_exciting_trajectory.db3",
     ),
 }  # fmt: skip
-# Lines of a page that would go on among its others; test_paths.py types them by themselves.
+# Lines of a page that would go on among its others; test_own_node.py runs the node with its sim.
 APART = {
     "README": (
         "./arm sim ur5e --ros-args -p gravity_compensated:=true", "./arm python my_node.py"
@@ -103,9 +100,8 @@ def terminal(tmp_path: Path, forge: Path) -> Iterator[Terminal]:
 
 # Pages that take longest; other tests call their commands and functions as well.
 LONG = (
-    "how-to/excite", "how-to/identify", "how-to/identify-drives", "how-to/shell", "how-to/view",
-    "reference/node-controller", "tutorials/identify", "tutorials/replace-your-robot",
-    "tutorials/sweep",
+    "how-to/excite", "how-to/identify", "how-to/shell", "how-to/view", "reference/node-controller",
+    "tutorials/identify", "tutorials/replace-your-robot", "tutorials/sweep",
 )  # fmt: skip
 RUN = [page for page in pages.PAGES if any(pages.steps(page))]
 

@@ -5,9 +5,6 @@ They are those that ``./arm docs`` has built, some drawn by lot, and all with ``
 without a site there is nothing to test.
 """
 
-import html
-import re
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +15,6 @@ from arm_sim.view.pictures import page_in_browser
 
 SITE = Path(__file__).parents[2] / "reports/site"
 PAGES = 15  # that are drawn
-LONG, LONGEST = 8_000, 40_000  # bytes of text of a page with contents, and of the longest
 WIDTH = 390  # pixels of a telephone
 
 # What reaches beyond the page without scrolling inside itself, and pictures that are not there.
@@ -56,36 +52,14 @@ def site() -> list[Path]:
     return sorted(pages)
 
 
-def test_pages_of_the_reference_are_not_too_long_and_have_contents() -> None:
-    pages = [page for page in site() if page.relative_to(SITE).parts[0] == "reference"]
-    sizes, contents = dict[str, int](), dict[str, int]()
-    for page in pages:
-        name, whole = str(page.relative_to(SITE)), page.read_text()
-        ((article,),) = (re.findall(r'<article class="bd-article">(.*?)</article>', whole, re.S),)
-        sizes[name] = len(html.unescape(re.sub(r"<[^>]*>", "", article)).encode())
-        nav = re.findall(r'<nav id="pst-page-toc-nav".*?</nav>', whole, re.S)
-        contents[name] = len(re.findall("<a ", "".join(nav)))
-    assert {name: size for name, size in sizes.items() if size > LONGEST} == {}
-    assert {name for name, size in sizes.items() if size > LONG and contents[name] < 3} == set()
-
-
 @pytest.mark.group("view")
-def test_pages_fit_a_telephone_and_need_no_network(rng: np.random.Generator) -> None:
-    pages = site()
-    drawn = rng.choice(np.array(pages, dtype=object), min(PAGES, len(pages)), False)
-    assert troubles_of(drawn) == {}
-
-
-@pytest.mark.nightly
-@pytest.mark.group("view")
-def test_every_page_fits_a_telephone_and_needs_no_network() -> None:
-    assert troubles_of(site()) == {}
-
-
-def troubles_of(pages: Iterable[Path]) -> dict[str, list[str]]:
-    """What is wrong with pages in a browser, by page."""
+def test_pages_fit_a_telephone_and_need_no_network(
+    request: pytest.FixtureRequest, rng: np.random.Generator
+) -> None:
+    pages, found = site(), dict[str, list[str]]()
     needed()
-    found = dict[str, list[str]]()
+    if not request.config.getoption("--nightly"):
+        pages = rng.choice(np.array(pages, dtype=object), min(PAGES, len(pages)), False)
     with page_in_browser("about:blank", (WIDTH, 800)) as browser:
         asked = list[str]()
         browser.on("requestfailed", lambda request: asked.append(f"failed: {request.url}"))
@@ -97,4 +71,4 @@ def troubles_of(pages: Iterable[Path]) -> dict[str, list[str]]:
             troubles += [url for url in asked if not url.startswith(("file:", "data:"))]
             if troubles:
                 found[str(page.relative_to(SITE))] = troubles
-    return found
+    assert found == {}

@@ -2,29 +2,25 @@
 """The page "Ten minutes", typed from top to bottom as a newcomer does, on a bare machine.
 
 It has an empty home, and no ROS, environment or compiled scene. Except with ``--nightly``,
-libraries are linked to those that are here, a film of five seconds is one of a second, and a page
-for the browser has to answer only (``test_page.py`` looks at one and chooses the same). The time
-of each step is printed, and every picture is looked at.
+libraries are linked to those that are here, and a film of five seconds is one of a second. A page
+for the browser has to answer only: ``test_page.py`` looks at one. The time of each step is
+printed, and every picture is looked at.
 """
 
 import re
 import sys
 import time
 import urllib.request
-from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
 import page_files
 import pages
 import pytest
-from browser import opened
 from installed import OFFLINE, copied, link_libraries
 from PIL import Image, ImageColor
 from typed import Typed
 
-from arm_sim.exceptions import ViewError
 from arm_sim.figures import COLORS
 
 LIMIT = 600.0  # [s]
@@ -55,11 +51,12 @@ class Newcomer:
         activated = f"{ACTIVATE} && {line}" if (self.project / "my_env").is_dir() else line
         typed = Typed(activated, self.project, self._environment)
         try:
-            typed.listen(enough=r"http://\S+\s" if goes_on else None)
             if goes_on:
-                self.look(*re.findall(r"http://\S+", typed.said), f"{line.split()[-1]}.png")
+                typed.until(lambda: re.search(r"http://\S+\s", typed.said))
+                with urllib.request.urlopen(*re.findall(r"http://\S+", typed.said)) as answer:
+                    assert answer.status == 200
             else:
-                assert typed.process.returncode == 0, typed.said
+                typed.finish()
         finally:
             typed.end()
         if "-m venv" in line and not self._nightly:
@@ -67,38 +64,10 @@ class Newcomer:
         self.times.append((time.monotonic() - begin, line))
         return typed.said
 
-    def look(self, url: str, picture: str) -> None:
-        """At a page in the browser, if there is one."""
-        with urllib.request.urlopen(url) as answer:
-            assert answer.status == 200
-        if self._nightly:
-            with suppress(ViewError):  # there may be no browser
-                falls_in_browser(url, self.project / picture)
-
     def python(self, blocks: list[str]) -> str:
         """Type blocks of Python one after another."""
-        clock = "import time; print('after', time.monotonic())"
-        (self.project / "typed.py").write_text(
-            "\n".join([clock, *(f"{x}\n{clock}" for x in blocks)])
-        )
-        printed = self.type("python typed.py")
-        ends = [float(x) for x in re.findall(r"^after (.*)\r", printed, re.M)]
-        names = [block.strip().splitlines()[-1] for block in blocks]
-        self.times[-1:] = zip(np.diff(ends), names, strict=True)
-        return printed
-
-
-def falls_in_browser(url: str, picture: Path) -> None:
-    """Without a controller the arm falls, and its energies are drawn."""
-    with opened(url, size=(1200, 400)) as page:
-        page.click("Run")
-        page.choose("controller", "nothing")
-        shows = lambda pattern: re.search(pattern, page.handle.inner_text("body"))  # noqa: E731
-        page.until(lambda: shows(r"kinetic\s+[1-9]"), "kinetic energy")
-        page.click("Pause")
-        page.until(lambda: shows("paused"), "a pause")
-        page.handle.screenshot(path=picture, timeout=2e5)  # [ms]
-    assert len(house_colors(picture)) >= 2
+        (self.project / "typed.py").write_text("\n".join(blocks))
+        return self.type("python typed.py")
 
 
 def house_colors(picture: Path) -> set[str]:

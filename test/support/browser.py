@@ -16,12 +16,8 @@ from arm_sim.exceptions import ViewError
 from arm_sim.view.pictures import browser, page_in_browser
 
 PATIENCE = 60.0  # [s] on a machine that others use, without a graphics card
-NOISE = (
-    "deprecated",
-    "GPU stall",
-    "WebGL",
-    "passive event listener",
-)  # what the libraries say of themselves
+# What the libraries say of themselves.
+NOISE = ("deprecated", "GPU stall", "WebGL", "passive event listener")
 
 # The nodes of the scene that three.js renders, by name: they hang in the page's React tree.
 _FIND = """() => {
@@ -75,12 +71,6 @@ class Page:
         if message.type in ("error", "warning") and not any(x in message.text for x in NOISE):
             self.troubles.append(f"{message.type}: {message.text}")
 
-    def open(self, url: str, *nodes: str) -> None:
-        """Open a page and wait for nodes of its scene."""
-        self.handle.goto(url)
-        self.until(lambda: self.handle.evaluate(_FIND), "a scene")
-        self.until(lambda: None not in self.handle.evaluate(_PLACES, nodes), str(nodes))
-
     def click(self, name: str) -> None:
         """Press a button, wherever it is; a slow machine is not waited for to stop drawing."""
         self.handle.get_by_role("button", name=name, exact=True).dispatch_event("click")
@@ -90,15 +80,12 @@ class Page:
         self.handle.get_by_label(menu).dispatch_event("click")
         self.handle.get_by_role("option", name=option).dispatch_event("click")
 
-    def places(self, *nodes: str) -> Array:
-        """Where the scene that is rendered has nodes, all at once: matrices, shape (k, 4, 4)."""
-        elements = np.array(self.handle.evaluate(_PLACES, nodes), dtype=float)
-        return np.asarray(elements.reshape(-1, 4, 4).transpose(0, 2, 1))
-
     def angles(self, name: str, model: ArmModel) -> Array:
         """Joint angles that are drawn, from places of links that follow each other, (pin.nv,)."""
         tree, angles = model.pin, []
-        places = self.places(*(f"/{name}/{joint}" for joint in ("base", *list(tree.names)[1:])))
+        nodes = [f"/{name}/{joint}" for joint in ("base", *list(tree.names)[1:])]
+        elements = np.array(self.handle.evaluate(_PLACES, nodes), dtype=float)  # by columns
+        places = elements.reshape(-1, 4, 4).transpose(0, 2, 1)
         for i in range(1, tree.njoints):
             way = np.linalg.solve(places[tree.parents[i]], places[i])
             turn = tree.jointPlacements[i].rotation.T @ way[:3, :3]
@@ -129,6 +116,8 @@ def opened(url: str, *nodes: str, size: tuple[int, int] = (640, 360)) -> Iterato
     """A page that is open and shows some nodes; at the end its console has said nothing bad."""
     with slow_page("about:blank", size) as handle:
         page = Page(handle)
-        page.open(url, *nodes)
+        handle.goto(url)
+        page.until(lambda: handle.evaluate(_FIND), "a scene")
+        page.until(lambda: None not in handle.evaluate(_PLACES, nodes), str(nodes))
         yield page
         assert page.troubles == [], page.troubles

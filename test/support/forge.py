@@ -11,12 +11,16 @@ import array
 import ctypes
 import json
 import os
+import re
 import runpy
 import select
 import signal
 import socket
 import sys
+from importlib import import_module
+from pathlib import Path
 
+SRC = Path(__file__).parents[2] / "src"
 _PR_SET_PDEATHSIG = 1
 
 
@@ -41,7 +45,6 @@ def serve(path: str) -> None:
     """Fork for each request, until killed."""
     _end_with_parent()
     import matplotlib.pyplot  # noqa: F401
-    import ros2  # noqa: F401
 
     import arm_dynamics.ros.controller_node.node
     import arm_dynamics.ros.dynamics_node.node  # noqa: F401
@@ -120,16 +123,23 @@ def _become(request: dict, files: list[int]) -> None:
 
 
 def _tools() -> dict:
-    import ros2
-
     from arm_studies.cli.main import main
 
     return {
         "arm": lambda words: main(words, prog_name="./arm"),
-        "ros2": ros2.main,
+        "ros2": _executable,
         "page": _blocks,
         "script": _script,
     }
+
+
+def _executable(words: list) -> None:
+    """Do as ``ros2 run PACKAGE EXECUTABLE …``, with an executable of a package's ``setup.py``."""
+    _, package, executable, *rest = words
+    text = (SRC / package / "setup.py").read_text()
+    ((module, function),) = re.findall(rf'"{executable} = ([\w.]+):(\w+)"', text)
+    sys.argv = [executable, *rest]
+    sys.exit(getattr(import_module(module), function)())
 
 
 def _blocks(_: list) -> None:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from harness import reserve_domain, surroundings
@@ -38,27 +38,17 @@ def forging(folder: Path) -> Iterator[Path]:
         process.wait()
 
 
-def running(
-    forge: Path, logs: Path, *commands: Sequence[str | Path]
-) -> AbstractContextManager[int]:
-    """Nodes in processes of their own, killed in the end."""
-    words = [(*asking(forge), "arm", node, "--with-parent", *rest) for node, *rest in commands]
-    return executed(logs, *words)
-
-
 @contextmanager
-def executed(logs: Path, *commands: Sequence[str | Path]) -> Iterator[int]:
-    """Processes in a domain of their own, killed in the end, which is yielded."""
+def running(forge: Path, logs: Path, *commands: Sequence[str | Path]) -> Iterator[int]:
+    """Nodes in processes of their own, killed in the end; yields the domain that they have."""
     domain, reservation = reserve_domain()
     environment = surroundings(ROS_DOMAIN_ID=str(domain), ROS_LOG_DIR=str(logs))
     started = []
     try:
-        for words in commands:
-            started.append(
-                subprocess.Popen(
-                    words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-                )
-            )
+        for node, *rest in commands:
+            words = [*asking(forge), "arm", node, "--with-parent", *rest]
+            silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+            started.append(subprocess.Popen(words, env=environment, **silent))
         yield domain
     finally:
         for process in started:

@@ -12,39 +12,38 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import yaml
 
-# Tags with their attributes, those that must be there first, and their children.
-TAGS: dict[str, tuple[set[str], set[str], set[str]]] = {
-    "launch": (set(), set(), {"arg", "let", "node", "include", "group", "push_ros_namespace"}),
-    "group": (set(), {"scoped", "if", "unless"}, {"node", "include", "push_ros_namespace", "let"}),
-    "arg": ({"name"}, {"default", "value", "description"}, set()),
-    "let": ({"name", "value"}, set(), set()),
-    "include": ({"file"}, {"if", "unless"}, {"arg"}),
-    "push_ros_namespace": ({"namespace"}, {"if", "unless"}, set()),
+# Tags with their attributes and their children.
+TAGS: dict[str, tuple[set[str], set[str]]] = {
+    "launch": (set(), {"arg", "let", "node", "include", "group", "push_ros_namespace"}),
+    "group": ({"scoped", "if", "unless"}, {"node", "include", "push_ros_namespace", "let"}),
+    "arg": ({"name", "default", "value", "description"}, set()),
+    "let": ({"name", "value"}, set()),
+    "include": ({"file", "if", "unless"}, {"arg"}),
+    "push_ros_namespace": ({"namespace", "if", "unless"}, set()),
     "node": (
-        {"pkg", "exec"},
-        {"name", "namespace", "args", "output", "respawn", "launch-prefix", "if", "unless"},
+        {"pkg", "exec", "name", "namespace", "args", "output", "respawn", "if", "unless"},
         {"param", "remap", "env"},
     ),
-    "param": (set(), {"name", "value", "from", "type", "sep"}, {"param"}),
-    "remap": ({"from", "to"}, set(), set()),
+    "param": ({"name", "value", "from", "type", "sep"}, {"param"}),
+    "remap": ({"from", "to"}, set()),
 }
 
 
-@dataclass(frozen=True)
-class Start:
+class Start(NamedTuple):
     """A node that a launch file would start."""
 
-    package: str  # its package
-    executable: str  # its executable there
-    namespace: str  # the namespace it is in, such as ``/left``
-    name: str  # its name, perhaps empty
+    package: str
+    executable: str
+    namespace: str  # such as ``/left``
+    name: str  # perhaps empty
     words: tuple[str, ...]  # words of its own on the command line
     files: tuple[Path, ...]  # parameter files, in order
-    parameters: dict[str, object]  # parameters by name, typed
+    parameters: dict[str, object]  # by name, typed
     remaps: dict[str, str]  # new names of topics
 
 
@@ -68,9 +67,8 @@ class Launch:
 
     def _children(self, parent: ElementTree.Element, known: dict[str, str], space: str) -> None:
         for child in parent:
-            required, optional, _ = TAGS[child.tag]
-            assert child.tag in TAGS[parent.tag][2], f"<{child.tag}> in <{parent.tag}>"
-            assert required <= set(child.attrib) <= required | optional, child.attrib
+            assert child.tag in TAGS[parent.tag][1], f"<{child.tag}> in <{parent.tag}>"
+            assert set(child.attrib) <= TAGS[child.tag][0], child.attrib
             if not self._wanted(child, known):
                 continue
             match child.tag:
@@ -100,9 +98,8 @@ class Launch:
     def _node(self, node: ElementTree.Element, known: dict[str, str], space: str) -> None:
         files, parameters, remaps = [], {}, {}
         for child in node:
-            required, optional, _ = TAGS[child.tag]
-            assert child.tag in TAGS["node"][2]
-            assert required <= set(child.attrib) <= required | optional, child.attrib
+            assert child.tag in TAGS["node"][1]
+            assert set(child.attrib) <= TAGS[child.tag][0], child.attrib
             said = {key: self.text(value, known) for key, value in child.attrib.items()}
             if child.tag == "remap":
                 remaps[said["from"]] = said["to"]

@@ -98,88 +98,13 @@ def bag(path: Path, scene: str, seed: int = 1) -> None:
         shutil.rmtree(folder)
 
 
-def table(path: Path, **columns: Array) -> None:
-    """A table with a heading; ``_`` in a name stands for a dot."""
-    heading = ",".join(columns)
-    rows = np.column_stack(list(columns.values()))
-    np.savetxt(path, rows, delimiter=",", header=heading, comments="")
-
-
 def joint_table(path: Path) -> None:
-    """Of an arm whose shoulder the table calls ``axis_1``."""
+    """A table of an arm whose shoulder it calls ``axis_1``."""
     names, t, (q, _, tau) = measured(ROBOT, 1)
     told = [{"shoulder": "axis_1"}.get(name, name) for name in names]
-    columns = {f"position.{name}": q[:, i] for i, name in enumerate(told)}
-    columns |= {f"effort.{name}": tau[:, i] for i, name in enumerate(told)}
-    table(path, time=t, **columns)
-
-
-# --- drives --------------------------------------------------------------------------------------
-
-_DT, _FINE = 1e-3, 20
-
-
-def stepped(slope: Callable[[Array, float], list[float]], x: list[float], u: Array) -> Array:
-    """States ``(k, n)`` at samples of inputs that are held, by small steps of Heun's method."""
-    state, out, h = np.array(x), [], _DT / _FINE
-    for held in u:
-        out.append(state)
-        for _ in range(_FINE):
-            first = np.array(slope(state, held))
-            state = state + 0.5 * h * (first + slope(state + h * first, held))
-    return np.array(out)
-
-
-def _held(low: float, high: float, count: int = 15, each: int = 20) -> Array:
-    return np.repeat(np.random.default_rng(0).uniform(low, high, count), each)
-
-
-def motor(path: Path) -> None:
-    """The motor of a test: ``held.csv`` blocked, ``run.csv`` free, ``off.csv`` coasting."""
-    R, L, K, J, B, C = 1.3, 1.1e-3, 0.052, 6.2e-5, 4e-5, 3e-3
-    if path.stem == "off":
-        x = stepped(lambda x, _: [(-B * x[0] - C) / J], [150.0], np.zeros(300))
-        table(path, time=_DT * np.arange(300), speed=x[:, 0])
-        return
-    blocked = path.stem == "held"
-    V = _held(-6.0, 6.0) if blocked else _held(4.0, 12.0)
-
-    def slope(x: Array, V: float) -> list[float]:
-        i, w = x
-        return [(V - R * i - K * w) / L, 0.0 if blocked else (K * i - B * w - C) / J]
-
-    x = stepped(slope, [0.0, 0.0] if blocked else [1.0, 40.0], V)
-    more = {} if blocked else {"speed": x[:, 1]}
-    table(path, time=_DT * np.arange(len(V)), voltage=V, current=x[:, 0], **more)
-
-
-def flexible(path: Path) -> None:
-    """A joint whose link and motor are free."""
-    k, d, Jm, dm, Jl, dl = 900.0, 0.8, 0.4, 0.5, 0.9, 0.2
-
-    def slope(x: Array, tau: float) -> list[float]:
-        m, l, vm, vl = x  # noqa: E741 - the link
-        twist = k * (m - l) + d * (vm - vl)
-        return [vm, vl, (tau - twist - dm * vm) / Jm, (twist - dl * vl) / Jl]
-
-    tau = _held(-20.0, 20.0, 15, 40)
-    x = stepped(slope, [0.0] * 4, tau)
-    table(path, time=_DT * np.arange(len(tau)), torque=tau, motor=x[:, 0], link=x[:, 1])
-
-
-def bristles(path: Path) -> None:
-    """LuGre friction below breakaway (``small.csv``) and above it (``wide.csv``)."""
-    J, s0, s1, Fc, Fs, vs, s2 = 0.1, 1e4, 20.0, 1.0, 1.4, 0.05, 0.4
-
-    def slope(x: Array, tau: float) -> list[float]:
-        _, v, z = x
-        g = (Fc + (Fs - Fc) * np.exp(-((v / vs) ** 2))) / s0
-        dz = v - abs(v) / g * z
-        return [v, (tau - s0 * z - s1 * dz - s2 * v) / J, dz]
-
-    tau = _held(-0.9, 0.9) if path.stem == "small" else _held(-4.0, 4.0)
-    x = stepped(slope, [0.0] * 3, tau)
-    table(path, time=_DT * np.arange(len(tau)), torque=tau, position=x[:, 0])
+    heading = ["time", *(f"{part}.{name}" for part in ("position", "effort") for name in told)]
+    rows = np.column_stack([t, q, tau])
+    np.savetxt(path, rows, delimiter=",", header=",".join(heading), comments="")
 
 
 # --- by name -------------------------------------------------------------------------------------
@@ -211,9 +136,6 @@ MAKERS: dict[str, Callable[[Path], None]] = {
         (models.SCENES / "panda.yaml").read_text()
         + 'joints: {"*": {friction: {viscous: 0.8, coulomb: 0.6}}}\n'
     ),
-    **dict.fromkeys(("held.csv", "run.csv", "off.csv"), motor),
-    "knocked.csv": flexible,
-    **dict.fromkeys(("small.csv", "wide.csv"), bristles),
 }
 
 _MODULE = """

@@ -9,18 +9,19 @@ on until a line names their file; the others are interrupted at once.
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 import time
 import urllib.request
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
+import ros2
 from forging import asking
 from harness import Ros, surroundings
 from rcl_interfaces.srv import ListParameters
 from sensor_msgs.msg import JointState
+from typed import Typed
 
 from arm_dynamics import InvalidInput
 from arm_sim import Recording
@@ -45,7 +46,7 @@ esac
 _NODE = re.compile(
     r"(?:\./arm|ros2 run \w+) (?=sim\b|controller\b|dynamics\b)(\w+)|\./arm python (\w+_node)\.py"
 )
-_SHOWN = re.compile(r"^(?!.*--once).*(?:arm (?:watch|view)\b|ros2 topic (?:echo|pub (?!-1)))")
+_SHOWN = re.compile(r"^(?!.*--once).*arm (?:watch|view)\b")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
 
@@ -56,55 +57,6 @@ def _has_states(file: Path) -> bool:
         return file.is_file() and len(Recording.load(file)) > 1
     except InvalidInput:
         return False
-
-
-class Started:
-    """A process that goes on, and what it prints."""
-
-    def __init__(self, line: str, folder: Path, environment: dict[str, str]) -> None:
-        self.line = line
-        self._log = folder / ".log"
-        with self._log.open("w") as log:
-            self._process = subprocess.Popen(
-                ["bash", "-c", line], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
-                stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-            )  # fmt: skip
-        self._log = self._log.rename(folder / f".log-{self._process.pid}")
-
-    @property
-    def said(self) -> str:
-        return self._log.read_text()
-
-    def fail(self, what: str) -> NoReturn:
-        raise AssertionError(f"$ {self.line}\n{what}:\n{self.said[-3000:]}")
-
-    def wait(self, done: Any) -> None:
-        """Wait until it works; it must not end before."""
-        end = time.monotonic() + PATIENCE
-        while not done():
-            if self._process.poll() is not None:
-                self.fail(f"ended with {self._process.returncode}")
-            if time.monotonic() > end:
-                self.fail("does not work in time")
-            time.sleep(0.02)
-
-    def interrupt(self) -> None:
-        """Press Ctrl-C, and wait for a clean end."""
-        if self._process.poll() is None:
-            os.killpg(self._process.pid, signal.SIGINT)
-        try:
-            status = self._process.wait(timeout=60.0)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            self.fail("does not end at Ctrl-C")
-        if status not in (0, 130):
-            self.fail(f"ended with {status}")
-
-    def kill(self) -> None:
-        """Make sure that nothing stays behind."""
-        if self._process.poll() is None:
-            os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
 
 
 class Terminal:
@@ -122,7 +74,7 @@ class Terminal:
         self._forge = forge
         self._ros: Ros | None = None
         self._python: subprocess.Popen[str] | None = None
-        self._running: dict[str, Started] = {}
+        self._running: dict[str, Typed] = {}
         self._recorders: list[str] = []
         self._environment = surroundings(
             MPLBACKEND="Agg", PATH=f"{tools}:{os.environ['PATH']}",
@@ -150,15 +102,17 @@ class Terminal:
         """Type a line; returns what it printed until it ended, with a status, or worked."""
         for file in [file for file in self._recorders if file in line.split()]:
             self._recorders.remove(file)
-            self._running.pop(file).interrupt()  # the recording is to be read
+            self._end(file)  # the recording is to be read
         if found := _NODE.search(line):
             name = re.search(r"__node:=(\w+)", line)
             return self._node(name[1] if name else found[1] or found[2], line)
         if (found := _RECORDER.search(line)) and "--duration" not in line:
             started = self._begin(found[1], line)
             self._recorders.append(found[1])
-            started.wait(lambda: _has_states(self.folder / found[1]))
+            started.until(lambda: _has_states(self.folder / found[1]))
             return started.said
+        if line.startswith("ros2") and not line.startswith("ros2 run"):
+            return self._ros2(line)
         if _SHOWN.search(line) and not _PICTURES.search(line):
             return self._first_words(line)
         return self._to_the_end(line, status)
@@ -167,11 +121,10 @@ class Terminal:
         """End everything, the last first."""
         try:
             for name in reversed(list(self._running)):
-                self._running[name].interrupt()
-            self._running.clear()
+                self._end(name)
         finally:
             for started in self._running.values():
-                started.kill()
+                started.end()
             if self._python is not None:
                 self._python.communicate(timeout=PATIENCE)
             if self._ros is not None:
@@ -184,16 +137,21 @@ class Terminal:
             self._ros = Ros()
         return self._environment | {"ROS_DOMAIN_ID": str(self._ros.domain)}
 
-    def _begin(self, name: str, line: str) -> Started:
-        self._running[name] = Started(line, self.folder, self._in_domain())
+    def _begin(self, name: str, line: str) -> Typed:
+        self._running[name] = Typed(line, self.folder, self._in_domain(), screen=False)
         return self._running[name]
+
+    def _end(self, name: str) -> None:
+        """Press Ctrl-C, at which it must end in an orderly way."""
+        typed = self._running.pop(name)
+        assert typed.end() in (0, 130), f"$ {typed.line}\n{typed.said[-3000:]}"
 
     def _node(self, name: str, line: str) -> str:
         """A node that goes on, in place of one of its name; it works when it answers."""
         if name in self._running:
             if self._running[name].line == line:
                 return self._running[name].said
-            self._running.pop(name).interrupt()
+            self._end(name)
         started = self._begin(name, line)
         assert self._ros is not None
         ros, known = self._ros, f"/{name}/list_parameters"
@@ -210,7 +168,7 @@ class Terminal:
                 asked = now
             return any(future.done() for future in futures)
 
-        started.wait(answers)
+        started.until(answers)
         ros.peer.destroy_client(client)
         if name == "controller" and "sim" in self._running:
             self._listen(ros)
@@ -224,14 +182,20 @@ class Terminal:
             ros.spin_once()
         ros.peer.destroy_subscription(listening)
 
+    def _ros2(self, line: str) -> str:
+        """What ``ros2`` says to words as the shell passes them on."""
+        words = self._to_the_end(f"words() {{ printf '%s\\0' \"$@\"; }}; words {line}", 0)
+        assert self._ros is not None
+        return ros2.do(self._ros, words.split("\0")[1:-1])
+
     def _first_words(self, line: str) -> str:
         started = self._begin(line, line)
         sign = "http://" if "arm view" in line else "\n"
-        started.wait(lambda: sign in started.said)
+        started.until(lambda: sign in started.said)
         if page := re.search(r"http://\S+", started.said):
             with urllib.request.urlopen(page[0], timeout=PATIENCE) as answer:
                 assert answer.status == 200
-        self._running.pop(line).interrupt()
+        self._end(line)
         return started.said
 
     def _to_the_end(self, line: str, status: int) -> str:

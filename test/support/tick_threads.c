@@ -1,19 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The threads of a sim node, all in C, so that a sanitizer sees every access of each. What Python does in the node is
- * done here in the same order and under the same locks; in place of the middleware there is a wire. Compiled after the
- * code of the node.
+ * done here in the same order and under the same locks; in place of the middleware, a controller answers the last
+ * state. Compiled after the code of the node.
  *
  *   ticking   RealtimeLoop, and the answers to its questions         ordering   a service: TickQueue.run
- *   leading   a controller that answers states                       looking    SimDiagnostics, EnergyTopic
- *   writing   ChunkThread
+ *   writing   ChunkThread                                            looking    SimDiagnostics, EnergyTopic
  */
 #include <pthread.h>
 
 #define JOINTS 2
 #define HEAD 16 /* of a message, before its numbers */
 #define MESSAGE (HEAD + 8 * JOINTS)
-#define WIRE 64
 #define CHUNK 65536
 #define NEWS 8 /* [ticks] after which a command is too old */
 #define ROWS 16 /* ticks kept for the energy account */
@@ -23,12 +21,6 @@ typedef pthread_mutex_t lock_t;
 typedef struct {
   int64_t orders, ticks, recorded, written, counted, looks, noted; /* what was done; found by the test */
 } done_t;
-
-/* The wire: bytes of commands on their way to the sim, and the newest stamp on its way to the controller. */
-static lock_t wire = PTHREAD_MUTEX_INITIALIZER;
-static pthread_cond_t moved = PTHREAD_COND_INITIALIZER;
-static uint8_t commands[WIRE][MESSAGE];
-static int64_t sent_commands, taken_commands, state_stamp;
 
 /* The queue of orders, and the lock of the recording. */
 static lock_t queue = PTHREAD_MUTEX_INITIALIZER, recording = PTHREAD_MUTEX_INITIALIZER;
@@ -46,16 +38,15 @@ static int64_t places[2][CHUNK / 31];
 static chunk_t chunks[2];
 static done_t done;
 
+static uint8_t command_raw[MESSAGE];
+static int command_waits; /* the one for the last state */
+
 rcl_ret_t rcl_take_serialized_message(const rcl_subscription_t* s, rcl_serialized_message_t* m, rmw_message_info_t* about,
                                       rmw_subscription_allocation_t* a) {
   (void)s, (void)a;
-  static uint8_t kept[MESSAGE];
-  pthread_mutex_lock(&wire);
-  const int none = taken_commands == sent_commands;
-  if (!none) memcpy(kept, commands[taken_commands++ % WIRE], MESSAGE);
-  pthread_mutex_unlock(&wire);
-  if (none) return RCL_RET_SUBSCRIPTION_TAKE_FAILED;
-  m->buffer = kept;
+  if (!command_waits) return RCL_RET_SUBSCRIPTION_TAKE_FAILED;
+  command_waits = 0;
+  m->buffer = command_raw;
   m->buffer_length = MESSAGE;
   about->received_timestamp = time_of(CLOCK_REALTIME);
   return RCL_RET_OK;
@@ -64,14 +55,10 @@ rcl_ret_t rcl_take_serialized_message(const rcl_subscription_t* s, rcl_serialize
 rcl_ret_t rcl_publish_serialized_message(const rcl_publisher_t* p, const rcl_serialized_message_t* m,
                                          rmw_publisher_allocation_t* a) {
   (void)p, (void)a;
-  int32_t seconds;
-  uint32_t nanoseconds;
-  memcpy(&seconds, m->buffer + STAMP, 4);
-  memcpy(&nanoseconds, m->buffer + STAMP + 4, 4);
-  pthread_mutex_lock(&wire);
-  state_stamp = GIGA * seconds + nanoseconds;
-  pthread_cond_broadcast(&moved);
-  pthread_mutex_unlock(&wire);
+  const double efforts[JOINTS] = {1.0, 2.0};
+  memcpy(command_raw + STAMP, m->buffer + STAMP, 8);
+  memcpy(command_raw + HEAD, efforts, sizeof efforts);
+  command_waits = 1;
   return RCL_RET_OK;
 }
 
@@ -85,26 +72,6 @@ static int drive(arm_t* arm) {
 }
 
 static int64_t is_over(void) { return __atomic_load_n(&ended, __ATOMIC_RELAXED); }
-
-/* Answers every state that it sees, so that some ticks have no new command. */
-static void* leading(void* nothing) {
-  int64_t last = 0;
-  while (!is_over()) {
-    pthread_mutex_lock(&wire);
-    while (state_stamp == last && !is_over()) pthread_cond_wait(&moved, &wire);
-    last = state_stamp;
-    if (sent_commands - taken_commands < WIRE) {
-      uint8_t* raw = commands[sent_commands++ % WIRE];
-      const int32_t seconds = last / GIGA, nanoseconds = last % GIGA;
-      const double efforts[JOINTS] = {1.0, 2.0};
-      memcpy(raw + STAMP, &seconds, 4);
-      memcpy(raw + STAMP + 4, &nanoseconds, 4);
-      memcpy(raw + HEAD, efforts, sizeof efforts);
-    }
-    pthread_mutex_unlock(&wire);
-  }
-  return nothing;
-}
 
 /* Gives an order and waits until it is fulfilled, `count` times; as ctypes does, it writes the bell at once. */
 static void* ordering(void* count) {
@@ -174,7 +141,7 @@ static void* writing(void* nothing) {
   return nothing;
 }
 
-static ticks_t* shared; /* whose questions are answered */
+static ticks_t* shared; /* whose questions are command_waits */
 static due_t* clocked;
 
 /* TickQueue.serve. */
@@ -230,7 +197,7 @@ static void* ticking(void* of) {
 EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   static const uint8_t any[MESSAGE];
   static const int64_t joints[JOINTS] = {0, 1};
-  bell = ended = ordered = fulfilled = sent_commands = taken_commands = state_stamp = 0;
+  bell = ended = ordered = fulfilled = command_waits = 0;
   full = -1;
   memset(lateness_bins, 0, sizeof lateness_bins);
   memset(&done, 0, sizeof done);
@@ -261,22 +228,18 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};
   clocked = &due;
-  pthread_t threads[5];
-  pthread_create(threads, NULL, leading, NULL);
-  pthread_create(threads + 1, NULL, writing, NULL);
-  pthread_create(threads + 2, NULL, looking, &loop);
-  pthread_create(threads + 3, NULL, ordering, &count);
-  pthread_create(threads + 4, NULL, ticking, &loop);
-  pthread_join(threads[3], NULL);
+  pthread_t threads[4];
+  pthread_create(threads, NULL, writing, NULL);
+  pthread_create(threads + 1, NULL, looking, &loop);
+  pthread_create(threads + 2, NULL, ordering, &count);
+  pthread_create(threads + 3, NULL, ticking, &loop);
+  pthread_join(threads[2], NULL);
   __atomic_store_n(&due.ended, 1, __ATOMIC_RELEASE);
-  pthread_join(threads[4], NULL);
-  pthread_mutex_lock(&wire);
-  pthread_cond_broadcast(&moved);
-  pthread_mutex_unlock(&wire);
+  pthread_join(threads[3], NULL);
   pthread_mutex_lock(&recording);
   pthread_cond_broadcast(&filled);
   pthread_mutex_unlock(&recording);
-  for (int i = 0; i < 3; ++i) pthread_join(threads[i], NULL);
+  for (int i = 0; i < 2; ++i) pthread_join(threads[i], NULL);
   note(&ticks);
   for (int64_t k = 0; k < ticks.chunk->count; ++k) done.written += ticks.chunk->raw[ticks.chunk->places[k] + 9] == 1;
   done.ticks = ticks.step_count;

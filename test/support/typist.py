@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types ``./arm call``."""
+"""Types commands in the domain of the nodes that they call."""
 
 import json
 from typing import Any, NamedTuple
@@ -17,17 +17,18 @@ class Result(NamedTuple):
 
 
 class Typist:
-    """Types commands in the domain of the nodes that they call."""
+    """Types ``./arm call``, or the commands whose first words are given."""
 
     def __init__(
-        self, domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-    ) -> None:
+        self, domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
+        first: tuple[str, ...] = ("call",),
+    ) -> None:  # fmt: skip
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        self._capfd = capfd
+        self._capfd, self._first = capfd, first
 
     def __call__(self, *words: str, timeout: float = 20.0) -> Result:
         with pytest.raises(SystemExit) as end:
-            main(["call", *words, "--timeout", str(timeout)])
+            main([*self._first, *words, "--timeout", str(timeout)])
         return Result(int(end.value.code or 0), "".join(self._capfd.readouterr()))
 
 

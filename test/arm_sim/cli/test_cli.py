@@ -33,35 +33,17 @@ def run(*words: str) -> Result:
 
 
 def test_help_lists_commands_by_subject_in_whole_sentences() -> None:
-    said = run("--help").output
+    said = run("--help").output.split("\n", 1)[1]
     listed = re.findall(r"^  (\w\S*)  +[A-Z]", said, re.M)
-    assert sorted(listed) == sorted(main.commands) and listed[0] == "demo"
-    assert "..." not in said.split("\n", 1)[1] and re.search(
-        r"\nA running arm:\n  go  +Move the arm", said
-    )
-    assert listed.index("describe") > listed.index("controller")
-
-
-def test_help_loads_no_ros_and_no_plotting() -> None:
-    code = (
-        "import sys; from arm_studies.cli.main import main\n"
-        "main(['demo', '--help'], standalone_mode=False)\n"
-        "print([m for m in ('rclpy', 'matplotlib', 'rich', 'arm_msgs') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.stdout.rstrip().endswith("[]"), done.stdout + done.stderr
+    assert sorted(listed) == sorted(main.commands)
+    assert re.search(r"\nA running arm:\n  go  +Move the arm", said) and "..." not in said
 
 
 def test_a_panda_is_described_in_one_screen() -> None:
     said = run("describe", PANDA).output
     assert len(said.splitlines()) <= 40
-    for words in (
-        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a time step",
-        r"operations +\d+ in a", *models.dynamics("panda").joint_names,
-    ):  # fmt: skip
+    for words in (r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads"):
         assert re.search(words, said), words
-    (skipped,) = re.findall(r"skipped    (.*?); --details says why", said, re.DOTALL)
-    assert {"springs", "contact"} <= set(re.split(r",\s+", skipped))
     details = " ".join(run("describe", "real_panda", "--details").output.split())
     assert "skipped springs none" in details and "Friction: Gaz, Cognetti, Oliva" in details
 
@@ -140,36 +122,20 @@ def test_what_is_no_vector_is_refused() -> None:
             parse(text)
 
 
-def test_describe_takes_urdf_paths_and_packages() -> None:
-    assert "2 joints" in run("describe", str(models.FOLDER / "gantry.urdf")).output
-    robots = "package://example-robot-data/robots"
-    assert "6 joints" in run("describe", f"{robots}/ur_description/urdf/ur10_robot.urdf").output
-
-
-MASS = re.compile("<inertial>.*?</inertial>", re.DOTALL)
-
-
 def test_an_arm_without_mass_is_described(tmp_path: Path) -> None:
-    text = MASS.sub("", (models.FOLDER / "planar_3r.urdf").read_text())
-    (tmp_path / "arm.urdf").write_text(text)
-    result = run("describe", str(tmp_path / "arm.urdf"))
-    assert result.exit_code == 0
-    for joint in ("joint1", "joint2", "joint3"):
-        assert re.search(rf"{joint} +revolute +0 +-", result.output)
-    assert "0 kg moving" in result.output
-    assert "not simulated: no link has mass or inertia" in result.output
-    assert "or joints with an armature" in " ".join(result.output.split())
+    text = (models.FOLDER / "planar_3r.urdf").read_text()
+    weightless = re.sub("<inertial>.*?</inertial>", "", text, flags=re.DOTALL)
+    (tmp_path / "arm.urdf").write_text(weightless)
+    said = run("describe", str(tmp_path / "arm.urdf"))
+    assert said.exit_code == 0 and re.search("joint3 +revolute +0 +-", said.output)
+    assert "not simulated: no link has mass or inertia" in said.output
     told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
-    assert [joint["name"] for joint in told["joints"]] == ["joint1", "joint2", "joint3"]
-    assert "no link has mass" in told["not_simulated"]
-    assert "operations" not in told
+    assert "no link has mass" in told["not_simulated"] and "operations" not in told
 
 
 def test_limits_that_are_placeholders_are_named(tmp_path: Path) -> None:
     text = (models.FOLDER / "planar_3r.urdf").read_text()
     (tmp_path / "arm.urdf").write_text(text.replace('effort="80"', 'effort="1"'))
-    words = r"placeholders: joint1 \(effort 1\); a scene"
-    assert re.search(words, " ".join(run("describe", str(tmp_path / "arm.urdf")).output.split()))
     told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
     assert list(told["placeholders"]) == ["joint1"]
     (tmp_path / "arm.yaml").write_text(
@@ -195,33 +161,23 @@ def test_demo_motion_suits_every_robot(robot: str) -> None:
     np.testing.assert_allclose(q[-1], q[0], atol=1e-9)
 
 
-@pytest.mark.parametrize("robot_name", ["panda", "gantry"])
-def test_demo_motion_keeps_away_from_joint_limits(robot_name: str) -> None:
+def test_demo_motion_keeps_away_from_joint_limits() -> None:
     """By a twentieth of each joint's range, even from a start beside a limit."""
-    scene = models.scene(robot_name)
-    model = models.dynamics(robot_name).model
+    model = models.dynamics("panda").model
     span = model.position_upper - model.position_lower
-    bounded = np.isfinite(span)
-    start = np.where(bounded, model.position_lower + 0.1 * np.where(bounded, span, 0), model.q0)
-    moved = scene.model_copy(
-        update={"initial": Initial(position=dict(zip(model.joint_names, start, strict=True)))}
-    )
-    motion = choose_motion(moved, 10.0)
-    points = np.array([waypoint.q for waypoint in motion.waypoints])[:, bounded]
-    begin = np.asarray(motion.model.q0)[bounded]
-    margin = 0.05 * span[bounded]
-    low = np.minimum(model.position_lower[bounded] + margin, begin)
-    high = np.maximum(model.position_upper[bounded] - margin, begin)
-    assert ((points >= low - 1e-12) & (points <= high + 1e-12)).all()
+    start = model.position_lower + 0.1 * span
+    beside = Initial(position=dict(zip(model.joint_names, start, strict=True)))
+    motion = choose_motion(models.scene("panda").model_copy(update={"initial": beside}), 10.0)
+    share = (np.array([point.q for point in motion.waypoints]) - model.position_lower) / span
+    assert share.min() >= 0.05 - 1e-12 and share.max() <= 0.95 + 1e-12
 
 
-@pytest.mark.parametrize("pull", [-9.81, 9.81])
-def test_demo_motion_refuses_an_arm_that_cannot_carry_itself(pull: float) -> None:
-    weak = {"robot": {"urdf": str(models.FOLDER / "gantry.urdf")},
-            "gravity": [0, 0, pull],
-            "joints": {"*": {"limits": {"effort": 1.0}}}}  # fmt: skip
-    with pytest.raises(InvalidInput, match="cannot carry its own weight: joint '"):
-        choose_motion(load_scene(weak), 5.0)
+def test_demo_motion_refuses_an_arm_that_cannot_carry_itself() -> None:
+    weak = {"robot": {"urdf": str(models.FOLDER / "gantry.urdf")}}
+    weak["joints"] = {"*": {"limits": {"effort": 1.0}}}
+    for pull in (-9.81, 9.81):
+        with pytest.raises(InvalidInput, match="cannot carry its own weight: joint '"):
+            choose_motion(load_scene(weak | {"gravity": [0, 0, pull]}), 5.0)
 
 
 def test_rounding_is_not_printed_as_a_number() -> None:
@@ -251,37 +207,18 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     first.save(path)
     said = run("replay", str(path), "--out", str(out))
     assert said.exit_code == 0 and "100 time steps replayed, every state bit-id" in said.output
-    assert said.output.count("<Recording: ") == 1 and "not checked yet" not in said.output
-    assert said.output.splitlines()[-1].strip() == str(out)
     assert Recording.load(out).q.tobytes() == first.q.tobytes()
     told = json.loads(run("replay", str(path), "--json").stdout)
-    assert told == {
-        "equal": True, "ticks": 100, "first_difference": None, "largest": 0.0, "failure": None,
-        "other_versions": [], "trusted": True,
-    }  # fmt: skip
-    out.unlink()
-    other = run("replay", str(path), "--integrator", "euler", "--json", "--out", str(out))
-    assert other.exit_code == 1 and out.exists()
+    assert told["equal"] and told["ticks"] == 100 and told["largest"] == 0.0
+    other = run("replay", str(path), "--integrator", "euler", "--json")
     told = json.loads(other.stdout)
-    assert not told["equal"] and 0.0 < told["largest"] < 0.1 and told["first_difference"]
+    assert other.exit_code == 1 and 0.0 < told["largest"] < 0.1 and told["first_difference"]
     exact = run("replay", str(path), "--tolerance", "1e-10")
     assert exact.exit_code == 1 and "first difference: " in exact.output
-    assert re.search(r"positions differ by \S+ rad or m at most", exact.output)
     lighter = tmp_path / "moon.yaml"
     urdf = models.SCENES / "two_link.urdf"
     lighter.write_text(f"robot: {{urdf: {urdf}}}\ngravity: [0, 0, -1.62]\n")
     assert run("replay", str(path), "--scene", str(lighter)).exit_code == 1
-
-
-def test_options_of_playing_and_replaying_are_told_apart(tmp_path: Path) -> None:
-    for words, said in (
-        (("--topics", "--scene", "panda"), "--topics plays the recording unchanged"),
-        (("--topics", "--json"), "--topics plays the recording unchanged"),
-        (("--topic", "/a"), "--topic is allowed with --topics only"),
-        (("--check", "--out", "a.mcap"), "--check judges the recording as it is"),
-    ):
-        done = run("replay", str(tmp_path / "run.mcap"), *words)
-        assert done.exit_code == 2 and said in " ".join(done.output.split())
 
 
 def test_a_plot_has_the_joints_and_the_scene_that_are_named(
@@ -292,23 +229,15 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
     with unseen(), written() as figures:
         first = run("plot", "robot.csv", "--joint", "elbow")
         second = run("plot", "robot.csv", "robot.csv", "--scene", "two_link", "--out", "both.png")
-        wrong = run("plot", "robot.csv", "--out", "a.doc")
         window = run("plot", "robot.csv", "--show", "--out", "both.png")
     assert first.exit_code == second.exit_code == 0, first.output + second.output
     assert Path("robot.png").exists() and Path("both.png").exists()
-    assert first.output.splitlines()[-1] == "robot.png"
-    assert "without a scene" in first.output and second.output.count("<Recording") == 2
-    assert "without a scene" not in second.output
+    assert "without a scene" in first.output and "without a scene" not in second.output
     one, both, _ = (figure.axes[0].lines for figure in figures)
     assert [line.get_label() for line in one if line.get_marker() == "None"] == ["elbow"]
-    curves = (x for x in both if x.get_marker() == "None" and len(x.get_xdata()))
-    drawn = [line.get_linestyle() for line in curves]
+    drawn = [x.get_linestyle() for x in both if x.get_marker() == "None" and len(x.get_xdata())]
     assert drawn == ["-", "--", "-", "--"]
-    assert wrong.exit_code == 2 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
-    assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
-    assert (
-        "error: no window: Matplotlib has no display; the figure is in 'both.png'" in window.output
-    )
+    assert window.exit_code == 1 and "no window: Matplotlib has no display" in window.output
 
 
 def test_hardware_is_added_to_a_description(
@@ -323,10 +252,8 @@ def test_hardware_is_added_to_a_description(
         tag: Any = ElementTree.fromstring(told.stdout).find("ros2_control")
         parameters = {str(p.get("name")): str(p.text) for p in tag.iterfind("hardware/param")}
         commands = [str(c.get("name")) for c in tag.iterfind("joint/command_interface")]
-        starts = [
-            float(p.text) for p in tag.iterfind("joint/state_interface[@name='position']/param")
-        ]
-        assert starts == Dynamics("two_link").model.q0.tolist()
+        starts = tag.iterfind("joint/state_interface[@name='position']/param")
+        assert [float(p.text) for p in starts] == Dynamics("two_link").model.q0.tolist()
         return str(tag.findtext("hardware/plugin")), parameters, commands
 
     plugin, parameters, commands = hardware("effort", "--library", "lib.so")
@@ -338,13 +265,4 @@ def test_hardware_is_added_to_a_description(
         "joint_commands_topic": "/left/commands", "joint_states_topic": "/robot_joint_states",
         "trigger_joint_command_threshold": "-1",
     }  # fmt: skip
-    plain = run("urdf", "two_link").stdout
-    assert ElementTree.fromstring(plain).find("ros2_control") is None
-    for library in ("none.so", str(tmp_path)):
-        wrong = run("urdf", "two_link", "--ros2-control", "effort", "--library", library)
-        assert wrong.exit_code == 2 and library in wrong.output
-
-
-def test_an_argument_typed_as_an_option_is_named() -> None:
-    assert "\nerror: '--steps' is an argument: type" in run("call", "step", "--steps").output
-    assert "\nerror: No such option '--nonsense'" in run("--nonsense").output
+    assert "<ros2_control" not in run("urdf", "two_link").stdout

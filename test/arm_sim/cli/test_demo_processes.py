@@ -6,7 +6,6 @@ import stat
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,8 +20,7 @@ CHILD = """#!/bin/sh
 case $4 in
     polite*) trap 'echo asked; exit 0' INT; trap 'echo forced' TERM;;
     deaf*) trap '' INT TERM;;
-    gone*) echo "arguments $*"; exit 3;;
-    talker*) i=0; while [ $i -lt 20 ]; do i=$((i+1)); echo line $i; done; exit 0;;
+    talker*) i=0; while [ $i -lt 20 ]; do i=$((i+1)); echo line $i; done; exit 3;;
     silent*) exit 1;;
 esac
 echo ready
@@ -32,25 +30,7 @@ while [ $i -lt 500 ]; do i=$((i+1)); sleep 0.02; done  # ten seconds, whatever f
 
 
 @pytest.fixture
-def cleared(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """Filled when shared memory of killed processes is cleared."""
-    found = list[bool]()
-    monkeypatch.setattr(processes, "clear_dead", lambda: found.append(True))
-    return found
-
-
-@pytest.fixture
-def heard() -> Iterator[None]:
-    """Child processes receive SIGINT, even if a shell started the tests with it ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.fixture
-def children(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cleared: list[bool], heard: None
-) -> Processes:
+def children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Processes:
     """Starts children by the name of what they do; they have little time for an orderly end."""
     script = tmp_path / "child"
     script.write_text(CHILD)
@@ -69,62 +49,40 @@ def start(children: Processes, *names: str) -> list[subprocess.Popen[bytes]]:
     return started
 
 
-def ended(children: Processes, name: str) -> subprocess.Popen[bytes]:
-    process = children.start(name, name, "--with-parent", "--more")
-    process.wait()
-    return process
-
-
-def test_child_processes_can_end_in_an_orderly_way(
-    children: Processes, cleared: list[bool]
-) -> None:
-    with children:
-        left, right = start(children, "polite-left", "polite-right")
-        children.stop("polite-left", "nobody")
-        assert left.returncode == 0
-        assert right.poll() is None
-    assert right.returncode == 0
-    for name in ("polite-left", "polite-right"):
-        assert children.log(name).read_text().split() == ["ready", "asked"]
-    assert not cleared
+def ended(children: Processes, name: str) -> None:
+    children.start(name, name, "--with-parent").wait()
 
 
 def test_one_that_does_not_end_is_killed_and_what_it_left_is_cleared(
-    children: Processes, cleared: list[bool]
+    children: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The others end in an orderly way."""
+    cleared = list[bool]()
+    monkeypatch.setattr(processes, "clear_dead", lambda: cleared.append(True))
     with children:
-        deaf, polite = start(children, "deaf", "polite")
-        children.stop("deaf", "polite")
-        assert deaf.returncode == -signal.SIGKILL
-        assert polite.returncode == 0
+        deaf, left, right = start(children, "deaf", "polite-left", "polite-right")
+        children.stop("polite-left", "nobody")
+        assert (left.returncode, right.poll(), cleared) == (0, None, [])
+        children.stop("deaf", "polite-right")
+        assert (deaf.returncode, right.returncode) == (-signal.SIGKILL, 0)
         assert cleared == [True]
+    assert children.log("polite-right").read_text().split() == ["ready", "asked"]
 
 
 def test_one_that_has_ended_by_itself_is_reported_until_it_is_stopped(children: Processes) -> None:
+    """With what it said last."""
     with children:
         start(children, "polite")
         children.check()
-        ended(children, "gone")
-        with pytest.raises(DemoFailed) as caught:
-            children.check()
-        said = caught.value.message
-        assert said.startswith(
-            "the gone process ended unexpectedly with status 3:\n    arguments "
-        )
-        assert "-m arm_sim.cli gone --with-parent --more" in said
-        children.stop("gone")
-        children.check()
-
-
-def test_what_it_said_last_is_shown(children: Processes) -> None:
-    with children:
         ended(children, "talker")
-        lines = children.tail("talker").splitlines()
-        assert lines == [f"    line {k}" for k in range(9, 21)]
+        with pytest.raises(DemoFailed, match="talker process .* status 3:\n    line 9\n"):
+            children.check()
         children.stop("talker")
         ended(children, "silent")
         with pytest.raises(DemoFailed, match="with status 1:\nits log is empty"):
             children.check()
+        children.stop("silent")
+        children.check()
 
 
 def test_nothing_that_is_pressed_keeps_children_from_being_ended(

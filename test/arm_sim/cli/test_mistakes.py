@@ -54,15 +54,10 @@ def at_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def there(at_home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each mistake is made in a copy of it."""
+def there(at_home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Each mistake is made in a copy of it; nodes take over the signals of their process."""
     shutil.copytree(at_home, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def signals() -> Iterator[None]:
-    """Nodes take over the signals of their process."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():
@@ -125,36 +120,17 @@ def agrees(said: str, wanted: str) -> None:
     assert not LEAKS.search(said), said
 
 
-def cases(kind: str, name: str) -> Any:
-    return pytest.mark.parametrize("case", TABLE[kind], ids=lambda case: case[name])
+def cases() -> Iterator[Any]:
+    """Each row of the table, named by its first key, with its kind."""
+    for kind, rows in TABLE.items():
+        for row in rows:
+            name = next(iter(row.values()))
+            starts = kind == "commands" and name.startswith(STARTS_ROS)
+            yield pytest.param(kind, row, id=name, marks=[pytest.mark.ros] if starts else [])
 
 
-@cases("scenes", "mistake")
-def test_scene(case: dict[str, str]) -> None:
-    agrees(of_scene(case["written"]), case["said"])
-
-
-@cases("robots", "mistake")
-def test_robot(case: dict[str, str]) -> None:
-    agrees(of_robot(case["instead of"], case["written"]), case["said"])
-
-
-WITHOUT_ROS = [c for c in TABLE["commands"] if not c["typed"].startswith(STARTS_ROS)]
-WITH_ROS = [c for c in TABLE["commands"] if c["typed"].startswith(STARTS_ROS)]
-
-
-@pytest.mark.parametrize("case", WITHOUT_ROS, ids=lambda case: case["typed"])
-def test_command(case: dict[str, str]) -> None:
-    agrees(of_command(case["typed"]), case["said"])
-
-
-@pytest.mark.ros
-@pytest.mark.usefixtures("signals")
-@pytest.mark.parametrize("case", WITH_ROS, ids=lambda case: case["typed"])
-def test_node(case: dict[str, str]) -> None:
-    agrees(of_command(case["typed"]), case["said"])
-
-
-@cases("python", "called")
-def test_call(case: dict[str, str]) -> None:
-    agrees(of_python(case["called"]), case["said"])
+@pytest.mark.parametrize(("kind", "case"), list(cases()))
+def test_a_mistake_is_told_in_plain_words(kind: str, case: dict[str, str]) -> None:
+    what = {"scenes": of_scene, "robots": of_robot, "commands": of_command, "python": of_python}
+    given = [text for key, text in case.items() if key not in ("mistake", "said")]
+    agrees(what[kind](*given), case["said"])

@@ -4,19 +4,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import ANY, MagicMock, Mock, call
 
 import numpy as np
 import pytest
+from arm_msgs.msg import Energy, TrackingState
 from click import BadParameter
 from forging import running
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 import models
-from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.view import command, live
@@ -32,6 +34,13 @@ TWO_LINK = models.SCENES / "two_link.urdf"
 START = "initial: {position: {shoulder: 0.4}}"
 HERE = "127.0.0.1", 0
 ros = pytest.mark.ros
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    opened = open_server("arm", port=0)
+    yield opened
+    close_server(opened)
 
 
 @pytest.fixture
@@ -64,14 +73,7 @@ def test_an_arm_without_mass_is_shown(
     (simulator,) = shown["what"]
     assert simulator.joint_names == ("shoulder", "elbow")
     simulator.set_state([0.3, 0.2], [0.0, 0.0])
-    assert "move no mass" in caplog.text
     assert "shown with an armature of 1 at every joint" in caplog.text
-
-
-def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:
-    run = Simulator("two_link").run(0.1)
-    command.page_of([str(run.save(tmp_path / "run.mcap"))], *HERE)
-    np.testing.assert_array_equal(shown["what"][0].q, run.q)
 
 
 def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path: Path) -> None:
@@ -84,94 +86,50 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
 
 
 def test_sizes_of_pictures_have_limits() -> None:
-    for text, size in ("16x4096", (16, 4096)), ("4096x16", (4096, 16)), ("960x600", (960, 600)):
-        assert Size().convert(text, None, None) == size
-    for text in "15x600", "600x15", "4097x600", "600x4097", "600", "600x", "9.5x600", "600x-20":
+    assert Size().convert("16x4096", None, None) == (16, 4096)
+    for text in "15x600", "600x4097", "600", "9.5x600", "600x-20":
         with pytest.raises(BadParameter, match="allowed: 16x16 to 4096x4096"):
             Size().convert(text, None, None)
 
 
-class Pages:
-    """A page that notes what it is asked for."""
-
-    url = "http://here"
-
-    def __init__(self) -> None:
-        self.asked: list[Any] = []
-
-    def shown(self, *asked: Any) -> Pages:
-        *given, on_progress = asked
-        on_progress("drawing the page")
-        self.asked.append(("shown", *given))
-        return self
-
-    def __enter__(self) -> Pages:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.asked.append("closed")
-
-    def picture(self, *asked: Any) -> None:
-        self.asked.append(("picture", *asked))
-
-    def film(self, *asked: Any) -> None:
-        *given, progress = asked
-        progress("picture 1 of 1")
-        self.asked.append(("film", *given))
-
-    def page(self, *asked: Any) -> None:
-        self.asked.append(("page", *asked))
-
-    def wait(self) -> None:
-        self.asked.append("wait")
-
-
 @pytest.fixture
-def pages(monkeypatch: pytest.MonkeyPatch) -> Pages:
-    made = Pages()
-    monkeypatch.setattr(command, "page_of", made.shown)
+def page_of(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
+    """Makes a page that notes what it is asked for."""
+    made = MagicMock()
+    made.return_value.url = "http://here"
+    made.return_value.__enter__.return_value = made.return_value
+    monkeypatch.setattr(command, "page_of", made)
+    monkeypatch.setattr("arm_sim.view.pictures.browser", lambda: "one that draws")
     return made
 
 
 @pytest.mark.group("view")
 def test_a_page_stays_open_until_it_is_ended(
-    pages: Pages, capfd: pytest.CaptureFixture[str]
+    page_of: MagicMock, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    main(["view", "two_link", "panda", "--port", "9000"], standalone_mode=False)
-    what = ("two_link", "panda")
-    assert pages.asked == [("shown", what, "127.0.0.1", 9000, None, None, None), "wait", "closed"]
+    main(["view", "two_link", "--host", "0.0.0.0", "--port", "9000", "--scene", "ur10",
+          "--topic", "/a"], standalone_mode=False)  # fmt: skip
+    page_of.assert_called_once_with(("two_link",), "0.0.0.0", 9000, None, "ur10", "/a", ANY)
+    page_of.return_value.wait.assert_called_once_with()
+    page_of.return_value.__exit__.assert_called_once()
     assert capfd.readouterr().out == "http://here  (Ctrl-C ends)\n"
-    main(["view", "two_link", "--host", "0.0.0.0", "--scene", "ur10", "--topic", "/a"],
-         standalone_mode=False)  # fmt: skip
-    assert pages.asked[3] == ("shown", ("two_link",), "0.0.0.0", None, None, "ur10", "/a")
 
 
 @pytest.mark.group("view")
 def test_pictures_are_written_as_they_are_asked_for(
-    pages: Pages, capfd: pytest.CaptureFixture[str]
+    page_of: MagicMock, capfd: pytest.CaptureFixture[str]
 ) -> None:
     main(["view", "two_link", "--png", "a.png", "--gif", "a.gif", "--html", "a.html", "--mp4",
           "a.mp4", "--size", "320x200", "--time", "1.5", "--duration", "3", "--control", "weight",
           "--speed", "2", "--rate", "10", "--port", "9000"], standalone_mode=False)  # fmt: skip
-    size = (320, 200)
-    assert pages.asked == [
-        ("shown", ("two_link",), "127.0.0.1", 0, (3.0, "weight"), None, None),
-        ("picture", Path("a.png"), size, 1.5), ("film", Path("a.gif"), size, 10.0, 2.0),
-        ("film", Path("a.mp4"), size, 10.0, 2.0), ("page", Path("a.html"), 10.0, 2.0), "closed",
-    ]  # fmt: skip
+    motion, size, page = (3.0, "weight"), (320, 200), page_of.return_value
+    page_of.assert_called_once_with(("two_link",), "127.0.0.1", 0, motion, None, None, ANY)
+    page.picture.assert_called_once_with(Path("a.png"), size, 1.5)
+    films = [call(Path(name), size, 10.0, 2.0, ANY) for name in ("a.gif", "a.mp4")]
+    assert page.film.call_args_list == films
+    page.page.assert_called_once_with(Path("a.html"), 10.0, 2.0)
+    page.wait.assert_not_called()
     assert capfd.readouterr().out.split() == ["a.png", "a.gif", "a.mp4", "a.html"]
-    main(["view", "two_link", "--png", "b.png"], standalone_mode=False)
-    assert pages.asked[6] == (
-        "shown", ("two_link",), "127.0.0.1", 0, (5.0, "nothing"), None, None
-    )  # fmt: skip
-    assert pages.asked[7] == ("picture", Path("b.png"), (960, 600), None)
-
-
-def heard(arm: live.RunningArm, listener: Listener) -> Any:
-    """What is new next."""
-    news: list[Any] = []
-    assert listener.until(lambda: bool(news.extend(filter(None, [arm.newest()])) or news), 40.0)
-    return news[0]
 
 
 @ros
@@ -190,9 +148,9 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
             arm = live.RunningArm(listener, "")
             model = arm.connect(None)
             assert model.joint_names == ("shoulder",)
-            news = heard(arm, listener)
-            np.testing.assert_array_equal(news[1], [0.4])
-            assert arm.newest() is None  # nothing is told twice
+            news = list[Any]()
+            assert listener.until(lambda: bool(news.append(arm.newest()) or news[-1]), 40.0)
+            np.testing.assert_array_equal(news[-1][1], [0.4])
             with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
                 arm.connect(SCENE)
 
@@ -202,6 +160,7 @@ class Deaf:
 
     def __init__(self) -> None:
         self.heard: dict[str, Any] = {}
+        self.where = lambda: "nowhere"
 
     def subscribe(self, topic: Any, name: str, called: Any, **_: Any) -> None:
         self.heard[name] = called
@@ -209,95 +168,66 @@ class Deaf:
     def until(self, condition: Any, timeout: float) -> bool:
         return bool(condition())
 
-    def where(self) -> str:
-        return "nowhere"
-
 
 @ros
 def test_news_are_those_of_the_scene_in_its_order() -> None:
     listener: Any = Deaf()
-    arm = live.RunningArm(listener, "/left/arm/")
+    arm, prefix = live.RunningArm(listener, "/left/arm/"), "/left/arm/"
     assert (arm.name, arm.topic) == ("left arm", "/left/arm/joint_states")
-    assert live.RunningArm(Deaf(), "").name == "arm"  # type: ignore[arg-type]
-    prefix = "/left/arm/"
 
-    def tell(**parts: Any) -> Any:
+    def send(**parts: Any) -> None:
         state = JointState(**{"name": ["tool", "elbow", "shoulder"], **parts})
         state.header.stamp.sec, state.header.stamp.nanosec = 7, 500_000_000
         listener.heard[f"{prefix}joint_states"](serialize_message(state))
+
+    def tell(**parts: Any) -> Any:
+        send(**parts)
         return arm.newest()
 
-    with pytest.raises(ViewError, match="no joint states on /left/arm/joint_states"):
-        arm.connect(SCENE)
-    listener.heard[f"{prefix}joint_states"](
-        serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
-    )
+    send()
     assert arm.connect(SCENE).joint_names == ("shoulder", "elbow")
     stamp, q, (torque, error, energy) = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
     assert (stamp, q.tolist(), torque.tolist()) == (7.5, [0.1, 0.2], [1.0, 2.0])
     assert np.isnan([*error, *energy]).all()  # unknown
-    listener.heard[f"{prefix}controller/state"](
-        SimpleNamespace(joint_names=["elbow", "tool"], position_error=[0.5, 9.0])
-    )
-    listener.heard[f"{prefix}sim/energy"](
-        SimpleNamespace(kinetic=1.0, potential=2.0, total=3.0, input=4.0, dissipated=5.0)
-    )
+    control = TrackingState(joint_names=["elbow", "tool"], position_error=[0.5, 9.0])
+    listener.heard[f"{prefix}controller/state"](control)
+    listener.heard[f"{prefix}sim/energy"](Energy(kinetic=1.0, input=4.0, dissipated=5.0))
     _, _, (torque, error, energy) = tell(position=[9.0, 0.4, 0.3])
-    assert np.isnan(torque).all() and np.isnan(error[0]) and error[1] == 0.5
-    assert energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    np.testing.assert_array_equal([torque, error], [[np.nan, np.nan], [np.nan, 0.5]])
+    assert energy.tolist() == [1.0, 0.0, 0.0, 4.0, 5.0]
     assert arm.newest() is None
-    for position in ([], [9.0, 0.2], [9.0, np.nan, 0.1]):
+    for position in ([9.0, 0.2], [9.0, np.nan, 0.1]):
         assert tell(position=position) is None
-    assert tell(name=["tool", "elbow"], position=[9.0, 0.2]) is None
-
-
-class Telling:
-    """An arm that tells its states one by one."""
-
-    def __init__(self, *states: Any) -> None:
-        self.states = list(states)
-
-    def newest(self) -> Any:
-        return self.states.pop(0) if self.states else None
 
 
 @pytest.mark.group("view")
 @ros
-def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_curves_and_silence_are_those_of_each_arm(
+    server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its first news on, or from where it began again."""
     monkeypatch.setattr(live, "CHARTED", 0.0)
-    model, server = models.dynamics("two_link").model, open_server("arm", port=0)
-    try:
-        actors = [DrawnArm(server, model, name) for name in ("left", "right")]
-        q, effort, error, energy = np.array([0.1, 0.2]), np.ones(2), 2 * np.ones(2), np.arange(5.0)
-        times = 100.0, 100.5, 107.0, 106.5  # the last one of a run that began again
-        left: Any = Telling(*((t, q, Sample(effort * t, error * t, energy * t)) for t in times))
-        right: Any = Telling()
-        listener: Any = Deaf()
-        page = live.Follower(server, actors, [left, right], listener)
-        assert page._status.content == "waiting"
-        for _ in times[:2]:
-            page._update(0.1)
-        curves = page._charts._panel.charts
-        for title, values in (("torque [N m]", effort), ("error [rad]", error),
-                              ("energy [J]", energy)):  # fmt: skip
-            chart = curves[f"left: {title}"]
-            time, rows = chart.time, chart.values
-            np.testing.assert_array_equal(time, [0.0, 0.5])  # since the first news
-            np.testing.assert_array_equal(rows, np.outer([100.0, 100.5], values))
-            assert not len(curves[f"right: {title}"].time)
-        assert page._status.content == "left: t = 0.50 s\n\nright: t = 0.00 s, no data yet"
-        expected = actors[0].marker.at(Instant(q)).position
-        for frame, place in zip(actors[0]._joints.values(), expected, strict=True):
-            np.testing.assert_array_equal(frame.position, place)
-        for _ in times[2:]:
-            page._update(0.1)
-        np.testing.assert_array_equal(curves["left: torque [N m]"].time, [0.0])
-        monkeypatch.setattr(live, "OLD", -1.0)
-        page._report("no luck")
-        assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")
-        assert page._status.content.endswith("\n\n**no luck**")
-    finally:
-        close_server(server)
+    model, q = models.dynamics("two_link").model, np.array([0.1, 0.2])
+    actors = [DrawnArm(server, model, name) for name in ("left", "right")]
+    news = [(t, q, Sample(t * np.ones(2), np.zeros(2), np.zeros(5))) for t in (100.0, 100.5, 7.0)]
+    left, right = Mock(**{"newest.side_effect": news}), Mock(**{"newest.return_value": None})
+    page = live.Follower(server, actors, [left, right], Mock(**{"until.return_value": True}))
+    page._update(0.1)
+    page._update(0.1)
+    curves = page._charts._panel.charts
+    torque = curves["left: torque [N m]"]
+    np.testing.assert_array_equal(torque.time, [0.0, 0.5])
+    np.testing.assert_array_equal(torque.values, [[100.0, 100.0], [100.5, 100.5]])
+    assert not len(curves["right: torque [N m]"].time)
+    assert page._status.content == "left: t = 0.50 s\n\nright: t = 0.00 s, no data yet"
+    shown = [frame.position for frame in actors[0]._joints.values()]
+    np.testing.assert_array_equal(shown, actors[0].marker.at(Instant(q)).position)
+    page._update(0.1)
+    np.testing.assert_array_equal(torque.time, [0.0])
+    monkeypatch.setattr(live, "OLD", -1.0)
+    page._report("no luck")
+    assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")
+    assert page._status.content.endswith("\n\n**no luck**")
 
 
 @ros

@@ -21,10 +21,6 @@ from arm_sim.export.names import from_title
 
 SCENE = "two_link"
 TWO_LINK = models.scene(SCENE).model_dump(exclude_none=True)
-FILES = {
-    "arm.c", "arm.h", "test_arm.c", "CMakeLists.txt", "README.md", "scene.yaml", "robot.urdf",
-    "export.json",
-}  # fmt: skip
 
 
 def exported(folder: Path, **options: object) -> Path:
@@ -33,24 +29,19 @@ def exported(folder: Path, **options: object) -> Path:
 
 
 def test_names_that_no_library_can_have_are_refused(tmp_path: Path) -> None:
-    for name in ("", "7up", "my-arm", "größe", "class", "test", "m", "features", "_arm", 64 * "a"):
+    for name in ("", "7up", "my-arm", "größe", "class", "test", "_arm", 64 * "a"):
         with pytest.raises(InvalidInput, match="name = "):
             export(SCENE, tmp_path / "out", name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_title_becomes_a_name() -> None:
-    assert from_title("UR-10 (v2)") == "ur_10_v2"
-    assert from_title("3R") == "arm_3r"
-    assert from_title("double") == "double_arm"
-    assert from_title("***") == "arm"
-
-
-def test_without_a_name_it_is_that_of_the_scene(tmp_path: Path) -> None:
-    for scene, name in (("real_ur10", "real_ur10"), (models.SCENES / "two_link.urdf", "two_link")):
-        made = export(scene, tmp_path / name, terms=(), tick=False)
-        assert made.name == name
-        assert (tmp_path / name / f"{name}.h").is_file()
+def test_a_title_becomes_a_name(tmp_path: Path) -> None:
+    """That of the scene, if none is given."""
+    for title, name in (("UR-10 (v2)", "ur_10_v2"), ("3R", "arm_3r"), ("double", "double_arm"),
+                        ("***", "arm")):  # fmt: skip
+        assert from_title(title) == name
+    assert export(SCENE, tmp_path, terms=(), tick=False).name == "two_link"
+    assert (tmp_path / "two_link.h").is_file()
 
 
 @pytest.mark.parametrize(
@@ -82,8 +73,6 @@ def test_foreign_folders_are_left_alone(tmp_path: Path) -> None:
         exported(tmp_path)
     with pytest.raises(InvalidInput, match="is not a folder"):
         exported(tmp_path / "note.txt")
-    with pytest.raises(OSError, match=r"note.txt/out'$"):
-        exported(tmp_path / "note.txt/out")
     assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
 
 
@@ -98,7 +87,7 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_is(tmp_path: Path) -> None
             export(SCENE, folder, name, terms=(), tick=False)
     assert (folder / "arm.c").read_bytes() == before
     assert (folder / "other.c").read_text() == "mine" and not (folder / "other.h").exists()
-    for damaged in ("[", '"ab"', '{"arm.c": 1}', '["arm.c", 1]'):
+    for damaged in ("[", '["arm.c", 1]'):
         (folder / "export.json").write_text(damaged)
         with pytest.raises(InvalidInput, match="export.json' is damaged"):
             exported(folder)
@@ -119,8 +108,10 @@ def test_an_export_that_failed_midway_may_be_repeated(
         export(SCENE, folder, "other", terms=(), tick=False)
     (folder / "build").mkdir()
     export(SCENE, folder, "third", terms=(), tick=False)
-    found = {path.name.replace("third.", "arm.") for path in folder.iterdir()}
-    assert found == FILES | {"build"}
+    assert {path.name for path in folder.iterdir()} == {
+        "third.c", "third.h", "test_third.c", "CMakeLists.txt", "README.md", "scene.yaml",
+        "robot.urdf", "export.json", "build",
+    }  # fmt: skip
 
 
 def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:
@@ -167,24 +158,12 @@ def test_names_of_robot_and_joints_cannot_break_the_code(tmp_path: Path) -> None
     assert tuple(name.decode() for name in names) == ODD
 
 
-def test_no_name_is_too_long_for_a_line(tmp_path: Path) -> None:
-    frame, wanted = 90 * "f", ("gravity", "inverse_dynamics_derivatives")
-    urdf = TWO_LINK["robot"]["urdf"].replace('"tip"', f'"{frame}"')
-    scene = {"robot": {"urdf": urdf}}
-    export(scene, tmp_path, 63 * "a", wanted, False, frames=("forearm", frame))
-    for file in (f"{63 * 'a'}.c", f"test_{63 * 'a'}.c"):
-        said_by("cc", *C11, *STRICT, "-Werror", "-fsyntax-only", tmp_path / file)
-
-
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     out = str(tmp_path / "out")
     result = CliRunner().invoke(main, ["export", SCENE, "--out", out, "--name", "arm"])
-    assert result.exit_code == 0, result.output
-    assert "library 'arm', 7 files" in result.output
+    assert result.exit_code == 0 and "library 'arm', 7 files" in result.output
     header = (tmp_path / "out/arm.h").read_text()
-    assert "arm_inverse_dynamics" in header
-    assert "arm_sim_step" not in header
-    assert "derivatives" not in header
+    assert "arm_inverse_dynamics" in header and "arm_sim_step" not in header
 
 
 def test_a_condition_that_is_not_understood_is_refused() -> None:

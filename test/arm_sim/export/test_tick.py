@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exported ticks, compiled by the system's compiler, against ``Simulator``, to the bit."""
+"""Exported ticks, compiled by the system's compilers, against ``Simulator``, to the bit.
+
+Their derivatives against ``Simulator.linearize``.
+"""
 
 import ctypes
 from collections.abc import Callable
 from functools import cache
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +19,18 @@ from exported import (
     LEVELS,
     Library,
     Ticks,
-    assert_clean,
-    assert_no_compiler_warns,
-    assert_sound,
+    assert_portable,
     compilers,
     pointer,
     run_test_program,
 )
 from samples import always
 
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.arrays import Array
-from arm_sim import JointCommand, Simulator
-from arm_sim.export import export
+from arm_sim import JointCommand, NotDifferentiable, Simulator
+from arm_sim.export import DERIVATIVES, export
+from tolerances import EXPORT, assert_close
 
 URDF = Path(__file__).parents[3] / "src/arm_sim/arm_sim/scenes/two_link.urdf"
 STUCK = {
@@ -54,17 +56,41 @@ SCENES: dict[str, Any] = {"stuck": STUCK, "laws": LAWS} | {name: name for name i
 TICKS, HELD = 1000, 50
 SMALL = ("stuck", "four_bar")  # what is compiled in many ways
 
+FIXED = {"sim": {"integrator": "rk4", "dt": 1e-4}}
+DRY = {"joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}}
+SLOPED: dict[str, tuple[str, dict[str, Any]]] = {  # with derivatives
+    "linkage": ("four_bar", FIXED),
+    "dry": ("two_link", DRY),
+    "in_contact": ("panda_table", {}),
+    "motor": ("slider_crank_motor", FIXED),
+    "implicit": ("two_link", DRY | {"sim": {"integrator": "implicit", "dt": 2e-3}}),
+    "limited": ("two_link", {"joints": {"*": {"limits": {"effort": 5.0}}}}),
+    "hanging": ("two_link", FIXED | {"commands": {"gravity_compensated": True}}),
+}
+
 
 class Case:
-    """A scene, its simulator and its library."""
+    """A scene, its simulator and its library, by each compiler."""
 
     def __init__(self, name: str, folder: Path) -> None:
-        self.simulator, self.folder = Simulator(SCENES[name]), folder / name
-        export(self.simulator.model, self.folder, name, terms=())
-        self.library, self.name = Library(self.folder, name), name
+        scene = SCENES.get(name)
+        if scene is None:
+            bundled, more = SLOPED[name]
+            scene = load_scene(bundled).model_dump(exclude_unset=True) | more
+        self.simulator, self.folder, self.name = Simulator(scene), folder / name, name
+        export(self.simulator.model, self.folder, name, DERIVATIVES if name in SLOPED else ())
+        self.libraries = [Library(self.folder, name, BITS, one) for one in compilers()]
+        self.library = self.libraries[0]
 
-    def ticks(self) -> Ticks:
-        return Ticks(self.library, self.simulator.n)
+    def ticks(self, compiler: int = 0) -> Ticks:
+        return Ticks(self.libraries[compiler], self.simulator.n)
+
+    def slopes(self, ticks: Ticks, command: Array) -> tuple[int, Array, Array]:
+        """Code, A and B; those are NaN where they are not set."""
+        nx, n = self.simulator.arm.plant.nx, self.simulator.n
+        A, B = np.full((nx, nx), np.nan), np.full((nx, n), np.nan)
+        code = ticks.function("sim_linearize")(*map(pointer, (ticks.memory, command, A, B)))
+        return int(code), A, B
 
     def commands(self, count: int = TICKS) -> Array:
         n, limit = self.simulator.n, self.simulator.model.command_limit
@@ -93,24 +119,21 @@ def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
     made = ticks.run(commands)
     assert made.tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
     assert np.array_equal(ticks.state()[2], simulator.effort)
-    for compiler in compilers()[1:]:
-        other = Ticks(Library(case.folder, case.name, BITS, compiler), simulator.n)
+    for compiler in range(1, len(case.libraries)):
+        other = case.ticks(compiler)
         assert other.init() == 0
         assert other.run(commands).tobytes() == made.tobytes()
+    first, copy = case.ticks(), case.ticks()
+    assert first.init() == 0
+    first.run(commands[:77])
+    copy.memory[:] = first.memory  # in the middle
+    assert copy.run(commands[77:]).tobytes() == made[77:].tobytes()
     period = ticks.function("sim_period")
     period.restype = ctypes.c_double
     assert (ticks.function("sim_joints")(), period()) == (simulator.n, simulator.dt)
     lower, upper = np.zeros((2, simulator.n))
     ticks.function("sim_range")(pointer(lower), pointer(upper))
     np.testing.assert_array_equal([lower, upper], simulator.model.stops.bounds)
-
-
-def test_a_copy_made_in_the_middle_continues_to_the_same_bits(case: Case) -> None:
-    first, second, commands = case.ticks(), case.ticks(), case.commands(200)
-    assert first.init() == 0
-    first.run(commands[:77])
-    second.memory[:] = first.memory
-    assert first.run(commands[77:]).tobytes() == second.run(commands[77:]).tobytes()
 
 
 def test_it_begins_at_any_state_that_the_simulator_allows(case: Case) -> None:
@@ -132,29 +155,14 @@ def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> No
     assert "no such parameter" in ticks.text(ticks.set("nonsense", 1.0))
     assert ticks.memory.tobytes() == before.tobytes()
     assert "not finite" in ticks.text(ticks.init(np.full(n, np.inf), np.zeros(n)))
-    assert ticks.text(0) == "no error"
-    assert ticks.text(99) == "unknown code"
+    assert (ticks.text(0), ticks.text(99)) == ("no error", "unknown code")
 
 
-@pytest.mark.parametrize("case", always(SCENES, *SMALL), indirect=True)
-def test_no_compiler_warns_and_sanitizers_find_nothing(case: Case) -> None:
-    assert_no_compiler_warns(case.folder, case.name)
-    assert_sound(case.folder, case.name)
-
-
-EVERY_WAY = list(product(SCENES, LEVELS))
-
-
-@pytest.mark.parametrize(
-    ("case", "level"),
-    always(EVERY_WAY, *zip(SMALL, ("-O0", "-Os"), strict=True)),
-    indirect=["case"],
-)
-def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(
-    case: Case, level: str
-) -> None:
+@pytest.mark.parametrize("case", always([*SCENES, *SLOPED], *SMALL), indirect=True)
+def test_code_is_portable(case: Case, request: pytest.FixtureRequest) -> None:
     """Whatever the level and the language: no loop that sets zeros becomes ``memset``."""
-    assert_clean(case.folder / f"{case.name}.c", case.name, (level,), (C11, CPP17))
+    levels = LEVELS if request.config.getoption("--nightly") else ("-O0", "-Os")
+    assert_portable(case.folder, case.name, levels, (C11, CPP17))
 
 
 def test_the_test_program_passes(case: Case, tmp_path: Path) -> None:
@@ -196,7 +204,6 @@ def test_servos_track_as_those_of_the_simulator_to_the_bit(tmp_path: Path) -> No
         assert np.array_equal(np.concatenate(ticks.state()[:2]), [*state.q, *state.v])
     ticks.function("sim_servo")(pointer(ticks.memory), None, None, None, pointer(command))
     assert not command.any()
-    assert "arm_sim_servo" in (tmp_path / "arm/README.md").read_text()
 
 
 def test_bodies_and_friction_that_cannot_be_are_refused(tmp_path: Path) -> None:
@@ -230,3 +237,69 @@ def test_states_that_are_impossible_are_refused(
     ticks = case.ticks()
     code = ticks.init(case.simulator.model.q0 + away, np.zeros(case.simulator.n))
     assert said in ticks.text(code)
+
+
+# --- derivatives ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", always(SLOPED, "dry", "motor", "limited"), indirect=True)
+def test_derivatives_are_those_of_the_simulator_or_refused(
+    case: Case, rng: np.random.Generator
+) -> None:
+    """Of every compiler; where there is no derivative, there is a code."""
+    simulator, answered, differentiable = case.simulator, 0, 0
+    every = [case.ticks(compiler) for compiler in range(len(case.libraries))]
+    assert {ticks.init() for ticks in every} == {0}
+    simulator.reset()
+    limit = np.minimum(simulator.model.command_limit, 40.0)
+    for k in range(120):
+        if k % 20 == 0:
+            command = rng.uniform(-0.9, 0.9, simulator.n) * limit
+        made = [case.slopes(ticks, command) for ticks in every]
+        try:
+            expected = simulator.linearize(simulator.state, command)
+        except NotDifferentiable:
+            expected = None
+        differentiable += expected is not None
+        for code, A, B in made:
+            if code == 0:
+                assert expected is not None
+                assert_close(A, expected[0], EXPORT)
+                assert_close(B, expected[1], EXPORT)
+            else:
+                assert np.isnan(A).all() and np.isnan(B).all()
+        answered += made[0][0] == 0
+        simulator.step(command)
+        for ticks in every:
+            assert ticks.step(command) == 0
+    assert answered > 0.8 * differentiable > 60
+
+
+def test_what_has_no_derivative_gets_a_code_with_a_text(made: Callable[[str], Case]) -> None:
+    """A command at its limit, or that is no number; a joint that comes to rest in the tick."""
+    dry, arm = made("dry"), made("limited")
+    ticks = arm.ticks()
+    assert ticks.init() == 0
+    before = ticks.memory.copy()
+    tied = np.array([5.0, 0.0])
+    code, *_ = arm.slopes(ticks, tied)
+    assert "no derivative" in ticks.text(code)
+    with pytest.raises(NotDifferentiable):
+        arm.simulator.linearize(arm.simulator.state, tied)
+    code, *_ = arm.slopes(ticks, np.full(2, np.nan))
+    assert "not finite" in ticks.text(code)
+    assert ticks.memory.tobytes() == before.tobytes()
+    ticks = dry.ticks()
+    assert ticks.init(np.zeros(2), np.array([1e-5, 0.0])) == 0
+    weight = Dynamics(dry.simulator.model).gravity(np.zeros(2))
+    code, *_ = dry.slopes(ticks, weight)
+    assert "an event" in ticks.text(code)
+
+
+def test_ticks_under_error_control_have_none_which_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    export("slider_crank_motor", tmp_path / "arm", "arm", DERIVATIVES)
+    assert "linearize" not in (tmp_path / "arm/arm.h").read_text()
+    assert "no derivatives of ticks" in (tmp_path / "arm/README.md").read_text()
+    assert "the tick has no derivatives: its error is controlled" in caplog.text

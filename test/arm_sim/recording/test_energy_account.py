@@ -12,7 +12,7 @@ from arm_dynamics import Dynamics
 from arm_sim import Simulator, State
 from arm_sim.recording.energy_account import dissipated_work
 from arm_sim.simulation.energy_meter import EnergyMeter
-from arm_sim.simulation.runtime_changes import external_change, payload_change
+from arm_sim.simulation.runtime_changes import payload_change
 from models.rotor import rotor
 from tolerances import PINOCCHIO, assert_close
 
@@ -50,13 +50,10 @@ SCENES: dict[str, tuple[dict[str, Any], ...]] = {
 }
 
 
-@pytest.fixture(scope="module", params=SCENES.values(), ids=SCENES)
-def sim(request: pytest.FixtureRequest) -> Simulator:
-    return arm(*request.param)
-
-
-def test_the_balance_closes(sim: Simulator) -> None:
-    sim.reset()
+@pytest.mark.parametrize("joints", SCENES.values(), ids=SCENES)
+def test_the_balance_closes(joints: tuple[dict[str, Any], ...]) -> None:
+    """Asked at the end, in the middle, and of the meter of a running simulation."""
+    sim = arm(*joints)
     run = sim.run(0.1, U)
     moved = np.abs(run.kinetic).max() + np.abs(run.supplied).max()
     assert np.abs(run.balance).max() < 1e-7 * moved
@@ -65,9 +62,18 @@ def test_the_balance_closes(sim: Simulator) -> None:
     assert_close(run.energy, run.kinetic + run.potential + run.stored, 1e-12)
     assert run.supplied[0] == run.lost[0] == run.balance[0] == 0.0
     sim.reset()
-    half = sim.run(0.05, U)
-    assert half.balance.any()  # asked in the middle of a motion
+    assert sim.run(0.05, U).balance.any()
     np.testing.assert_array_equal(sim.run(0.05, U).q[-1], run.q[-1])
+    sim.reset()
+    meter = EnergyMeter(sim.arm)
+    for _ in range(20):
+        sim.step(U)
+        meter.note()
+    account = meter.account()
+    assert_close(account.total, run.energy[20], 1e-12)
+    assert_close(account.input, run.supplied[20], 1e-7)
+    assert_close(account.dissipated, run.lost[20], 1e-7)
+    assert_close(account.balance, run.balance[20], 1e-7)
 
 
 def test_a_motor_alone_loses_what_its_resistance_does() -> None:
@@ -79,43 +85,6 @@ def test_a_motor_alone_loses_what_its_resistance_does() -> None:
     lost = np.sum(0.5 * (heat[1:] + heat[:-1])) * 1e-4
     assert_close(run.lost[-1], lost, 1e-4)
     assert np.abs(run.balance).max() < 1e-6
-
-
-def test_energies_of_a_tick_do_not_depend_on_other_ticks(sim: Simulator) -> None:
-    """A running account is evaluated every few ticks, that of a recording at once."""
-    sim.reset()
-    run = sim.run(0.05, U)
-    ticks = [run.x[:-1], run.ended[1:], run.command[:-1], run.p[:-1]]
-    whole = run.account.flows(*ticks)
-    parts = [run.account.flows(*(rows[k : k + 7] for rows in ticks)) for k in range(0, 50, 7)]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
-
-
-def test_a_stop_is_felt_only_by_ticks_near_it() -> None:
-    """The heat of ticks away from it is the same whether or not the run ends at a stop."""
-    law = {"friction": {"viscous": 0.4}, "limits": {"lower": -0.6, "upper": 3.0}}
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    run = Simulator(scene | {"joints": {"*": law}}).run(0.5)
-    met = int(np.flatnonzero(run.plant.model.stops.touched(run.q).any(axis=1))[0])
-    early, ticks = slice(met - 20), [run.x[:-1], run.x[1:], run.command[:-1], run.p[:-1]]
-    assert run.account.repeats(run.x) and not run.account.repeats(run.x[early])
-    alone = run.account.flows(*(rows[early] for rows in ticks))
-    np.testing.assert_array_equal(run.account.flows(*ticks)[early], alone)
-
-
-def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None:
-    sim.reset()
-    recorded = sim.run(0.02, U)
-    sim.reset()
-    meter = EnergyMeter(sim.arm)
-    for _ in range(20):
-        sim.step(U)
-        meter.note()
-    account = meter.account()
-    assert_close(account.total, recorded.energy[-1], 1e-12)
-    assert_close(account.input, recorded.supplied[-1], 1e-7)
-    assert_close(account.dissipated, recorded.lost[-1], 1e-7)
-    assert_close(account.balance, recorded.balance[-1], 1e-7)
 
 
 def test_heat_of_friction_that_differs_by_position_and_load() -> None:
@@ -164,8 +133,7 @@ JOINTS: dict[str, tuple[dict[str, Any], float]] = {
 }
 CHANGES: dict[str, Any] = {
     "gravity": lambda sim: sim.set_parameter("gravity", MOON),
-    "payload": lambda sim: sim.set_parameter("payload", HEAVY),
-    "payload, prepared": lambda sim: payload_change(sim, 0, HEAVY[0], HEAVY[1:4], HEAVY[4:])(),
+    "payload": lambda sim: payload_change(sim, 0, HEAVY[0], HEAVY[1:4], HEAVY[4:])(),
     "friction": lambda sim: sim.set_parameter("friction", [2.0, 0.0]),
     "external": lambda sim: sim.set_parameter("external", [3.0, -2.0]),
     "state": lambda sim: sim.set_state([0.4, -0.3], [1.0, 2.0], sim.state.z),
@@ -235,64 +203,35 @@ def test_a_change_puts_in_what_the_energies_differ_by(tuned: tuple[Simulator, fl
     assert run.balance[0] == 0.0
 
 
-def test_the_dynamics_are_those_of_the_arm_as_it_is_now(rng: np.random.Generator) -> None:
-    sim = Simulator(tunable_scene({"*": {"friction": {"viscous": 0.3}}}), backend="vm")
-    assert sim.dynamics is sim.dynamics
-    sim.set_parameter("gravity", MOON)
-    sim.set_parameter("payload", HEAVY)
-    sim.set_parameter("friction", [0.7, 0.1])
-    sides = {"shoulder": {"friction": {"viscous": 0.7}}, "elbow": {"friction": {"viscous": 0.1}}}
-    fresh = Dynamics(tunable_scene(sides, gravity=MOON, payloads=[load(HEAVY)]))
-    q, v, tau = rng.normal(size=(3, 2))
-    assert_close(sim.dynamics.forward(q, v, tau), fresh.forward(q, v, tau), PINOCCHIO)
-    assert_close(sim.dynamics.inverse(q, v, tau), fresh.inverse(q, v, tau), PINOCCHIO)
-    assert_close(sim.dynamics.energy(q, v), fresh.energy(q, v), PINOCCHIO)
-
-
-def test_a_push_that_comes_in_the_middle_of_a_run_is_accounted_for() -> None:
-    """The equations are built anew for it, with one more tunable quantity before the others."""
-    given = tunable_scene({"*": {"friction": {"viscous": 0.3}}}, tunable=["payload", "friction"])
-    sim = Simulator(given, integrator="rk4")
+def test_pushes_supply_work_in_smooth_ticks() -> None:
+    """Which are not repeated."""
+    scene = tunable_scene({"*": {"friction": {"viscous": 0.3}}}, tunable=["external"])
+    sim = Simulator(scene, integrator="rk4")
 
     def control(state: State) -> list[float]:
-        if state.step == 20:
-            external_change(sim)()
-        if state.step >= 40:
-            sim.set_parameter("external", [2.0 * np.sin(state.step), 1.0])
+        sim.set_parameter("external", [2.0 * np.sin(state.step), 1.0])
         return [0.0, 0.0]
 
     run = sim.run(0.1, control)
-    assert np.abs(run.balance).max() < 1e-8
-    assert not run.changed.any() and not run.stored.any()
-    work = np.sum(run.p[40:-1, -2:] * np.diff(run.q[40:], axis=0))
-    assert run.supplied[-1] == pytest.approx(work, rel=1e-12)
-
-
-def test_multipliers_bear_pushes_from_outside() -> None:
-    """A weightless rod at rest across a plane: the plane carries what is pushed."""
-    scene = {
-        "robot": models.scene("two_link").robot.model_dump(), "gravity": [0, 0, 0],
-        "constraints": [{"type": "plane", "frames": ["tip", "world"], "height": -0.3}],
-        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}}, "tunable": ["external"],
-    }  # fmt: skip
-    sim = Simulator(scene, backend="vm")
-    push = np.array([2.0, -1.0])
-    sim.set_parameter("external", push)
-    q, v = sim.state.q, sim.state.v
-    arm = Dynamics(sim.model)
-    assert_close(sim.multipliers(), arm.constrained_forward(q, v, push)[1], PINOCCHIO)
+    assert np.abs(run.balance).max() < 1e-8 and not run.changed.any()
+    assert run.supplied[-1] == pytest.approx(
+        np.sum(run.p[:-1] * np.diff(run.q, axis=0)), rel=1e-12
+    )
 
 
 def test_multipliers_are_of_the_constraints_that_hold_at_each_time() -> None:
-    """Let go in the middle of a run: the plane has borne the arm until then."""
+    """Let go in the middle of a run: the plane has borne the arm, and a push, until then."""
     plane = {"type": "plane", "frames": ["tip", "world"], "height": -0.3}
     scene = {
         "robot": models.scene("two_link").robot.model_dump(),
         "constraints": [plane | {"name": "table", "switchable": True}],
-        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}},
-    }
-    sim = Simulator(scene, backend="vm")
-    held = sim.run(0.02).multipliers
+        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}}, "tunable": ["external"],
+    }  # fmt: skip
+    sim, push = Simulator(scene, backend="vm"), [2.0, -1.0]
+    sim.set_parameter("external", push)
+    start, held = sim.state, sim.run(0.02).multipliers
+    expected = Dynamics(sim.model).constrained_forward(start.q, start.v, np.array(push))[1]
+    assert_close(held[0], expected, PINOCCHIO)
     sim.reset()
 
     def control(state: State) -> list[float]:

@@ -2,11 +2,9 @@
 """A recording loaded from a file equals the original, on any machine; others are refused."""
 
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import models
-from arm_dynamics import ArmError, InvalidInput, SceneError
+from arm_dynamics import InvalidInput, SceneError
 from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
 from arm_sim.recording.files.messages import JOINT_STATE, LOG, joint_state_layout
@@ -27,9 +25,15 @@ KINDS = ("run.mcap", "run")
 ARCHIVES = Path(__file__).with_name("archives")  # written before, when recordings were saved so
 
 
-def changed_run() -> Recording:
-    """An arm that is pushed, moved and tuned while it runs."""
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """An arm that is pushed, moved and tuned while it runs.
+
+    The plane's normal would not stay to the last bit, if it was made of length one once more.
+    """
     scene = models.scene("two_link").model_dump(exclude_unset=True)
+    plane = {"frame": "world", "point": [0.0, 0.0, -9.0], "normal": [0.1, 0.2, 0.7]}
+    scene["constraints"] = [{"type": "contact", "frame": "tip", "plane": plane}]
     scene |= {"joints": {"*": {"friction": {"coulomb": 0.05}}}, "tunable": ["gravity"]}
     sim = Simulator(scene, dt=2e-3)
 
@@ -45,11 +49,6 @@ def changed_run() -> Recording:
         return np.sin([state.time, 3.0 * state.time])
 
     return sim.run(0.1, control)
-
-
-@pytest.fixture(scope="module")
-def recording() -> Recording:
-    return changed_run()
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -70,17 +69,16 @@ def test_a_file_answers_as_the_original(name: str, recording: Recording, tmp_pat
 
 def test_changes_come_back_with_the_step_of_error_control_at_each(tmp_path: Path) -> None:
     sim = Simulator("two_link", dt=0.05, tolerance=1e-9)
-    rates = {2: [0.0, 0.1], 4: [6.0, -3.0], 7: [-1.0, 9.0]}
 
     def control(state: State) -> np.ndarray:
-        if state.step in rates:
-            sim.set_state(v=rates[state.step])
+        if state.step in (2, 7):
+            sim.set_state(v=[-1.0, state.step])
         return np.zeros(2)
 
     run = sim.run(0.5, control)
     loaded = Recording.load(run.save(tmp_path / "run.mcap"))
-    assert [jump.row for jump in loaded.jumps] == [2, 4, 7]
-    assert len({run.substep, *(jump.substep for jump in run.jumps)}) == 4
+    assert [jump.row for jump in loaded.jumps] == [2, 7]
+    assert len({run.substep, *(jump.substep for jump in run.jumps)}) == 3
     assert loaded.substep == run.substep
     for jump, original in zip(loaded.jumps, run.jumps, strict=True):
         assert (jump.tunable, jump.substep) == (original.tunable, original.substep)
@@ -90,13 +88,11 @@ def test_changes_come_back_with_the_step_of_error_control_at_each(tmp_path: Path
 
 def test_laws_with_states_and_constraints_come_back(tmp_path: Path) -> None:
     for name in ("flexible_arm", "slider_crank"):
-        run = Simulator(models.SCENES / f"{name}.yaml").run(0.02)
+        run = Simulator(name).run(0.02)
         loaded = Recording.load(run.save(tmp_path / f"{name}.mcap"))
         assert loaded.held == run.held
-        np.testing.assert_array_equal(loaded.z, run.z)
-        np.testing.assert_array_equal(loaded.tau, run.tau)
-        if run.held:
-            np.testing.assert_array_equal(loaded.multipliers, run.multipliers)
+        for part in ("z", "tau", "multipliers") if run.held else ("z", "tau"):
+            np.testing.assert_array_equal(getattr(loaded, part), getattr(run, part))
 
 
 def test_what_sensors_told_comes_back_but_at_gaps(tmp_path: Path) -> None:
@@ -108,41 +104,23 @@ def test_what_sensors_told_comes_back_but_at_gaps(tmp_path: Path) -> None:
     hold = np.array([0, 1, 1, 2, *[0] * 17], np.uint8)
     made = replace(run, time=time, gaps=(7,), hold=hold)
     once = Recording.load(made.save(tmp_path / "once.mcap"))
-    assert once.gaps == (7,)
-    twice = Recording.load(once.save(tmp_path / "twice.mcap"))
-    for loaded in (once, twice):
-        assert loaded.measured is not None
-        np.testing.assert_array_equal(loaded.hold, hold)
-        np.testing.assert_array_equal(loaded.part([5, 2]).measured.v, loaded.measured.v[[5, 2]])
-        for part in ("q", "v", "effort"):
-            told = getattr(loaded.measured, part)
-            assert np.isnan(told[7]).all()
-            np.testing.assert_array_equal(
-                np.delete(told, 7, axis=0), np.delete(getattr(run.measured, part), 7, axis=0)
-            )
-
-
-def test_a_direction_that_is_not_of_length_one_to_the_bit_stays(tmp_path: Path) -> None:
-    """Made of length one twice, its last bit could differ, and a replay with it."""
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    plane = {"frame": "world", "point": [0.0, 0.0, -9.0], "normal": [0.1, 0.2, 0.7]}
-    link = models.dynamics("two_link").model.frame_names[-1]
-    scene["constraints"] = [{"type": "contact", "frame": link, "plane": plane}]
-    run = Simulator(scene).run(0.002)
-    assert Recording.load(run.save(tmp_path / "run.mcap")).scene == run.scene
+    loaded = Recording.load(once.save(tmp_path / "twice.mcap"))
+    assert loaded.gaps == (7,) and loaded.measured is not None
+    np.testing.assert_array_equal(loaded.hold, hold)
+    np.testing.assert_array_equal(loaded.part([5, 2]).measured.v, loaded.measured.v[[5, 2]])
+    for part in ("q", "v", "effort"):
+        expected = getattr(run.measured, part).copy()
+        expected[7] = np.nan
+        np.testing.assert_array_equal(getattr(loaded.measured, part), expected)
 
 
 def test_a_file_is_read_up_to_where_it_breaks_off_and_after_damage(tmp_path: Path) -> None:
     run = Simulator(models.SCENES / "two_link.yaml").run(2.0)
     whole = run.save(tmp_path / "run.mcap").read_bytes()
     cut, seen = tmp_path / "cut.mcap", set()
-    for size in np.linspace(len(whole) // 10, len(whole) - 1, 8).astype(int).tolist():
+    for size in np.linspace(len(whole) // 2, len(whole) - 1, 5).astype(int).tolist():
         cut.write_bytes(whole[:size])
-        try:
-            loaded = Recording.load(cut)
-        except ArmError as error:
-            assert "truncated" in str(error) or "tell" in str(error)  # noqa: PT017
-            continue
+        loaded = Recording.load(cut)
         k = len(loaded)
         seen.add(k)
         assert loaded.q.tobytes() == run.q[:k].tobytes()
@@ -168,8 +146,6 @@ def test_a_file_is_read_up_to_where_it_breaks_off_and_after_damage(tmp_path: Pat
         ("run.npz", b"PK\x03\x04 no archive", "damaged"),
         ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
         ("run.db3", b"SQLite format 3\0 but not really", "damaged"),
-        ("run.csv", b"time,position.a\n0,x\n", "row 2, column 'position.a' = 'x': allowed: a fi"),
-        ("run.csv", b"time,position.a\n\n0\n1\n", "row 3 has 1 columns, the header 2"),
     ],
 )
 def test_what_is_no_recording_is_refused(
@@ -191,27 +167,11 @@ def test_an_archive_of_before_is_read_and_converted(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(again, part), getattr(run, part))
     of_robot = Recording.load(ARCHIVES / "robot.npz")
     assert of_robot.events[0].text == "file: said by the driver"
-    again = Recording.load(of_robot.save(tmp_path / "robot.csv"))
-    np.testing.assert_array_equal(again.q[:, 0], np.cos(0.02 * np.arange(10)))
-    assert np.isnan(again.v).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"q": np.zeros((7, 2))}, r"its arrays have \{'time': 21, 'q': 7, .* equal numbers"),
-        ({"v": np.zeros((21, 3))}, r"v has shape \(21, 3\); 2 columns are expected"),
-        ({"about": np.array("{}")}, r"and is not a recording: KeyError\('joint_names'\)"),
-    ],
-)
-def test_an_archive_that_does_not_fit_together_is_refused(
-    changes: dict[str, Any], said: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "run.npz"
+    np.testing.assert_array_equal(of_robot.q[:, 0], np.cos(0.02 * np.arange(10)))
     with np.load(ARCHIVES / "simulated.npz") as archive:
-        np.savez(path, **{**archive, **changes})
-    with pytest.raises(InvalidInput, match=said):
-        Recording.load(path)
+        np.savez(tmp_path / "wrong.npz", **{**archive, "v": np.zeros((21, 3))})
+    with pytest.raises(InvalidInput, match=r"v has shape \(21, 3\); 2 columns are expected"):
+        Recording.load(tmp_path / "wrong.npz")
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -219,9 +179,8 @@ def test_saving_says_what_it_replaces_and_what_it_cannot_write(
     name: str, recording: Recording, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     recording.save(tmp_path / name)
-    assert not caplog.records
     recording.save(tmp_path / name)
-    assert [record.getMessage().endswith("is replaced") for record in caplog.records] == [True]
+    assert [message.endswith("existed and is replaced") for message in caplog.messages] == [True]
     with pytest.raises(NotWritten, match=f"^'/proc/{name}' cannot be"):
         recording.save(f"/proc/{name}")
     (tmp_path / "mine").mkdir()
@@ -235,12 +194,16 @@ def test_saving_says_what_it_replaces_and_what_it_cannot_write(
 # --- of robots ----------------------------------------------------------------------------------
 
 
-def bag(path: Path, names: tuple[str, ...], rows: Callable[[float], Any]) -> Path:
+@pytest.fixture
+def robot_bag(tmp_path: Path) -> Path:
     """A bag of ROS 2 as rosbag2_storage_sqlite3 writes it, without its metadata file."""
-    stamps = 100 * 10**9 + 20_000_000 * np.arange(50)
-    position, velocity, effort = np.array([*map(rows, 0.02 * np.arange(50))]).swapaxes(0, 1)
+    path, t = tmp_path / "robot.db3", 0.02 * np.arange(50)
+    names, tool = ("tool", "elbow", "shoulder"), np.full(50, 9.0)
     messages = joint_state_layout(names).written(
-        stamps, position=position, velocity=velocity, effort=effort
+        100 * 10**9 + 20_000_000 * np.arange(50),
+        position=np.column_stack([tool, np.cos(t), np.sin(t)]),
+        velocity=np.column_stack([tool, -np.sin(t), np.cos(t)]),
+        effort=np.column_stack([tool, t, 2 * t]),
     )
     with closing(sqlite3.connect(path)) as base, base:
         base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, format)")
@@ -253,16 +216,8 @@ def bag(path: Path, names: tuple[str, ...], rows: Callable[[float], Any]) -> Pat
     return path
 
 
-@pytest.fixture
-def robot_bag(tmp_path: Path) -> Path:
-    names = ("tool", *reversed(models.dynamics("two_link").joint_names))
-    return bag(
-        tmp_path / "robot.db3", names,
-        lambda t: ([9.0, np.cos(t), np.sin(t)], [9.0, -np.sin(t), np.cos(t)], [9.0, t, 2 * t]),
-    )  # fmt: skip
-
-
-def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path) -> None:
+def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path, tmp_path: Path) -> None:
+    """It is kept as a table."""
     run = Recording.load(robot_bag)
     assert run.of_robot and run.scene is None and len(run) == 50
     np.testing.assert_allclose(run.time, 0.02 * np.arange(50), atol=1e-12)
@@ -272,49 +227,31 @@ def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path) -> None:
         run.energy  # noqa: B018 - asking is what is refused
     with pytest.raises(InvalidInput, match="rosout"):
         Recording.load(robot_bag, topic="/wheels")
-
-
-def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) -> None:
-    """A robot without a clock; two of its messages arrived at the same time."""
-    with closing(sqlite3.connect(robot_bag)) as base, base:
-        for number, raw in base.execute("SELECT id, data FROM messages WHERE id < 99").fetchall():
-            unstamped = raw[:4] + bytes(8) + raw[12:]
-            base.execute("UPDATE messages SET data = ? WHERE id = ?", (unstamped, number))
-        base.execute("UPDATE messages SET timestamp = 7 WHERE id = 2")
-    run = Recording.load(robot_bag)
-    np.testing.assert_allclose(1e9 * run.time, [0, *range(2, 50)], atol=1e-6)
-    assert any("1 messages have the time of another one" in e.text for e in run.events)
-
-
-def test_a_joint_that_few_messages_name_has_no_values_between_them(robot_bag: Path) -> None:
-    raw = joint_state_layout(("gripper",)).raw
-    with closing(sqlite3.connect(robot_bag)) as base, base:
-        base.execute("UPDATE messages SET data = ? WHERE id IN (3, 4, 20)", (raw,))
-    run = Recording.load(robot_bag)
-    assert run.joint_names == ("tool", "elbow", "shoulder", "gripper") and len(run) == 47
-    assert np.isnan(run.q[:, 3]).all()
-    texts = [event.text for event in run.events]
-    assert any("gripper: from 3 messages of their own" in text for text in texts)
-    assert any(text.startswith("file: 1 messages could not be read: ") for text in texts)
-
-
-def test_a_bag_of_which_no_message_can_be_read_is_refused(robot_bag: Path) -> None:
-    with closing(sqlite3.connect(robot_bag)) as base, base:
-        base.execute("DELETE FROM messages WHERE id < 99")
-    with pytest.raises(InvalidInput, match="no message on '/joint_states' that can be read"):
-        Recording.load(robot_bag)
+    with pytest.raises(InvalidInput, match=r"only joint states are known; allowed: \.csv"):
+        run.save(tmp_path / "robot.mcap")
+    again = Recording.load(run.save(tmp_path / "robot.csv"))
+    assert again.of_robot and again.joint_names == run.joint_names
+    for part in ("time", "q", "v", "command"):
+        np.testing.assert_array_equal(getattr(again, part), getattr(run, part))
 
 
 def test_a_damaged_bag_is_read_up_to_the_damage(robot_bag: Path) -> None:
+    """It is refused if no message can be read."""
     with closing(sqlite3.connect(robot_bag)) as base, base:
         base.execute("CREATE INDEX timestamp_idx ON messages (timestamp)")  # as rosbag2 does
-    raw = bytearray(robot_bag.read_bytes())
+    whole = robot_bag.read_bytes()
+    raw = bytearray(whole)
     place = raw.index(np.cos(0.02 * 40).tobytes())
     page = place // 4096 * 4096
     raw[page : page + 4096] = bytes(4096)
     robot_bag.write_bytes(raw)
     run = Recording.load(robot_bag)
     assert 0 < len(run) < 50 and "damaged from message" in run.events[0].text
+    robot_bag.write_bytes(whole)
+    with closing(sqlite3.connect(robot_bag)) as base, base:
+        base.execute("DELETE FROM messages WHERE id < 99")
+    with pytest.raises(InvalidInput, match="no message on '/joint_states' that can be read"):
+        Recording.load(robot_bag)
 
 
 def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:
@@ -329,60 +266,33 @@ def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:
         Recording.load(robot_bag, models.scene("pendulum"))
 
 
-def test_a_measured_recording_is_kept(robot_bag: Path, tmp_path: Path) -> None:
-    run = Recording.load(robot_bag)
-    again = Recording.load(run.save(tmp_path / "robot.csv"))
-    assert again.of_robot and again.joint_names == run.joint_names
-    for part in ("time", "q", "v", "command"):
-        np.testing.assert_array_equal(getattr(again, part), getattr(run, part))
-    with pytest.raises(InvalidInput, match=r"only joint states are known; allowed: \.csv"):
-        run.save(tmp_path / "robot.mcap")
-
-
-@pytest.mark.parametrize("name", ["run.mcap", "bag"])
+@pytest.mark.parametrize("name", KINDS)
 def test_of_two_recorders_of_one_file_the_second_is_refused(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also if both have looked whether it exists before either has created it."""
-    file, _ = new_file(tmp_path / name)
-    file.write_bytes(b"of the first")
-    for _ in range(2):
-        with pytest.raises(InvalidInput, match=f"{name}' exists, and another recorder"):
-            new_file(tmp_path / name)
-        monkeypatch.setattr(Path, "exists", lambda path: False)
-    assert file.read_bytes() == b"of the first"
-
-
-def test_what_follows_in_another_file_of_a_bag_comes_later(tmp_path: Path) -> None:
-    """Topics by their names, though files number them by themselves."""
-    for k, topics in enumerate(({"/a": "A"}, {"/b": "B", "/a": "A"})):
-        with (tmp_path / f"bag_{k}.mcap").open("wb") as file:
-            writer = Writer(file)
-            writer.start("ros2")
-            for topic, kind in topics.items():
-                schema = writer.register_schema(kind, "ros2msg", b"")
-                channel = writer.register_channel(topic, "cdr", schema)
-                writer.add_message(channel, 7 + k, b"%d" % k, 7 + k)
-            writer.finish()
-    found = read_bag(tmp_path, lambda topic, kind: True)
-    assert found.of("A") == {"/a": [(0, 7, b"0"), (2, 8, b"1")]}
-    assert found.of("B") == {"/b": [(1, 8, b"1")]} and found.count == 3
+    new_file(tmp_path / name)
+    monkeypatch.setattr(Path, "exists", lambda path: False)
+    with pytest.raises(InvalidInput, match=f"{name}' exists, and another recorder"):
+        new_file(tmp_path / name)
 
 
 def test_damage_where_channels_are_introduced_costs_that_chunk_only(tmp_path: Path) -> None:
-    """The summary repeats them."""
-    path = tmp_path / "bag.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
+    """The summary repeats them; files of a bag number them each by itself."""
+    for k, topics in enumerate((("/a",), ("/b", "/a"))):
+        writer = Writer(str(tmp_path / f"bag_{k}.mcap"))
         writer.start("ros2")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema("A", "ros2msg", b""))
-        for k in range(3):
-            writer.add_message(channel, k, bytes(100), k)
+        schema = writer.register_schema("A", "ros2msg", b"")
+        channels = [writer.register_channel(topic, "cdr", schema) for topic in topics]
+        for row in range(2):
+            writer.add_message(channels[-1], 10 * k + row, bytes(100), row)
             writer.flush()
         writer.finish()
-    raw = bytearray(path.read_bytes())
+    first = tmp_path / "bag_0.mcap"
+    raw = bytearray(first.read_bytes())
     raw[raw.index(b"zstd") + 20] ^= 0xFF
-    path.write_bytes(raw)
-    found = read_bag(path, lambda topic, kind: True)
-    assert found.of("A") == {"/a": [(0, 1, bytes(100)), (1, 2, bytes(100))]}
+    first.write_bytes(raw)
+    found = read_bag(tmp_path, lambda topic, kind: True)
+    kept = [(0, 1, bytes(100)), (1, 10, bytes(100)), (2, 11, bytes(100))]
+    assert found.of("A")["/a"] == kept
     assert len(found.damage) == 1 and "a record (chunk) at byte" in found.damage[0]

@@ -27,14 +27,11 @@ def no_window(monkeypatch: pytest.MonkeyPatch) -> object:
 
 
 def test_its_text_is_a_few_lines_and_columns_have_names(run: Recording) -> None:
-    lines = repr(run).splitlines()
-    assert 3 <= len(lines) <= 6 and "500 time steps, 0 to 0.5 s" in lines[0]
-    assert all(name in repr(run) for name in run.joint_names) and "rk4" in repr(run)
+    assert "500 time steps, 0 to 0.5 s" in repr(run).splitlines()[0]
     columns = run.to_dict()
-    first = run.joint_names[0]
     assert len(columns) == 1 + 3 * len(run.joint_names)
-    np.testing.assert_array_equal(columns[f"velocity.{first}"], run.v[:, 0])
-    np.testing.assert_array_equal(columns[f"effort.{first}"], run.tau[:, 0])
+    np.testing.assert_array_equal(columns["velocity.shoulder"], run.v[:, 0])
+    np.testing.assert_array_equal(columns["effort.shoulder"], run.tau[:, 0])
     driven = {name.split(".")[0] for name in Simulator("motor_pendulum").run(0.01).to_dict()}
     assert driven >= {"state", "command"}
 
@@ -49,26 +46,23 @@ def test_without_a_display_no_window_opens_and_that_is_told(
     ]
 
 
-def test_a_notebook_shows_a_figure_and_a_film_once(
-    run: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(pyplot, "get_backend", lambda: "inline")
-    for result in (run.plot(), run.animate()):
-        assert pyplot.get_fignums()
-        assert result._repr_mimebundle_(include=None, exclude=None) is None
-    assert not pyplot.get_fignums()
-
-
 def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:
-    figure = run.plot()
-    labels = [axis.get_ylabel().split()[0] for axis in figure.axes]
+    axes = run.plot(run).axes
+    labels = [axis.get_ylabel().split()[0] for axis in axes]
     assert labels == ["position", "velocity", "effort", "energy"]
-    assert set(run.joint_names) <= {line.get_label() for line in figure.axes[0].lines}
+    assert {"shoulder", "elbow"} <= {line.get_label() for line in axes[0].lines}
+    drawn = {x.get_label(): x.get_ydata() for x in axes[-1].lines if x.get_linestyle() == "-"}
+    rest = run.potential - run.potential.min()
+    for label, values in {
+        "T, kinetic": run.kinetic, "V, potential": rest, "T + V": run.kinetic + rest,
+        "work": run.supplied, "heat": run.lost,
+    }.items():  # fmt: skip
+        np.testing.assert_allclose(drawn.pop(label), values, atol=1e-12)
+    assert not drawn
 
 
 def test_what_is_zero_has_no_panel_and_curves_that_coincide_are_one() -> None:
     figure = Simulator("double_pendulum").run(0.5).plot()
-    assert len(figure.axes) == 3 and figure.axes[2].get_ylabel() == "energy [J]"
     labels = [line.get_label() for line in figure.axes[-1].lines]
     assert labels == ["T, kinetic", "V, potential", "T + V"]  # neither work nor heat
     still = Simulator("ur5e").run(0.01).part(range(1)).plot()
@@ -94,16 +88,6 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
         assert np.nanmin(np.linalg.norm(points - end, axis=1)) < 1e-9
 
 
-@pytest.mark.filterwarnings("error")
-def test_a_film_shows_the_plane_of_a_contact() -> None:
-    contact = {"type": "contact", "frame": "tip", "plane": {"point": [0.0, 0.0, -0.3]}}
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    sim = Simulator(scene | {"constraints": [contact]})
-    _, _, edge, _, _ = sim.run(0.05).animate()._func(0)
-    np.testing.assert_allclose(edge.get_ydata(), [-0.3, -0.3])
-    assert edge.get_label() == "plane of contact" and np.ptp(edge.get_xdata()) > 0.5
-
-
 def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     sim = Simulator("pendulum")
     sim.reset([0.0])
@@ -114,48 +98,36 @@ def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     assert figure.axes[-1].get_xlim() == (0.0, 0.8)
     (legend,) = figure.legends
     assert [text.get_text()[-1] for text in legend.texts] == ["g", "1", "2", "3"]  # swing
-    assert [line.get_linestyle() for line in figure.axes[1].lines] == ["-", "--", ":"]
-    shown = [text.get_text() for text in figure.axes[-1].get_legend().texts]
-    assert shown == ["T, kinetic", "V, potential", "T + V"]
     whole, part = (line.get_ydata() for line in figure.axes[-1].lines[-2:])
     np.testing.assert_array_equal(part, whole[:300])
     lines = swing.plot(*4 * [swing]).legends[0].get_lines()[-5:]
-    assert [line.get_label()[-1] for line in lines] == ["1", "2", "3", "4", "5"]
     assert len({(line.get_linestyle(), line.get_linewidth()) for line in lines}) == 5
 
 
 def test_a_change_between_ticks_does_not_affect_the_torque_before_it() -> None:
     sim = Simulator("motor_pendulum")
+    never = sim.run(0.05, [3.0])
+    sim.reset()
 
-    def run(change: int) -> Recording:
-        sim.reset()
+    def control(state: State) -> list[float]:
+        if state.step == 20:
+            sim.set_state([0.1], [0.0])
+        return [3.0]
 
-        def control(state: State) -> list[float]:
-            if state.step == change:
-                sim.set_state([0.1], [0.0])
-            return [3.0]
-
-        return sim.run(0.05, control)
-
-    once, never = run(20), run(-1)
+    once = sim.run(0.05, control)
     assert [jump.row for jump in once.jumps] == [20]
-    np.testing.assert_array_equal(once.x[20, :2], [0.1, 0.0])
     np.testing.assert_array_equal(once.ended[:21], never.x[:21])
     np.testing.assert_array_equal(once.tau[:20], never.tau[:20])
     assert (once.tau[20:] != never.tau[20:]).all()
 
 
-def test_a_part_says_what_held_the_arm_there() -> None:
+def test_a_part_has_the_rows_that_are_asked_for(run: Recording) -> None:
+    """Without states it has no energies and no figure."""
     sim = models.simulator("two_link")
-    run = sim.run(0.3, JointCommand(position=sim.state.q))
-    assert run.hold is not None and run.hold.any()
-    np.testing.assert_array_equal(run.part(range(100, 300, 20)).hold, run.hold[100:300:20])
+    held = sim.run(0.3, JointCommand(position=sim.state.q))
+    assert held.hold is not None and held.hold.any()
+    np.testing.assert_array_equal(held.part(range(100, 300, 20)).hold, held.hold[100:300:20])
     np.testing.assert_array_equal(run.part(run.time > 0.2001).time, run.time[201:])
-
-
-@pytest.mark.parametrize("scene", ["two_link", "flexible_arm"])
-def test_a_part_without_states_has_no_energies_and_no_figure(scene: str) -> None:
-    run = models.simulator(scene).run(0.01)
     nothing = run.part(run.time > 1.0)
     assert nothing.energy.shape == nothing.stored.shape == (0,) and not len(nothing.multipliers)
     with pytest.raises(InvalidInput, match="without states has nothing to draw"):
@@ -175,21 +147,6 @@ def test_a_figure_marks_changes_and_says_units() -> None:
             sim.set_state(start, np.zeros(2))
         return (sim.dynamics.gravity(state.q) - [0.0, 20.0]).tolist()  # to the end stop
 
-    run = sim.run(0.1, control)
-    axes = run.plot(joints=["elbow"]).axes
-    for axis in axes:
+    for axis in sim.run(0.1, control).plot(joints=["elbow"]).axes:
         (mark,) = (line for line in axis.lines if line.get_linestyle() == ":")
         assert mark.get_xdata()[0] == pytest.approx(0.06)
-
-
-def test_the_energies_of_a_figure_are_those_of_the_account(run: Recording) -> None:
-    axis = run.plot(run).axes[-1]
-    drawn = {line.get_label(): line for line in axis.lines if line.get_linestyle() == "-"}
-    rest = run.potential - run.potential.min()
-    for label, values in {
-        "T, kinetic": run.kinetic, "V, potential": rest, "T + V": run.kinetic + rest,
-        "work": run.supplied, "heat": run.lost,
-    }.items():  # fmt: skip
-        np.testing.assert_allclose(drawn.pop(label).get_ydata(), values, atol=1e-12)
-    assert not drawn
-    assert len([line for line in axis.lines if line.get_linestyle() == "--"]) == 5

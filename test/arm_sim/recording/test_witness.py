@@ -2,16 +2,14 @@
 """The error of a motion, from a second run by other means, against closed forms and finer runs."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, SceneError
+from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import read_only
-from arm_dynamics.control import PDGravity
 from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Recording, Simulator, State
 from arm_sim.plant.actuation import computed_torque
@@ -36,9 +34,6 @@ def test_a_right_motion_is_trusted() -> None:
     assert_close(motion.q[-1], [2.0 * stops / 2], 1e-12)
     assert motion.error.shape == (401, 2) and motion.error.max() < 1e-9
     assert motion.verdict.startswith("accurate to ") and motion.verdict in repr(motion)
-    coasting = Simulator(rotor(0.02), dt=5e-3)
-    coasting.reset(v=[5.0])
-    assert coasting.run(1.0).trusted  # little energy that changes its form
     held = Simulator(SCENE).run(0.2, [1.0 - 1e-9])
     assert held.verdict.startswith("accurate to rounding, by a second run ")
     assert not held.v.any()
@@ -66,50 +61,24 @@ def test_a_tick_that_ends_elsewhere_is_named(caplog: pytest.LogCaptureFixture) -
     assert "most of it arises in this time step" in wrong.doubt and wrong.verdict == wrong.doubt
 
 
-@pytest.mark.parametrize("duration", [0.2, 0.01], ids=["blow", "end of a tick"])
-def test_a_blow_in_one_step_is_noticed(duration: float) -> None:
+def test_a_blow_in_one_step_is_noticed() -> None:
     """A mass of 1 kg leaves an undamped stop half a period later, which is less than a tick."""
-    stiffness, lower = (1e6, 0.5) if duration == 0.2 else (22500.0, 0.412)
-    stop = {"limits": {"lower": -1.0, "upper": lower, "stop": {"stiffness": stiffness}}}
+    stop = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"stiffness": 1e6}}}
     sim = Simulator(rotor(1.0) | {"joints": {"axle": stop}}, integrator="rk4", dt=1e-2)
     sim.reset(q=[0.4], v=[2.0])
-    assert not sim.run(duration).trusted
-
-
-def test_a_bounce_at_the_end_of_a_tick_is_no_doubt() -> None:
-    """There both runs differ in the velocity by rounding of the time: before it, or after it."""
-    stop = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"restitution": 0.5}}}
-    sim = Simulator(rotor(1.0) | {"joints": {"axle": stop}})
+    assert not sim.run(0.2).trusted
+    rebound = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"restitution": 0.5}}}
+    sim = Simulator(rotor(1.0) | {"joints": {"axle": rebound}})
     sim.reset(q=[0.4], v=[1.0])
-    motion = sim.run(0.2)
-    assert_close(motion.q[-1], [0.45], 1e-12)
-    assert motion.trusted
-
-
-def test_a_motion_under_a_function_with_a_memory_is_repeated_in_windows() -> None:
-    """An arm that is held upright, by the state a tick ago: its torques alone would not do it."""
-    sim = models.simulator("two_link", dt=1e-3)
-    up = np.array([np.pi / 2, 0.0])
-    sim.reset(q=up + 0.01)
-    hold = PDGravity(sim.dynamics, 100.0, 20.0)
-
-    before = [sim.state]
-
-    def control(state: State) -> np.ndarray:
-        before.append(state)
-        return hold.torque(before[-2], way.sample(0.0))
-
-    way = quintic([Waypoint(0.0, up), Waypoint(1.0, up)])
-    motion = sim.run(1.5, control)
-    assert motion.second_run.how == WINDOWS and motion.trusted
-    assert motion.second_run.carried[-1].max() > 0.0
-    wrong = motion.q.copy()
-    wrong[700:] += 3e-6
-    assert not replace(motion, q=read_only(wrong)).trusted
+    assert sim.run(0.2).trusted  # though both runs meet the stop at the end of a tick
 
 
 def test_a_controlled_instability_is_no_doubt() -> None:
-    """Falling friction pushes a slow joint off by e every 1.5 ms, unless a controller holds it."""
+    """Falling friction pushes a slow joint off by e every 1.5 ms, unless a controller holds it.
+
+    The controller answers to the state a tick ago: it cannot be called again, and the torques
+    alone would not do it, so that the motion is repeated in windows.
+    """
     sim = Simulator(rotor(0.02, coulomb=1.0, static=2.0, stribeck_velocity=0.05))
     sim.reset([0.0], [0.021])
     speeds = [0.021]
@@ -120,6 +89,7 @@ def test_a_controlled_instability_is_no_doubt() -> None:
 
     motion = sim.run(0.3, control)
     assert motion.second_run.how == WINDOWS and motion.trusted
+    assert motion.second_run.carried[-1].max() > 0.0
     late = motion.v.copy()
     late[150:] += 1e-5
     assert not replace(motion, v=read_only(late)).trusted
@@ -139,24 +109,6 @@ def test_a_motion_that_magnifies_errors_is_told_as_that(control: Any, how: str) 
     assert beyond[-1] and not beyond[:2000].any()
 
 
-@pytest.mark.parametrize("what", ["friction", "state"])
-def test_a_function_that_changes_the_arm_is_not_called_again(what: str) -> None:
-    scene = models.scene("two_link").model_dump(exclude_unset=True) | {"tunable": ["friction"]}
-    sim = Simulator(scene)
-    calls = list[float]()
-
-    def control(state: State) -> list[float]:
-        calls.append(state.time)
-        if state.step == 50 and what == "state":
-            sim.set_state(v=state.v + 0.1)
-        elif state.step == 50:
-            sim.set_parameter("friction", [2.0, 1.0])
-        return [0.0, 0.0]
-
-    motion = sim.run(0.1, control)
-    assert motion.second_run.how == WINDOWS and motion.trusted and len(calls) == 100
-
-
 def test_a_compiled_controller_is_evaluated_again() -> None:
     sim = models.simulator("two_link", integrator="midpoint", dt=5e-3)
     way = quintic([Waypoint(0.0, sim.state.q), Waypoint(0.5, sim.state.q + [1.0, -1.0])])
@@ -169,11 +121,12 @@ def test_a_compiled_controller_is_evaluated_again() -> None:
 
 
 def test_changes_in_a_run_start_the_error_anew() -> None:
-    """Another load, a state that is set, brakes: each is the same in the second run."""
+    """Each is the same in the second run; a function that makes them is not called again."""
     scene = models.scene("two_link").model_dump(exclude_unset=True) | {"tunable": ["friction"]}
-    sim = Simulator(scene)
+    sim, calls = Simulator(scene), list[float]()
 
     def control(state: State) -> list[float]:
+        calls.append(state.time)
         if state.step == 50:
             sim.set_parameter("friction", [2.0, 1.0])
         if state.step == 100:
@@ -182,6 +135,7 @@ def test_changes_in_a_run_start_the_error_anew() -> None:
 
     motion = sim.run(0.2, control)
     assert motion.trusted and motion.error[-1].max() < 1e-8
+    assert motion.second_run.how == WINDOWS and len(calls) == 200
     p = motion.p.copy()
     p[60:] *= 1.01
     assert not replace(motion, p=read_only(p)).trusted
@@ -194,30 +148,15 @@ def test_the_scene_says_how_accurate_a_motion_is_to_be() -> None:
     for accuracy in (0.1, 10.0):
         motion = run(scene | {"sim": {"accuracy": accuracy * float(error.max())}}, 0.2, **rough)
         assert motion.trusted == (accuracy > 1.0)
-    assert "accuracy    1e-07 of" in str(Simulator(scene | {"sim": {"accuracy": 1e-7}}).plan)
-    for wrong in (0.0, -1e-6, float("nan")):
-        with pytest.raises(SceneError, match=r"sim\.accuracy"):
-            Simulator(scene | {"sim": {"accuracy": wrong}})
-
-
-def test_a_recording_in_a_file_is_judged_alike(tmp_path: Path) -> None:
-    motion = run(rotor(0.1, viscous=2.0, coulomb=0.5), 0.2, integrator="heun", dt=2e-3)
-    loaded = Recording.load(motion.save(tmp_path / "run.mcap"))
-    assert loaded.second_run.how == WHOLE
-    np.testing.assert_array_equal(loaded.error, motion.error)
-    np.testing.assert_array_equal(loaded.local_error, motion.local_error)
 
 
 def test_what_is_no_motion_of_ticks_is_refused() -> None:
-    motion = run()
+    """A second run that cannot go on is a doubt."""
+    motion = run(rotor(0.1, effort=1e300))
     with pytest.raises(InvalidInput, match="part of a recording"):
         motion.part(range(0, 400, 10)).error  # noqa: B018
     with pytest.raises(InvalidInput, match="measured"):
         replace(motion, of_robot=True).error  # noqa: B018
-
-
-def test_a_second_run_that_cannot_go_on_is_a_doubt() -> None:
-    motion = run(rotor(0.1, effort=1e300))
     command = motion.command.copy()
     command[200:] = 1e300
     broken = replace(motion, command=read_only(command))

@@ -10,7 +10,6 @@ from PIL import Image
 
 from arm_sim import Simulator
 from arm_sim.view import pictures, show
-from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
 
@@ -77,12 +76,6 @@ def test_a_page_without_a_server_plays_beside_its_figure(tmp_path: Path) -> None
         assert page.handle.title() == "left & <right>"
         figure = page.handle.locator("#figures img")
         assert figure.evaluate("image => image.naturalWidth") > 300
-
-
-def test_the_file_of_a_recording_is_shown(tmp_path: Path) -> None:
-    path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.mcap")
-    with show(path, port=0) as page:
-        assert isinstance(page, Player)
 
 
 def test_a_picture_shows_the_arm_before_the_sky(

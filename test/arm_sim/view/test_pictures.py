@@ -50,15 +50,12 @@ def test_a_film_holds_its_pictures(tmp_path: Path) -> None:
         pictures.write_film(tmp_path / "none" / "film.mp4", iter(FRAMES), 25.0)
 
 
-@pytest.mark.parametrize(("rate", "duration"), [(8.0, 120), (1000.0, 20)])
-def test_a_gif_holds_its_pictures_and_is_repeated(
-    rate: float, duration: int, tmp_path: Path
-) -> None:
+def test_a_gif_holds_its_pictures_and_is_repeated(tmp_path: Path) -> None:
     bars = [np.full((31, 33, 3), (10, 20, 160), dtype=np.uint8) for _ in range(4)]
     for k, bar in enumerate(bars):
         bar[:, 8 * k : 8 * k + 8] = (200, 30, 60)  # where it is
-    pictures.write_film(tmp_path / "film.gif", iter(bars), rate)
+    pictures.write_film(tmp_path / "film.gif", iter(bars), 8.0)
     with Image.open(tmp_path / "film.gif") as film:
         shown = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
-        assert film.info["loop"] == 0 and film.info["duration"] == duration
+        assert film.info["loop"] == 0 and film.info["duration"] == 120  # [ms], whole hundredths
     np.testing.assert_allclose(np.array(shown, int), np.array(bars, int), atol=12)

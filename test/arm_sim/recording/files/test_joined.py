@@ -84,39 +84,34 @@ def test_a_message_for_each_joint(path: Path) -> None:
     ]
 
 
-def test_an_arm_and_a_slower_gripper_that_pauses(path: Path) -> None:
-    """Joints in another order; no value is made up in the pause, nor beyond the last message."""
-    arm = [Message(["b", "a"] if k % 2 else ["a", "b"], 2 * k) for k in range(100)]
-    gripper = [Message(["g"], 20 * k + 1) for k in range(9) if k not in (3, 4, 5, 6)]
-    run = loaded(path, arm + gripper)
-    known = np.r_[1:21, 71:81]
-    check(run, {"a": slice(None), "b": slice(None), "g": known})  # type: ignore[dict-item]
-
-
 def test_joints_are_taken_from_most_messages_that_name_them(path: Path) -> None:
-    """A node publishes joints of the driver once more, merged, later and less often."""
-    driver = [Message("ab", 2 * k) for k in range(100)]
-    merged = [Message("abc", 10 * k + 0.7) for k in range(20)]
+    """A node publishes joints of the driver once more, merged, later, less often, with a pause.
+
+    No value is made up in the pause, nor beyond the last message.
+    """
+    driver = [Message("ba" if k % 2 else "ab", 2 * k) for k in range(100)]
+    merged = [Message("abc", 20 * k + 1) for k in range(9) if k not in (3, 4, 5, 6)]
     again = [Message("b", 50 * k + 0.3) for k in range(3)]
     run = loaded(path, [*driver, *merged, *again])
-    check(run, {"a": slice(None), "b": slice(None), "c": slice(1, 96)})
+    known = np.r_[1:21, 71:81]
+    check(run, {"a": slice(None), "b": slice(None), "c": known})  # type: ignore[dict-item]
     assert notes(run)[0] == "3 messages name no further joint than others"
 
 
 @pytest.mark.parametrize(
     ("gripper", "told"),
     [
-        ({"stamped": False}, "g: stamps do not increase, times are those of arrival"),
-        ({"late": 3000.1, "shift": -3000.0}, "clocks of joints are 3 s apart, times are of"),
+        ([Message("g", 2 * k, late=0.0, stamped=False) for k in range(100)], "g: stamps do not"),
+        (
+            [Message("g", 2 * k - 3000, late=3000.1) for k in range(100)],
+            "clocks of joints are 3 s",
+        ),
+        ([Message("g", k - k % 2, late=0.0) for k in range(100)], "50 messages have the time of"),
     ],
+    ids=["without stamps", "on a computer whose clock is behind", "sent twice"],
 )
-def test_other_clocks_are_told(gripper: dict[str, float], told: str, path: Path) -> None:
-    """A driver without stamps, and one on a computer whose clock is three seconds behind."""
-    shift = gripper.pop("shift", 0.0)
-    arm = [Message("a", 2 * k, late=0.0) for k in range(100)]
-    more = {"late": 0.0} | gripper
-    run = loaded(path, [*arm, *(Message("g", 2 * k + shift, **more) for k in range(100))])
-    assert np.isfinite(run.q).mean() > 0.99
+def test_other_clocks_are_told(gripper: list[Message], told: str, path: Path) -> None:
+    run = loaded(path, [*(Message("a", 2 * k, late=0.0) for k in range(100)), *gripper])
     assert any(note.startswith(told) for note in notes(run)), notes(run)
 
 
@@ -131,7 +126,6 @@ def test_of_several_topics_the_one_that_is_read_is_told(
         "joint states are those of /left/joint_states; also recorded: /right/joint_states"
     ]
     run.save(tmp_path / "left.csv")
-    assert "left.csv' does not contain what else was in" in caplog.text
     assert "/right/joint_states (./arm record --repair copies a file whole)" in caplog.text
 
 
