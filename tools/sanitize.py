@@ -39,7 +39,7 @@ ENGINE = [
     "test/arm_sim/stepping/test_fuzz.py",
     "test/arm_sim/stepping/test_cone.py",
     "test/arm_sim/stepping/test_search.py",
-    "test/arm_sim/stepping/test_flow.py",
+    "test/arm_sim/stepping/test_adaptive.py",
     "test/arm_studies/optimization/test_backward.py",
 ]
 CALLS = [

@@ -2,21 +2,16 @@
 """Animations show the given motion, and refuse data that do not match it."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
-from pictures import unseen, written
+from pictures import unseen
 
 from arm_dynamics import InvalidInput
 from arm_sim.figures import (
-    COLORS,
     RATE,
-    STYLE,
-    WIDTH,
     animation,
-    figure,
     joint_words,
     legend_outside,
     use_style,
@@ -48,16 +43,6 @@ def test_every_frame_shows_the_motion_at_its_time() -> None:
         assert clock.get_text() == f"{TIME[k]:.2f} s"
 
 
-def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
-    long = "a label that takes half of the picture"
-    animation(TIME, [(ROD, {"label": long}), (ROD, {"label": "b"})], trail=(TIP, {"label": long}))
-    figure = plt.gcf()
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.texts] == [long, "b"]  # each once
-    box, axes = legend.get_window_extent(), plt.gca().get_tightbbox()
-    assert box.y1 <= axes.y0 + 1.0 and 0.0 <= box.x0 and box.x1 <= figure.bbox.width
-
-
 def test_joints_keep_their_names_but_for_what_all_share() -> None:
     assert joint_words(["j1", "j2"]) == ["j1", "j2"]
     assert joint_words(["a/panda_joint1", "a/panda_joint2"]) == ["joint 1", "joint 2"]
@@ -85,12 +70,3 @@ def test_a_legend_outside_has_each_label_once_and_covers_no_axes(below: bool) ->
         assert legend.y1 <= min(box.y0 for box in boxes) + 1.0
     else:
         assert legend.y0 >= max(box.y1 for box in boxes) - 1.0
-
-
-def test_letters_are_readable_and_a_page_shows_figures_as_wide_as_they_are(tmp_path: Path) -> None:
-    assert min(STYLE[key] for key in STYLE if key.endswith(("font.size", "labelsize"))) >= 8.0
-    with written() as figures, figure("wide", columns=3, folder=tmp_path) as axes:
-        for axis in axes:
-            axis.plot([0.0, 1.0], label="one")
-    assert figures[0].get_figwidth() <= WIDTH and len(figures[0].legends[0].texts) == 1
-    assert [line.get_color() for axis in axes for line in axis.lines] == 3 * [COLORS[0]]

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bundled scenes of industrial arms and of their drives: published data, and what they do."""
 
-from itertools import pairwise, product
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
-import pages
 import pytest
-from samples import always
 
 import models
 from arm_dynamics import Term
 from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.trajectory import Waypoint, hold
+from arm_dynamics.trajectory import Waypoint
 from arm_sim.simulation.closed_loop import ClosedLoop
 from tolerances import ALGEBRA, assert_close
 
@@ -26,35 +23,6 @@ def test_an_arm_begins_within_its_limits_and_can_hold_itself(name: str) -> None:
     holding = models.dynamics(name).gravity(model.q0)
     assert (abs(holding) < model.effort_limit).all() and np.isfinite(model.effort_limit).all()
     assert_close(holding, models.oracle(name).gravity(model.q0), ALGEBRA)
-
-
-STAND_FOR_ALL = ("fr3", "real_ur5e")  # one of rigid joints, one with rotors
-
-
-@pytest.mark.parametrize("name", always((*models.ARMS, *models.REAL_DRIVES), *STAND_FOR_ALL))
-def test_an_arm_stays_where_its_weight_is_carried(name: str) -> None:
-    sim = models.simulator(name)
-    run = sim.run(0.2, lambda state: sim.dynamics.gravity(state.q))
-    assert abs(run.q - run.q[0]).max() < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    always(
-        product(
-            (*models.REAL, "puma560", *models.ARMS, *models.REAL_DRIVES), ("Gentle", "Soft")
-        ),
-        ("panda", "Gentle"), ("kinova", "Soft"), *product(("real_ur5e",), ("Gentle", "Soft")),
-    ),
-)  # fmt: skip
-def test_controllers_of_the_page_are_stable_on_every_arm(name: str, kind: str) -> None:
-    made: dict[str, Any] = {}
-    for step in pages.steps(pages.ROOT / "docs/how-to/own-controller.md"):
-        if step.kind == "python":
-            exec(step.text, made)
-    sim = models.simulator(name)
-    run = sim.run(0.3, made[kind](sim.dynamics), reference=hold(sim.state.q + 0.05))
-    assert abs(run.v).max() < 0.25 and abs(run.q[-1] - run.q[0] - 0.05).max() < 0.051
 
 
 # Franka Robotics, franka_description, robots/fr3/joint_limits.yaml: lower, upper, speed, torque
@@ -141,17 +109,6 @@ def test_it_follows_a_quintic_at_half_its_limits_by_computed_torque(
     np.testing.assert_allclose(np.abs(run.v).max(0), 0.5 * model.velocity_limit, rtol=0.02)
     assert (np.sqrt(np.mean((run.q - wanted) ** 2, axis=0)) < 1e-3).all()
     assert (np.abs(run.tau) < model.effort_limit).all()
-
-
-@pytest.mark.parametrize("name", models.REAL_DRIVES)
-def test_bodies_are_those_of_the_plain_scene(name: str, rng: np.random.Generator) -> None:
-    real, plain = (models.dynamics(n) for n in (name, name.removeprefix("real_")))
-    q = rng.normal(size=real.n)
-    np.testing.assert_array_equal(real.gravity(q), plain.gravity(q))
-    added = real.mass_matrix(q) - plain.mass_matrix(q)
-    franka = [0.6057] * 2 + [0.4625] * 2 + [0.2055] * 3
-    expected = franka if name in ("real_panda", "real_fr3") else 0.1
-    np.testing.assert_allclose(added, np.diag(np.full(real.n, expected)), atol=1e-4)
 
 
 def test_friction_of_the_panda_is_the_published_one_where_it_has_levelled_off() -> None:

@@ -3,12 +3,16 @@
 
 import dataclasses
 import logging
+import re
+from typing import Any
 
 import numpy as np
 import pytest
 
 import models
+from arm_dynamics import InvalidInput
 from arm_sim import Simulator
+from arm_sim.inputs import tick_count
 
 NAME = "planar_3r"
 LIMITS = np.array([80.0, 40.0, 20.0])
@@ -79,21 +83,6 @@ def test_tables_functions_parts_and_steps_give_the_same_bits(rng: np.random.Gene
         np.testing.assert_array_equal(sim.run(0.02, held).q, by_table.q)
 
 
-def test_recording(sim: Simulator) -> None:
-    sim.step(np.zeros(3))
-    run = sim.run(0.01, [500.0, 1.0, 2.0])
-    assert len(run) == 11
-    assert run.q.shape == run.v.shape == run.tau.shape == (11, 3)
-    assert run.time.shape == run.energy.shape == run.local_error.shape == (11,)
-    np.testing.assert_array_equal(run.time, np.arange(1, 12) * 1e-3)
-    np.testing.assert_array_equal(run.tau, np.tile([80.0, 1.0, 2.0], (11, 1)))
-    np.testing.assert_array_equal(run.q[-1], sim.state.q)
-    assert not any(array.flags.writeable for array in (run.time, run.q, run.v, run.tau))
-    kinetic, potential = sim.dynamics.energy(run.q, run.v)
-    np.testing.assert_array_equal(run.energy, kinetic + potential)
-    assert len(sim.run(0.0)) == 1 and sim.arm.step_count == 11
-
-
 def test_torque_is_cut_at_the_limit_and_not_in_the_callers_array(sim: Simulator) -> None:
     tau = np.array([-1e6, 39.0, 1e300])
     cut = sim.step(tau)
@@ -107,13 +96,30 @@ def test_torque_is_cut_at_the_limit_and_not_in_the_callers_array(sim: Simulator)
     np.testing.assert_array_equal(free.effort, [1e5, -1e5])
 
 
-def test_cut_torque_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_cut_torque_is_said_once_with_the_joint_and_its_farthest_command(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     sim = Simulator(models.scene(NAME))
     with caplog.at_level(logging.WARNING):
         sim.step(LIMITS)
         assert not caplog.records, "the limit itself is allowed"
-        for _ in range(3):
-            sim.step([0.0, 41.0, 0.0])
-        sim.run(0.01, [0.0, 0.0, 99.0])
-    assert len(caplog.records) == 1
-    assert all(word in caplog.text for word in ("joint2", "41", "40"))
+        sim.run(3e-3, [[0.0, 41.0, 0.0], [0.0, -99.0, 1.0], [0.0, 60.0, 0.0]])
+        sim.step([0.0, 0.0, 99.0])
+    (said,) = caplog.messages
+    assert said.startswith("command -99 N m of joint 'joint2' exceeds its limit of 40 N m")
+
+
+@pytest.mark.parametrize(
+    ("duration", "ticks", "told"),
+    [
+        (0, 0, ""), (np.float32(0.3), 300, ""), (3 * 0.1, 300, ""),
+        (0.0006, 1, "0.0006 .* to 0.001 s"), (99.9999, 10**5, "99.9999 .* to 100 s"),
+    ],
+)  # fmt: skip
+def test_a_duration_is_a_number_of_ticks_rounded_with_a_warning(
+    duration: Any, ticks: int, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert tick_count(duration, 1e-3) == ticks
+    assert re.search(told, caplog.text) and bool(told) == len(caplog.records)
+    with pytest.raises(InvalidInput, match="less than the time step of 0.001 s; allowed: 0, or"):
+        tick_count(0.0005, 1e-3)

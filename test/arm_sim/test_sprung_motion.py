@@ -6,11 +6,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
-from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.integrators.selection import choose, fastest_rate
 from arm_sim.plant import Plant
-from tolerances import BACKENDS, ENERGY_DRIFT, MULTIPLIER, PINOCCHIO, SPRING, assert_close
+from models.touching import rails
+from tolerances import BACKENDS, ENERGY_DRIFT, PINOCCHIO, SPRING, assert_close
 
 TWO_LINK = {"urdf": models.scene("two_link").robot.urdf}
 PENDULUM = {"urdf": models.scene("pendulum").robot.urdf}
@@ -92,39 +93,6 @@ def test_the_balanced_arm_needs_no_torque_wherever_it_is(rng: np.random.Generato
     assert np.ptp(dyn.energy(q, 0.0 * q)[1]) < PINOCCHIO
 
 
-def test_springs_in_a_closed_chain() -> None:
-    """Four bars on a spring: balance, and multipliers that agree with the motion."""
-    scene = models.scene("four_bar").model_dump(exclude_unset=True)
-    first = Dynamics(scene).joint_names[0]
-    link = load_scene(scene).robot.urdf.split("<link name=")[2].split('"')[1]
-    scene["joints"] = {first: {"spring": {"stiffness": 3.0, "rest": 0.5, "damping": 0.05}}}
-    scene["springs"] = [
-        {"frames": [link, "world"], "points": [[0.05, 0, 0], [0, 0, 0.3]], "stiffness": 60.0}
-    ]
-    sim = Simulator(scene)
-    run = sim.run(0.5)
-    assert np.ptp(run.potential) > 1e-2
-    assert abs(run.balance).max() < ENERGY_DRIFT * np.ptp(run.potential)
-    state, dyn = sim.state, sim.dynamics
-    a, lam = dyn.constrained_forward(state.q, state.v, np.zeros(sim.n))
-    assert_close(lam, sim.multipliers(), MULTIPLIER)
-    assert_close(dyn.constrained_inverse(state.q, state.v, a, lam), np.zeros(sim.n), MULTIPLIER)
-    x = np.concatenate([state.q, state.v])
-    seen = np.array(sim.arm.plant.rhs(x, np.zeros(sim.n), sim.arm.parameters)).ravel()[sim.n :]
-    assert_close(seen, a, MULTIPLIER)
-
-
-def test_a_cord_of_constant_length_does_nothing() -> None:
-    """Tied to the hinge of a pendulum, it is always slack, or always taut."""
-    hinge = {"frames": ["bob", "world"], "points": [[0, 0, 0], [0, 0, 1.0]]}
-    cord = {**hinge, "stiffness": 100.0, "tension_only": True}
-    start = {"position": {"swing": 0.5}}
-    free = Simulator({"robot": PENDULUM, "initial": start}, "rk4").run(0.1)
-    for length in (0.5, 2.0):
-        scene = {"robot": PENDULUM, "springs": [cord | {"rest_length": length}], "initial": start}
-        assert_close(Simulator(scene, "rk4").run(0.1).q, free.q, PINOCCHIO)
-
-
 def test_arms_side_by_side_move_as_alone(rng: np.random.Generator) -> None:
     """Choices in the equations, of cords and play, are made for each arm of a register."""
     play = {
@@ -143,20 +111,15 @@ def test_arms_side_by_side_move_as_alone(rng: np.random.Generator) -> None:
 
 def test_rate_of_springs_is_that_of_their_oscillation() -> None:
     """A mass on a wire: the roots of m s² + c s + k = 0; a cord counts as taut."""
-    urdf = (
-        PENDULUM["urdf"]
-        .replace('"continuous"', '"prismatic"')
-        .replace("</joint>", '<limit lower="-9" upper="9" effort="9" velocity="9"/></joint>')
-    )
     for k, c, wanted in ((400.0, 0.0, 20.0), (400.0, 50.0, 40.0), (0.0, 7.0, 7.0)):
-        joints = {"swing": {"spring": {"stiffness": k, "damping": c}}}
+        joints = {"y": {"spring": {"stiffness": k, "damping": c}}}
         cord = {
-            "frames": ["bob", "world"], "points": [[0, 0, 0], [0, 3, 0]], "stiffness": k,
+            "frames": ["body", "world"], "points": [[0, 0, 0], [0, 3, 0]], "stiffness": k,
             "damping": c, "force": 1e-9, "tension_only": True,
             **({"rest_length": 3.0} if k else {}),
         }  # fmt: skip
         for springs in ({"joints": joints}, {"springs": [cord]}):
-            model = ArmModel(load_scene({"robot": {"urdf": urdf}, **springs}))
+            model = ArmModel(load_scene({**rails("y"), **springs}))
             assert fastest_rate(Plant(model)) == pytest.approx(wanted, rel=1e-6)
 
 

@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import models
-from arm_sim import Recording, Simulator
+from arm_sim import Simulator
 from arm_sim.plant import plant
-from arm_sim.stepping.stepper import Stepper
 from models.large import snake
 
 
@@ -31,9 +29,6 @@ def refuse(*_: object) -> None:
     raise WrittenAnew
 
 
-BRISTLES = {"coulomb": 1.0, "lugre": {"sigma0": 1e4, "sigma1": 50.0}}
-
-
 def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch) -> None:
     joints = 17  # more than 16 have other equations
     urdf = snake(np.random.default_rng(5), joints)
@@ -53,24 +48,3 @@ def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch) -> 
     ):
         with pytest.raises(WrittenAnew):
             Simulator(other)
-
-
-def steppers(sim: Simulator, run: Recording) -> tuple[Stepper, ...]:
-    """Of the simulator, of a recording's states, and of its energy account."""
-    return sim.arm.compiled.stepper, run.physics.replay_stepper, run.account._ledger
-
-
-def test_the_energy_account_has_code_of_its_own(unwritten: pytest.MonkeyPatch) -> None:
-    scene = models.scene("two_link").model_dump(exclude_unset=True)
-    scene |= {"joints": {"*": {"friction": BRISTLES}}, "commands": {"gravity_compensated": True}}
-    sim = Simulator(scene)
-    first = sim.run(0.02, [3.0, 1.0])
-    assert abs(first.balance).max() < 1e-6 < first.lost[-1]
-    codes = [stepper.kernel._code.key for stepper in steppers(sim, first)]
-    assert len(set(codes)) == 3
-    unwritten.setattr(plant, "Mechanics", refuse)
-    sim = Simulator(scene)
-    again = sim.run(0.02, [3.0, 1.0])
-    assert [stepper.kernel._code.key for stepper in steppers(sim, again)] == codes
-    np.testing.assert_array_equal(again.v, first.v)
-    np.testing.assert_array_equal(again.balance, first.balance)

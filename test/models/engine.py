@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The engine's C as it ships, piece by piece: the cone solver, the search for events, impacts.
+"""The engine's C as it ships, piece by piece: the cone solver, the search for events, sub-steps.
 
 Each is compiled from the files of ``stepping/native`` with a few exported lines behind them.
 """
@@ -12,14 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.codegen import Kernel, compiler
-from arm_sim.integrators.selection import choose
-from arm_sim.plant.actuation import actuation
-from arm_sim.plant.plant import Plant
+from arm_dynamics.codegen import compiler
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
-from arm_sim.stepping.engine import INCLUDED, address_of, scene_source
-from arm_sim.stepping.tick_functions import tick_functions
+from arm_sim.stepping.engine import INCLUDED
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
 _CALLBACK = ctypes.CFUNCTYPE(
@@ -29,9 +24,8 @@ _CALLBACK = ctypes.CFUNCTYPE(
 _VISIBLE = '#include "scalar.h"\n#pragma GCC visibility push(default)\n'
 _CONES = """
 #include "contact/friction_cones.h"
-int solve_cones(int nc, const double* W, const double* c, const double* mu, const double* given,
-                const int* slides, const int* allowed, int* state, double* force,
-                double* direction) {
+int solve_cones(int nc, const double* W, const double* c, const double* mu, int* state,
+                double* force, double* direction) {
   const scene_t sizes = {.nc = nc}, *scene = &sizes;
   LOCAL(cones_t, cones, cones_of, CONES);
   answer_t answers[NC + 1];
@@ -39,9 +33,8 @@ int solve_cones(int nc, const double* W, const double* c, const double* mu, cons
   cones.c = c;
   cones.friction = cones.holding = mu;
   for (int k = 0; k < NC; ++k) {
-    cones.slides[k] = slides[k];
-    cones.allowed[k] = allowed[k];
-    for (int i = 0; i < 2; ++i) cones.direction[2 * k + i] = given[2 * k + i];
+    cones.slides[k] = 0;
+    cones.allowed[k] = 1;
   }
   const int found = solve_contacts(scene, &cones, answers);
   for (int k = 0; k < NC; ++k) {
@@ -89,41 +82,6 @@ int decay(const real* x, const real* u, double h, double largest, control_t* con
   return flow(&scene, 0, attempt, 0, x, u, 0, h, control, after);
 }
 """
-_SCENE = """
-#include "arm/arm.c"
-EXPORTED double hit(const scene_t* scene, real* x, int rebounds) {
-  real still[NU];
-  LOCAL_TICK(segment, still);
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  clear(still, NU);
-  return impact(scene, x, &segment, rebounds, &geometry);
-}
-EXPORTED int rank_found(const scene_t* scene, double* W) { return rank_of(scene, W); }
-EXPORTED int stop_at(const scene_t* scene, real* x, const double* direction) {
-  LOCAL_TICK(segment, 0);
-  for (int i = 0; i < ND; ++i) segment.p.direction[i] = direction[i];
-  return stop_joints(scene, x, &segment);
-}
-EXPORTED void round_at(const scene_t* scene, real* x) { stop_rounding(scene, x); }
-EXPORTED void shares_at(const scene_t* scene, const real* x, const real* u, double* shares) {
-  LOCAL_TICK(segment, u);
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL(loads_t, found, loads_of, LOADS);
-  LOCAL(indeterminate_t, together, indeterminate_of, INDETERMINATE);
-  find_geometry(scene, x, &segment, &geometry);
-  guess_modes(scene, x, &segment, &geometry);
-  find_loads(scene, x, &segment, &found);
-  segment.yields = 1;
-  find_sets_held(scene, x, &segment, &found, &together);
-  copy(shares, together.share, PARTS);
-}
-EXPORTED int held_at(const scene_t* scene, const real* x, const real* u) {
-  LOCAL_TICK(segment, u);
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  find_geometry(scene, x, &segment, &geometry);
-  return solve_modes(scene, x, &segment, &geometry) && is_held(scene, x, &segment);
-}
-"""
 
 
 @dataclass
@@ -141,22 +99,11 @@ def _library(text: str) -> ctypes.CDLL:
     return compiler.build(_VISIBLE + text, local=INCLUDED).library
 
 
-def solve_cones(
-    W: np.ndarray,
-    c: np.ndarray,
-    mu: np.ndarray,
-    given: list[np.ndarray | None] | None = None,
-    allowed: np.ndarray | None = None,
-) -> Answer:
-    """Forces of several contacts; ``given`` are directions of those that slide already."""
-    nc = len(mu)
-    library = _library(_CONES)
-    given = given or [None] * nc
-    slides = np.array([d is not None for d in given], np.int32)
-    directions = np.array([np.zeros(2) if d is None else d for d in given], float)
-    may = np.ones(nc, np.int32) if allowed is None else np.array(allowed, np.int32)
+def solve_cones(W: np.ndarray, c: np.ndarray, mu: np.ndarray) -> Answer:
+    """Forces of several contacts."""
+    nc, library = len(mu), _library(_CONES)
     answer = Answer(False, np.zeros(nc, np.int32), np.zeros((nc, 3)), np.zeros((nc, 2)))
-    arrays = (np.asfortranarray(W), c, np.array(mu, float), directions, slides, may)
+    arrays = np.asfortranarray(W), c, np.array(mu, float)
     pointers = [_address(a) for a in (*arrays, answer.state, answer.force, answer.direction)]
     answer.found = bool(library.solve_cones(nc, *pointers))
     return answer
@@ -217,60 +164,6 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
         ctypes.byref(control), _address(after),
     )  # fmt: skip
     return after if done else None
-
-
-class Engine:
-    """The whole engine of a scene with contacts; nothing acts on its joints."""
-
-    def __init__(self, scene: Any) -> None:
-        plant = Plant(ArmModel(load_scene(scene)))
-        choice = choose(plant, "rk4", None, None)
-        functions, step = tick_functions(plant, choice, actuation(plant))
-        driver = scene_source(plant, choice, functions, step)
-        self._own = Kernel(functions, "native", driver, local=INCLUDED).library
-        self._scene = ctypes.c_void_p(address_of(self._own))
-        self._library = _library(_SCENE)
-        self._library.hit.restype = ctypes.c_double
-        self._sizes = plant.model.n, 3 * len(plant.points)
-
-    def impact(self, x: np.ndarray, rebounds: bool = True) -> tuple[np.ndarray, float]:
-        """State after the impacts of the points that touch and approach, and the energy lost."""
-        after = x.copy()
-        lost = self._library.hit(self._scene, _address(after), int(rebounds))
-        return after, lost
-
-    def rank(self, W: np.ndarray) -> int:
-        """Rank of a symmetric matrix of the size of the scene's contacts, shape (3 nc, 3 nc)."""
-        return int(self._library.rank_found(self._scene, _address(np.array(W, order="F"))))
-
-    def stop(self, x: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
-        """State with joints at rest that moved in such directions and do not any more.
-
-        None if one of them was too fast for that.
-        """
-        after = np.array(x, float)
-        stops = self._library.stop_at(self._scene, _address(after), _address(direction))
-        return after if stops else None
-
-    def rounded(self, x: np.ndarray) -> np.ndarray:
-        """State with joints at rest that contacts keep there but for rounding."""
-        after = np.array(x, float)
-        self._library.round_at(self._scene, _address(after))
-        return after
-
-    def shares(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Of joints and contacts in the motion in which what holds together gives way."""
-        n, m = self._sizes
-        found = np.zeros(n + m // 3)
-        torque = np.asarray(u, float)
-        self._library.shares_at(self._scene, _address(x), _address(torque), _address(found))
-        return found
-
-    def is_held(self, x: np.ndarray, u: np.ndarray) -> bool:
-        """Whether friction and contacts leave no joint any motion under the torque ``u``."""
-        return bool(
-            self._library.held_at(self._scene, _address(x), _address(np.asarray(u, float)))
-        )
 
 
 def _address(array: np.ndarray) -> ctypes.c_void_p:

@@ -133,19 +133,6 @@ def test_methods_by_all_that_is_tunable(method: str) -> None:
     check(loaded(integrator=method, dt=0.01), [20.0, 5.0, 1.0], BY)
 
 
-def test_quantities_have_their_names() -> None:
-    """In the order of the question, as many columns as numbers; for one arm and for many."""
-    sim = loaded(integrator="rk4")
-    state, tau = sim.state, np.array([20.0, 5.0, 1.0])
-    A, B, P = sim.linearize(state, tau, 2, by=["friction", "gravity"])
-    assert list(P) == ["friction", "gravity"]
-    assert P["friction"].shape == (6, 3) and P["gravity"].shape == (6, 3)
-    for one, other in zip(sim.linearize(state, tau, 2), (A, B), strict=True):
-        np.testing.assert_array_equal(one, other)
-    many = sim.linearize_many(state.q[None], state.v[None], tau, 2, by="gravity")
-    assert_close(many[2]["gravity"][0], P["gravity"], BACKENDS)
-
-
 @pytest.mark.parametrize("by", ["constraints", ["gravity", "tau"]])
 def test_refusals(by: Any) -> None:
     sim = models.simulator("two_link")

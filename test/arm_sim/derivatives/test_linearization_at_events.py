@@ -11,9 +11,8 @@ import pytest
 from samples import always, covering
 
 import models
-from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.derivatives import events, tangents
+from arm_sim.derivatives import tangents
 from models.driven import wheel
 from models.touching import carrier, contact, rails, unbalance
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -111,12 +110,6 @@ def compare(
     assert_close(np.column_stack([A @ ways, B]), wanted, ACROSS)
 
 
-def on_two_feet() -> dict[str, Any]:
-    """A body that does not turn lands on two points at once: their impulses are not unique."""
-    feet = (contact("body", friction=0.3, point=[side, 0, 0]) for side in (-0.1, 0.1))
-    return rails("xz") | {"constraints": list(feet)}
-
-
 def jamming() -> dict[str, Any]:
     """A pendulum that strikes a rough plane obliquely: its full rebound would add energy."""
     plane = {"point": [np.sin(0.5), 0, -np.cos(0.5)], "normal": [np.cos(1.1), 0, np.sin(1.1)]}
@@ -137,13 +130,8 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
     "lands": (lambda: rail(stop={}), 0.1, RAIL),
     "rebounds": (rebounding, 0.1, RAIL),
     "meets a compliant stop": (compliant, 0.1, RAIL),
-    "loses a compliant stop": (compliant, 0.1, ([-0.01], [1.0], [1.0])),
     "rebounds above": (rebounding, 0.1, ([1.95], [1.0], [1.0])),
-    "meets a compliant stop above": (compliant, 0.1, ([1.95], [1.5], [1.0])),
     "loses a compliant stop above": (compliant, 0.1, ([2.01], [-1.0], [1.0])),
-    "is pressed again before it leaves a compliant stop": (
-        lambda: rail(stop={"stiffness": 3000, "damping": 300}), 0.02, ([-0.01], [0.15], [1.0])
-    ),
     "comes to rest": (
         lambda: rail({"coulomb": 30, "static": 40, "viscous": 0.3}), 0.1, ([0.5], [0.3], [3.0])
     ),
@@ -158,10 +146,6 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
         lambda: touching(rails("xyz"), friction=0.3, restitution=0.5), 0.02,
         ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
     ),
-    "lands and slides": (
-        lambda: touching(rails("xyz"), friction=0.3), 0.02,
-        ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
-    ),
     "lands and sticks": (
         lambda: touching(rails("xyz"), friction=3.0), 0.02,
         ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
@@ -173,7 +157,6 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
         ),
         0.02, ([0.0, -0.365, 0.3], [1.0, -0.5, 0.4], [0.3, 0.1, 0.2]),
     ),
-    "lands on two feet": (on_two_feet, 0.02, ([0.0, 0.005], [1.0, -0.5], [0.3, 0.2])),
 }  # fmt: skip
 
 
@@ -193,10 +176,6 @@ def test_ticks_with_events_against_differences(name: str, method: str) -> None:
 
 
 KEPT: dict[str, tuple[Callable[[], dict[str, Any]], float, Any, Any]] = {
-    "slides to rest": (
-        lambda: touching(rails("xz"), friction=0.3), 0.02,
-        ([0, 0], [0.03, 0], [0.3, 0.1]), np.eye(4)[[0, 2]],
-    ),
     "slides to rest and back": (
         lambda: touching(rails("xz"), friction=0.3), 0.02,
         ([0, 0], [0.03, 0], [-5, 0.1]), np.eye(4)[[0, 2]],
@@ -222,16 +201,8 @@ def test_along_what_holds_against_differences(name: str, method: str) -> None:
     compare(simulator(build, dt, method), *state, free=free, h=1e-4)
 
 
-def test_a_contact_that_turns_until_it_rests_has_no_derivative() -> None:
-    """Pushed aside, it comes to rest in a straight line, to which it turns ever faster."""
-    sim = Simulator(touching(rails("xyz"), friction=0.3), dt=0.02)
-    with pytest.raises(NotDifferentiable, match="comes to rest in a straight line"):
-        sim.linearize(sim.reset([0, 0, 0], [0.03, 0.01, 0]), [0.3, 0.6, 0.1])
-
-
 TUNABLE: dict[str, tuple[str, ...]] = {
-    "rebounds": ("gravity", "external"),
-    "comes to rest": ("gravity", "friction"),
+    "comes to rest": ("gravity", "friction", "external"),
     "ball on an arm lands and slides": ("gravity", "payload"),
     "lifts off": ("gravity", "payload"),
 }
@@ -276,33 +247,14 @@ def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
     assert sim.impacts == 1
 
 
-def test_an_interrupt_in_a_step_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps under error control are propagated in Python, called by C."""
-    sim = simulator(flexible, 0.02, "error control")
-
-    def interrupted(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(tangents.Tangents, "step", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        sim.linearize(sim.reset([0.99], [1.0]), [0.1])
-
-
 def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """CasADi evaluates it then, within the compiled code of the events."""
-    build, dt, (q, v, tau) = CASES["lands and slides"]
+    build, dt, (q, v, tau) = CASES["bounces on a rough table"]
     wanted = simulator(build, dt, "rk4").linearize(simulator(build, dt, "rk4").reset(q, v), tau)
     monkeypatch.setattr(tangents, "LONGEST", 0)
     sim = Simulator(build(), dt=dt, integrator="rk4")
     for found, expected in zip(sim.linearize(sim.reset(q, v), tau), wanted, strict=True):
         assert_close(found, expected, ALGEBRA)
-
-
-def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    sim = Simulator(CASES["rebounds"][0](), dt=0.1)
-    monkeypatch.setattr(events, "built_of_lanes", lambda *_: None)
-    with pytest.raises(CompilerMissing, match=r"events need compiled code.*\./arm build"):
-        sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 
 
 def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:
@@ -317,16 +269,15 @@ def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:
     assert abs(A[:2, 5]).min() > 1e-4
 
 
-@pytest.mark.parametrize(("place", "way"), [(0.0, -1.0), (2.0, 1.0)])
-def test_a_push_at_a_stop_goes_on_only_away_from_it(place: float, way: float) -> None:
+def test_a_push_at_a_stop_goes_on_only_away_from_it() -> None:
     """Friction bears a load between its sliding and its static level, as the stop might."""
     sim = Simulator(rail(STUCK, {}) | {"gravity": [0, 0, 0]}, dt=0.1, integrator="rk4")
-    start = sim.reset([place], [0.0])
-    A, B = sim.linearize(start, [1.2 * way])
+    start = sim.reset([2.0], [0.0])
+    A, B = sim.linearize(start, [1.2])
     np.testing.assert_array_equal(A, [[1.0, 0.0], [0.0, 0.0]])
     assert not B.any()
     with pytest.raises(NotDifferentiable, match="go on"):
-        sim.linearize(start, [-1.2 * way])
+        sim.linearize(start, [-1.2])
 
 
 def test_teeth_at_rest_within_their_backlash_touch_nothing() -> None:
@@ -353,7 +304,6 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     "hit at the beginning": (rail(stop={}), [0.0], [-1.0], [0.0], "begins with an impact"),
     "hit at the end": (rail(stop={}), [H], [-1.0], [2 * G], "end"),
     "at a compliant stop": (rail(stop={"stiffness": 1e3}), [0.0], [1.0], [0.0], "beginning"),
-    "holds to the limit": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [1.5], "beginning"),
     "both at once": (
         rails("xz") | {"gravity": [0, 0, 0], "joints": {
             name: {"limits": {"lower": 0.0, "upper": 1.0}} for name in "xz"}},
@@ -365,12 +315,13 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
         touching(rails("xyz"), **GRIP), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0],
         "direction of sliding is not differentiable",
     ),
-    **{
-        f"would slip on along {along}": (
-            touching(rails("xyz"), **GRIP), [0, 0, 0], [0, 0, 0], push, "go on",
-        )
-        for along, push in (("y", [0, 3, 0]), ("both", [-2, -2.5, 0]))
-    },
+    "turns until it rests": (
+        touching(rails("xyz"), friction=0.3), [0, 0, 0], [0.03, 0.01, 0], [0.3, 0.6, 0.1],
+        "comes to rest in a straight line",
+    ),
+    "would slip on": (
+        touching(rails("xyz"), **GRIP), [0, 0, 0], [0, 0, 0], [-2, -2.5, 0], "go on",
+    ),
 }  # fmt: skip
 
 

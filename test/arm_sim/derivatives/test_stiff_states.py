@@ -45,11 +45,8 @@ def viscous(rate: float) -> tuple[dict[str, Any], list[list[float]]]:
 
 
 CASES = {
-    "a winding of 4.5e4/s": (motor(4.5e4), {}),
     "a winding in long ticks": (motor(2e3), {"dt": 0.02, **DOP853}),
-    "viscous friction of 2e4/s": (viscous(2e4), DOP853),
-    "viscous friction of 1e8/s, implicit": (viscous(1e8), {"tolerance": 1e-8}),
-    "nothing but inertia, implicit": (viscous(0.0), {"integrator": "implicit"}),
+    "viscous friction of 1e8/s": (viscous(1e8), {"tolerance": 1e-8}),
     "a stiff transmission": (flexible(1e6, 2.0), {}),
     "an undamped transmission": (flexible(1e5, 0.0), {"dt": 5e-3}),
 }

@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every method converges with the order it states, on a double pendulum whose motion is known to
-17 digits.
+17 digits; coefficients are those of SciPy.
 """
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import DOP853, RK45
 
 import models
 from arm_dynamics.codegen.kernel import operations
 from arm_sim import Simulator
 from arm_sim.integrators import METHODS, build_step
 from arm_sim.plant.plant import Plant
-from tolerances import ORDER
+from tolerances import CLOSED_FORM, ORDER, assert_close
 
 DATA = Path(__file__).parents[2] / "reference/double_pendulum.json"
 # Two step sizes [s] for each order: small enough to be in the asymptotic range, large enough to
@@ -50,6 +52,35 @@ def test_measured_order(name: str) -> None:
     assert -ORDER <= measured - stated <= (ORDER if stated <= 5 else 2.0), (
         f"measured order {measured:.2f}"
     )
+
+
+@pytest.mark.parametrize("name", ["euler", "midpoint", "heun", "rk4", "nystrom4"])
+def test_order_conditions(name: str) -> None:
+    """One for each rooted tree of up to four nodes (Butcher, 1963; HNW, section II.2)."""
+    tableau = METHODS[name].tableau
+    assert tableau is not None
+    A, b = np.zeros((len(tableau.b), len(tableau.b))), np.array(tableau.b)
+    for row, weights in zip(A, tableau.a, strict=True):
+        row[: len(weights)] = weights
+    c = A @ np.ones(len(b))
+    conditions = [
+        [b.sum() - 1], [b @ c - 1 / 2], [b @ c**2 - 1 / 3, b @ A @ c - 1 / 6],
+        [b @ c**3 - 1 / 4, b @ (c * (A @ c)) - 1 / 8,
+         b @ A @ c**2 - 1 / 12, b @ A @ A @ c - 1 / 24],
+    ]  # fmt: skip
+    assert abs(np.concatenate(conditions[: tableau.order])).max() < CLOSED_FORM
+
+
+@pytest.mark.parametrize(("name", "theirs"), [("dopri5", RK45), ("dop853", DOP853)])
+def test_coefficients_are_those_of_scipy(name: str, theirs: Any) -> None:
+    ours, stages = METHODS[name].tableau, len(theirs.B)
+    assert ours is not None
+    for row, wanted in zip(ours.a, theirs.A, strict=False):
+        assert_close(row, wanted[: len(row)], 1e-15)
+    assert_close(ours.b[:stages], theirs.B, 1e-15)
+    errors = [theirs.E] if name == "dopri5" else [theirs.E5, theirs.E3]
+    for own, wanted in zip(ours.errors, errors, strict=True):
+        assert_close(np.abs(own), np.abs(wanted[: len(own)]), 1e-15)
 
 
 def test_one_step_of_semi_implicit_euler_by_hand() -> None:

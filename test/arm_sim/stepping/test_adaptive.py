@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error-controlled sub-steps inside every tick."""
+"""Error-controlled sub-steps inside every tick; compiled, on x' = -r x with Euler's error."""
 
 import json
 from pathlib import Path
@@ -10,6 +10,9 @@ from samples import covering
 
 import models
 from arm_sim import Simulator
+from arm_sim.stepping.adaptive import SubstepControl
+from models.engine import decay
+from tolerances import assert_close
 
 DATA = json.loads((Path(__file__).parents[2] / "reference/double_pendulum.json").read_text())[
     "pi6_pi4"
@@ -57,12 +60,40 @@ def test_estimate_is_of_the_size_of_the_error() -> None:
     assert (np.diff(estimates) >= 0.0).all()
 
 
-def test_estimate_of_an_arm_far_from_its_stops_is_that_of_one_without() -> None:
-    """That of every sub-step of a tick counts."""
-    scene, errors = models.scene("double_pendulum").model_dump(exclude_unset=True), []
-    for stop in (True, False):
-        scene["joints"] = {"*": {"limits": {"lower": -50.0, "upper": 50.0, "stop": stop}}}
-        run = Simulator(scene, integrator="dopri5", tolerance=1e-9, dt=0.5).run(1.0)
-        errors.append(run.local_error)
-    np.testing.assert_array_equal(*errors)
-    assert errors[0][-1] > 1e-8
+DECAYS = np.array([2.0, 1.0])
+
+
+def test_sub_steps_are_as_long_as_the_tolerance_allows() -> None:
+    """Error h² r² x / 2 of 0.81 of the tolerance: sub-steps of 0.9 sqrt(2 tol / x) / r."""
+    kept = SubstepControl(1e-6, 2)
+    assert decay(DECAYS, 1.0, 0.1, kept) is not None
+    ideal = 0.9 * np.sqrt(2e-6 / 2.0)
+    assert 0.1 / ideal < kept.attempts < 1.15 * 0.1 / ideal
+    assert_close(kept.step, 0.9 * np.sqrt(2e-6 / (2.0 * np.exp(-0.1))), 1e-5)
+    assert_close(kept.error / 0.1, 0.5 * ideal * 2.0, 1e-4)
+
+
+def test_too_many_sub_steps_are_given_up() -> None:
+    """The library of this test allows 2000."""
+    kept = SubstepControl(1e-12, 2)
+    assert decay(DECAYS, 1.0, 1.0, kept) is None
+    assert kept.attempts == 2000
+
+
+def test_nothing_to_do_lengthens_the_step_by_six_at_most() -> None:
+    kept = SubstepControl(1e-3, 2)
+    kept.step = 1e-3
+    assert decay(DECAYS, 0.0, 1.0, kept) is not None
+    # 1, 6, 36 and 216 ms, and the rest of the second in one, though 1.296 s would have been tried.
+    assert kept.attempts == 5
+    assert_close(kept.step, 6 * (1.0 - 0.259), 1e-12)
+
+
+def test_a_last_piece_cut_short_does_not_shorten_the_next_tick() -> None:
+    kept = SubstepControl(1e-3, 2)
+    kept.step = 1e-2
+    assert decay(DECAYS, 0.5, 1.5e-2, kept) is not None
+    before = kept.step
+    assert before > 1e-2
+    assert decay(DECAYS, 0.5, 1e-6, kept) is not None
+    assert kept.step >= before

@@ -18,8 +18,6 @@ TWO_LINK = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")}}
 LOOP = load_scene(models.SCENES / "four_bar.yaml").model_dump(exclude_unset=True)
 SCENES: dict[str, dict[str, Any]] = {
     "plain": TWO_LINK,
-    "friction with states": {**TWO_LINK, **EVERY},
-    "bilateral constraints": LOOP,
     "friction with states and bilateral constraints": {**LOOP, **EVERY},
 }
 

@@ -29,8 +29,6 @@ LIMITS = {"lower": -2.0, "upper": 2.0, "stop": {"restitution": 0.3}}
 TIP = contact("link3", point=[0.2, 0, 0], plane={"point": [0, 0, -0.5]}, friction=0.5)
 SCENES = {
     "dry friction": PLANAR | dry(),
-    "one dry joint": PLANAR | {"joints": {"joint2": {"friction": {"coulomb": 0.2}}}},
-    "a plane": PLANAR | {"constraints": [TIP]},
     "dry friction and a plane": PLANAR | dry(static=0.4, viscous=0.1) | {"constraints": [TIP]},
     "dry friction and LuGre": PLANAR | {"joints": {
         "joint1": {"friction": {"coulomb": 0.3}},

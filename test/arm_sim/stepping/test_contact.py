@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact of points with planes: touch, bounce, rest, slide and lift off, against closed forms."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import models
-from arm_sim import Simulator
-from models.touching import beside, contact, rails, unbalance
+from arm_dynamics import ConstraintError
+from arm_sim import SimulationDiverged, Simulator, State, contact_history
+from arm_sim.recording.contents import BRAKES
+from models.touching import beside, contact, rails
 from tolerances import CLOSED_FORM, CONTACT_EVENTS, assert_close
 
 G = 9.81
@@ -107,11 +109,11 @@ def test_arm_presses_on_a_table() -> None:
     assert_close(run.q[-1], q, 1e-15)
 
 
-@pytest.mark.parametrize("normal", [(-1, 0, 0), (0.36, -0.48, -0.8)])
-def test_forces_are_in_the_worlds_axes(normal: tuple[float, ...]) -> None:
-    """A body pressed on walls, ceilings and slopes: what holds it is what presses it."""
-    sim = touching(rails("xyz", 2.0), contact("body", friction=0.5, plane={"normal": normal}))
-    across = np.array(normal, float)
+def test_forces_are_in_the_worlds_axes() -> None:
+    """A body pressed on a slope overhead: what holds it is what presses it."""
+    across = np.array([0.36, -0.48, -0.8])
+    plane = {"normal": across.tolist()}
+    sim = touching(rails("xyz", 2.0), contact("body", friction=0.5, plane=plane))
     aside = np.cross(across, [0.3, -0.5, 0.81])
     aside /= np.linalg.norm(aside)
     weight = np.array([0.0, 0.0, -2.0 * G])
@@ -131,31 +133,6 @@ def test_forces_are_in_the_worlds_axes(normal: tuple[float, ...]) -> None:
     (force,) = sim.contact_forces()
     assert (force.state, force.normal, force.gap) == ("apart", 0.0, pytest.approx(0.25))
     assert not force.force.any()
-
-
-def test_unbalanced_rotor_lifts_its_base_off() -> None:
-    """Pressed down with F and without weight, a rotor jumps at sin ωt = F/(m r ω²)."""
-    m, r, base, F, w = 0.5, 0.2, 1.0, 6.0, 10.0
-    scene = rails("z", base, branches=[unbalance("0 -1 0", m, r)]) | {"gravity": [0, 0, 0]}
-    for options in OPTIONS.values():
-        sim = touching(scene, contact("body"), **options)
-        sim.reset(v=[0.0, w])
-        jump = np.arcsin(F / (m * r * w**2)) / w
-        run = sim.run(0.2, [-F, 0.0])
-        held = run.time <= jump
-        np.testing.assert_array_equal(run.q[held, 0], np.zeros(held.sum()))
-        assert (run.q[~held, 0] > 0.0).all()
-
-        def slope(_: float, x: np.ndarray) -> list[float]:
-            _, angle, v, spin = x
-            M = [[base + m, m * r * np.cos(angle)], [m * r * np.cos(angle), m * r**2]]
-            a = np.linalg.solve(M, [-F + m * r * spin**2 * np.sin(angle), 0.0])
-            return [v, spin, *a]
-
-        start = [0.0, w * jump, 0.0, w]
-        exact = solve_ivp(slope, (jump, 0.2), start, "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
-        end = np.hstack([run.q[-1], run.v[-1]])
-        assert_close(end, exact, 1e-9 if "tolerance" in options else 1e-6)
 
 
 def test_a_block_sticks_up_to_its_static_coefficient_and_then_slides_with_the_lower_one() -> None:
@@ -205,3 +182,148 @@ def test_derivatives_of_a_heavy_and_a_light_block_on_one_table_do_not_depend_on_
         sim.reset(v=[3.0, 0.0, 0.0, 0.0])
         slopes.append(sim.linearize(sim.state, [0.1, 0.0, 0.1 * light, 0.0])[0])
     assert_close(slopes[1], slopes[0], CLOSED_FORM)
+
+
+# --- several contacts, what is refused, and their history ----------------------------------------
+
+
+def block(mu: float, half: float = 0.3, height: float = 0.4, **options: Any) -> Simulator:
+    """A block of 2 kg in the x-z plane on two feet; its centre is ``height`` above them."""
+    feet = [contact("body", point=[side, 0, -height], friction=mu) for side in (-half, half)]
+    start = {"initial": {"position": {"z": height}}}
+    scene = {**rails("xz", 2.0, turns=True, iyy=0.1), **start, "constraints": feet}
+    return Simulator(scene, **options)
+
+
+def test_block_on_two_feet_shares_its_weight() -> None:
+    """Pushed by F at its centre: N = mg/2 -+ F h/(2 half); it stays where it is, to the bit."""
+    sim = block(0.5)
+    run = sim.run(0.5, [4.0, 0.0, 0.0])
+    left, right = sim.contact_forces()
+    lean = 4.0 * 0.4 / 0.6
+    assert_close([left.normal, right.normal], [G - lean, G + lean], 1e-9)
+    assert_close(left.force[0] + right.force[0], -4.0, 1e-9)
+    np.testing.assert_array_equal(run.q[1:], np.broadcast_to(run.q[1], run.q[1:].shape))
+    np.testing.assert_array_equal(run.v, np.zeros_like(run.v))
+
+
+def test_block_slides_on_two_feet_or_tips_over() -> None:
+    """It slides with F/m - µg if µ is small; else it tips about its front foot."""
+    sim = block(0.2)
+    run = sim.run(0.3, [6.0, 0.0, 0.0])
+    assert_close(run.q[:, 0], 0.5 * (3.0 - 0.2 * G) * run.time**2, CLOSED_FORM)
+    assert_close(run.q[1:, 2], np.zeros(len(run) - 1), CLOSED_FORM)
+    tips = block(1.0)
+    run = tips.run(0.1, [1.2 * G * 2 * 0.3 / 0.4, 0.0, 0.0])
+    left, right = tips.contact_forces()
+    assert left.state == "apart" and left.gap > 1e-4 and right.state == "sticks"
+    assert abs(right.gap) < 1e-15
+    inertia, arm = 0.1 + 2.0 * (0.3**2 + 0.4**2), 0.2 * 2.0 * G * 0.3
+    assert_close(run.q[2, 2] - run.q[1, 2], 1.5 * arm / inertia * 1e-6, 1e-9)
+
+
+def rod(mu: float, tilt: float, turn: float = 0.0) -> Simulator:
+    """A rod of 1 kg and 1 m in the x-z plane that stands on one end, turned on by ``turn``."""
+    scene = rails("xz", 1.0, turns=True, iyy=1.0 / 12.0)
+    start = {"z": 0.5 * np.sin(tilt), "turn": turn - tilt}
+    end = contact("body", point=[-0.5, 0, 0], friction=mu)
+    return Simulator({**scene, "initial": {"position": start}, "constraints": [end]})
+
+
+@pytest.mark.parametrize(
+    ("lift", "state"), [(0.0, "slides"), (2.0 * G, "apart")], ids=["no motion", "two motions"]
+)
+def test_a_steep_rod_that_slides_with_much_friction_is_refused_one_way(
+    lift: float, state: str
+) -> None:
+    """Painlevé: no motion obeys all laws. Pulled up while friction presses it down, it may lift
+    off or jam.
+    """
+    sim = rod(mu=3.0, tilt=1.1)
+    assert abs(sim.contact_forces()[0].gap) < 1e-12
+    outcomes = []
+    for speed in (1.0, -1.0):
+        before = sim.reset(v=[speed, 0.0, 0.0])
+        try:
+            sim.step([0.0, lift, 0.0])
+            outcomes.append(sim.contact_forces()[0].state)
+        except SimulationDiverged as error:
+            assert "Painlevé" in str(error)
+            assert sim.state is before
+            outcomes.append("refused")
+    assert sorted(outcomes) == sorted(["refused", state])
+
+
+def test_a_rod_slips_on_its_end_however_often_it_was_turned() -> None:
+    """The gap has the rounding of an angle of thousands of radians."""
+    ends = []
+    for whole in (0.0, -2000.0 * np.pi):
+        sim = rod(0.3, np.pi - 1.1, whole)
+        run = sim.run(0.05)
+        assert sim.contact_forces()[0].state == "slides"
+        ends.append(run.q[-1] - [0.0, 0.0, whole])
+    assert abs(ends[0][0]) > 1e-3
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-10)
+
+
+def test_history_closes_the_balance_of_energy() -> None:
+    """What is missing after a run is what impacts and friction took, and the account knows it."""
+    feet = [
+        contact("body", point=[x, 0, -0.4], friction=0.3, restitution=0.4) for x in (-0.3, 0.3)
+    ]
+    start = {"initial": {"position": {"z": 0.4}}}
+    data = {**rails("xz", 2.0, turns=True, iyy=0.1), **start, "constraints": feet}
+    sim = Simulator(data)
+    sim.reset(q=[0.0, 0.6, 0.2], v=[1.0, 0.0, 0.0])
+    run = sim.run(1.5, [1.0, 0.0, 0.1])
+    history = contact_history(sim, run)
+    lost = history.impact_loss + history.friction_loss
+    assert lost[-1] > 3.0 and (np.diff(lost) >= -1e-12).all()
+    assert_close(run.lost, lost, 1e-12)
+    assert_close(run.balance, np.zeros(len(run)), 1e-8)
+    assert history.gap.min() > -1e-12
+    assert (history.force[:, :, 2] >= 0.0).all()
+
+
+def test_of_several_points_inside_their_planes_the_deepest_is_named() -> None:
+    """A nanometre is rounding; what is refused changes nothing."""
+    feet = [
+        contact("body", name=f"foot{k}", plane={"point": [0, 0, height]})
+        for k, height in enumerate((-1.0, 0.5, 0.2))
+    ]
+    sim = Simulator(rails("xz") | {"initial": {"position": {"z": 0.6}}, "constraints": feet})
+    before = sim.reset(q=[5.0, 0.5 - 0.9e-9])
+    for refused in (sim.reset, sim.set_state):
+        with pytest.raises(ConstraintError, match="'foot1' is 0.5 m inside its plane") as told:
+            refused(q=[5.0, 0.0])
+        assert told.value.residuals == {"foot0": 1.0, "foot1": -0.5, "foot2": -0.2}
+        assert sim.state is before
+
+
+LOAD, ADDED = 0.5, 1.5
+
+
+def test_forces_are_those_of_the_load_at_each_time() -> None:
+    load = {"frame": "body", "mass": LOAD, "inertia": [0.0] * 6}
+    scene = rails("z", 2.0) | {"payloads": [load], "tunable": ["payload"]}
+    sim = Simulator(scene | {"constraints": [contact("body")]})
+
+    def control(state: State) -> list[float]:
+        if state.step == 5:
+            sim.set_parameter("payload", [LOAD + ADDED, *[0.0] * 9])
+        return [0.0]
+
+    force = contact_history(sim, sim.run(0.01, control)).force[:, 0, 2]
+    assert_close(force[:5], np.full(5, (2.0 + LOAD) * G), CLOSED_FORM)
+    assert_close(force[5:], np.full(6, (2.0 + LOAD + ADDED) * G), CLOSED_FORM)
+
+
+def test_nothing_is_lost_where_brakes_hold() -> None:
+    sim = Simulator(rails("xz", 2.0) | {"constraints": [contact("body", friction=0.4)]})
+    sim.reset(v=[1.0, 0.0])
+    run = sim.run(0.01)
+    slid = contact_history(sim, run).friction_loss
+    held = replace(run, hold=np.array([0] * 5 + [BRAKES] * 6, np.uint8))
+    loss = contact_history(sim, held).friction_loss
+    assert_close(loss[:6], slid[:6], CLOSED_FORM)
+    assert slid[-1] > slid[5] and (loss[6:] == loss[5]).all()

@@ -26,8 +26,7 @@ def ended(scene: dict[str, Any], start: tuple[Any, ...], tau: Any, time: float, 
 
 @pytest.mark.parametrize(
     ("method", "depth", "way"),
-    [(None, 1.002, 1), (None, 1.02, -1), ("rk4", 1.02, 1), ("nystrom4", 1.002, -1),
-     ("implicit", 1.02, -1)],
+    [(None, 1.002, 1), ("rk4", 1.02, 1), ("implicit", 1.02, -1)],
 )  # fmt: skip
 def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     method: str | None, depth: float, way: int
@@ -53,11 +52,9 @@ def test_a_sliding_joint_that_would_turn_back_for_a_moment_sticks(
     np.testing.assert_allclose(found.q[-1], fine.q[-1], rtol=0, atol=1e-6 if fixed else 1e-8)
 
 
-@pytest.mark.parametrize(("stiffness", "start"), [(1e7, 0.0), (1e8, 3.3e-4)])
-def test_a_mass_that_bounces_off_an_elastic_stop_within_a_tick(
-    stiffness: float, start: float
-) -> None:
+def test_a_mass_that_bounces_off_an_elastic_stop_within_a_tick() -> None:
     """Contact with the spring lasts half a period; then the mass returns at the same speed."""
+    stiffness, start = 1e8, 3.3e-4
     scene = rails(axes="x", mass=1.0)
     scene |= {
         "gravity": STILL,
@@ -80,25 +77,6 @@ def test_a_mass_that_rises_to_its_stop_within_a_tick(part: float, how: dict[str,
     end = ended(scene, start, [0.0], dt, dt=dt, **how)
     found, falls = [end.q[-1, 0], end.v[-1, 0]], [stop - 0.5 * G * left**2, -G * left]
     np.testing.assert_allclose(found, falls, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("method", ["implicit", "dop853"])
-def test_a_cord_that_is_taut_for_a_moment(method: str) -> None:
-    """A mass on a rail is caught by a stiff cord and thrown back, all in the middle of a tick."""
-    stiffness, slack, speed, dt = 1e6, 0.01, 1.0, 0.02
-    scene = rails(axes="x", mass=1.0)
-    scene |= {
-        "gravity": STILL,
-        "springs": [
-            {"name": "cord", "frames": ["body", "world"], "points": [STILL, [-1, 0, 0]],
-             "stiffness": stiffness, "rest_length": 1.0 + slack, "tension_only": True}
-        ],
-    }  # fmt: skip
-    how = {"integrator": method, "tolerance": 1e-9, "dt": dt}
-    recording = ended(scene, ([0.0], [speed]), [0.0], dt, **how)
-    leaves = slack / speed + np.pi / np.sqrt(stiffness)
-    way = slack - speed * (dt - leaves)
-    np.testing.assert_allclose(recording.q[-1], [way], rtol=0, atol=1e-7)
 
 
 def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others() -> None:
@@ -164,71 +142,32 @@ def test_what_holds_gives_way_to_a_load_that_peaks_within_a_tick(
     assert abs(state.q[0] - way) < allowed
 
 
-J, ETA, TIME = 0.02, 0.7, 0.16
-GEARS = {
-    # Actuator; joint; command, initial speed, and the drive's torque by position and speed.
-    "with cogging": (
-        {"gear_ratio": 30.0, "cogging": {"amplitude": 0.004, "order": 6}}, {}, 0.01, 3.0,
-        lambda q, v: 0.01 - 0.12 * np.sin(180 * q),
-    ),
-    "under dry friction, of a motor that is driven beyond its speed": (
-        {"command": "voltage", "resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0},
-        {"spring": {"stiffness": 5.0, "rest": 4.0}, "friction": {"coulomb": 0.1}}, 12.0, 0.0,
-        lambda q, v: (12.0 - v) / 2.0,
-    ),
-}  # fmt: skip
-
-
-CHANGING: list[tuple[dict[str, Any], float]] = [
+@pytest.mark.parametrize(("how", "allowed"), [
     ({"integrator": "implicit", "tolerance": 1e-10, "dt": 1e-3}, 1e-8),
     ({"integrator": "dop853", "tolerance": 1e-11, "dt": 2e-2}, 1e-9),
-]
-
-
-@pytest.mark.parametrize("turn", [2.5, 40.0])
-def test_a_load_that_peaks_often_within_a_tick(turn: float) -> None:
-    """A wheel that turns up to six times in a tick; the reference are far shorter ticks."""
-    axis, settings, (push, _, _) = HELD["by dry friction"]
-    ends = []
-    for parts in (1, 64):
-        how = {"tolerance": 1e-11, "dt": turn / SPEED / parts}
-        sim = Simulator(shaken(axis, settings), **how)
-        sim.reset([0.0, -1.0], [0.0, SPEED])
-        for _ in range(parts):
-            sim.step([push * LOAD, 0.0])
-        ends.append(sim.state.q[0])
-    assert ends[1] > 1e-5
-    assert_close(*ends, CLOSED_FORM)
-
-
-@pytest.mark.parametrize(("gear", "accuracy"), covering(GEARS, CHANGING), ids=str)
-def test_a_lossy_gear_whose_torque_changes_its_sign(
-    gear: str, accuracy: tuple[dict[str, Any], float]
-) -> None:
+], ids=str)  # fmt: skip
+def test_a_lossy_gear_whose_torque_changes_its_sign(how: dict[str, Any], allowed: float) -> None:
     """η of the torque where the motor drives, 1/η where it is driven; by SciPy in pieces."""
-    how, allowed = accuracy
-    actuator, joint, command, speed, torque = GEARS[gear]
-    scene = rotor(J)
-    scene["gravity"] = STILL
-    scene["joints"]["axle"] = joint | {"actuator": actuator | {"efficiency": ETA}}
-    spring, level = joint.get("spring", {}).get("stiffness", 0.0), 0.1 * ("friction" in joint)
+    J, eta, command, speed, time = 0.02, 0.7, 0.01, 3.0, 0.16
+    cogging = {"gear_ratio": 30.0, "cogging": {"amplitude": 0.004, "order": 6}}
+    scene = rotor(J) | {"gravity": STILL}
+    scene["joints"]["axle"] = {"actuator": cogging | {"efficiency": eta}}
     sim = Simulator(scene, **how)
     sim.reset([0.0], [speed])
-    sim.run(TIME, [command])
+    sim.run(time, [command])
 
-    def slope(_: float, x: np.ndarray) -> list[float]:
-        return [x[1], (part * torque(*x) + spring * (4.0 - x[0]) - level) / J]
+    def torque(_: float, x: np.ndarray) -> float:
+        return float(command - 0.12 * np.sin(180.0 * x[0]))
 
-    def sign(_: float, x: np.ndarray) -> float:
-        return float(torque(*x))
-
-    sign.terminal, t, x, changes = True, 0.0, [0.0, speed], -1  # type: ignore[attr-defined]
-    drives = torque(*x) > 0
-    while t < TIME:
-        part = ETA if drives else 1 / ETA
-        sign.direction = -1 if drives else 1  # type: ignore[attr-defined]
-        found = solve_ivp(slope, (t, TIME), x, "DOP853", events=sign, rtol=1e-12, atol=1e-13,
-                          max_step=1e-3)  # fmt: skip
+    torque.terminal, t, x, changes = True, 0.0, np.array([0.0, speed]), -1  # type: ignore[attr-defined]
+    drives = torque(t, x) > 0
+    while t < time:
+        part = eta if drives else 1 / eta
+        torque.direction = -1 if drives else 1  # type: ignore[attr-defined]
+        found = solve_ivp(
+            lambda t, x, part=part: [x[1], part * torque(t, x) / J], (t, time), x, "DOP853",
+            events=torque, rtol=1e-12, atol=1e-13, max_step=1e-3,
+        )  # fmt: skip
         t, x, drives, changes = found.t[-1], found.y[:, -1], not drives, changes + 1
     assert changes > 0 and x[1] > 0.0
     assert_close([sim.state.q[0], sim.state.v[0]], x, allowed)

@@ -59,3 +59,13 @@ def test_thrown_about(features: str, rng: np.random.Generator, fuzz: int) -> Non
                 break
             assert np.isfinite([sim.state.q, sim.state.v]).all()
     assert lost < 20 * fuzz  # most of it is motion
+
+
+def test_joints_that_meet_their_stops_do_not_chatter() -> None:
+    """Two that lie at stops and take a blow in turn come to rest: no tick has to be cut short."""
+    sim = Simulator(models.scene("panda"))
+    draw = np.random.default_rng(1)
+    for _ in range(150):
+        sim.run(0.02, np.clip(draw.normal(0.0, 30.0, 7), -12.0, 12.0))
+    assert sim.impacts > 50
+    assert sim.state.time_stepped == 0

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from arm_sim import Simulator
-from models.engine import Engine
 from models.touching import contact, free_body
 from tolerances import CLOSED_FORM, assert_close
 
@@ -63,23 +62,3 @@ def test_it_is_lifted_off_all_eight_at_once(box: Simulator) -> None:
     run = box.run(0.05, [0, 0, 2.0 * MASS * G, 0, 0, 0])
     assert {force.state for force in box.contact_forces()} == {"apart"}
     assert_close(run.q[:, 2] - HEIGHT, 0.5 * G * (run.time - run.time[0]) ** 2, 1e-10)
-
-
-def test_shares_of_more_self_stresses_than_parts_stand_beside_the_sets() -> None:
-    """A box on four points, whose rails have dry friction: 12 self-stresses of 10 parts.
-
-    Its friction of 3 N and that of its feet bear 3 + 0.4 · 19.62 N together. Shares are
-    multipliers of limits, so none is negative; under a push the rail and the feet give way.
-    """
-    feet = [
-        contact("body", point=[x, y, -HEIGHT], friction=MU, name=f"foot{k}")
-        for k, (x, y) in enumerate(FACE[:4])
-    ]
-    friction = {"joints": {"*": {"friction": {"coulomb": 3.0}}}}
-    engine = Engine({**free_body(MASS, [0.02, 0.01, 0.02]), **friction, "constraints": feet})
-    x, push = np.zeros(12), np.array([12.0, 0, 0, 0, -12.0 * HEIGHT, 0])
-    x[2] = HEIGHT
-    shares = engine.shares(x, push)
-    assert (shares >= 0.0).all()
-    assert shares[0] > 0.1 and (shares[6:] > 0.0).all()
-    assert (shares[[1, 3, 5]] < 1e-3).all()

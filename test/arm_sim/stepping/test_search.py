@@ -26,22 +26,6 @@ def test_the_instant_is_found_to_rounding(f: Callable[[float, float], float], ro
     assert f(found, root) > 0.0 and f(found - 1e-15, root) <= 0.0
 
 
-def test_a_wall_is_found_by_bisection() -> None:
-    """Where the value cannot be computed beyond it, it counts as infinite."""
-    found = locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0)
-    assert_close(found.at, 0.5, 1e-15)
-    assert found.evaluations <= 60
-    assert locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0).at > 0.5
-
-
-def test_scale_of_time_and_of_the_value_do_not_matter() -> None:
-    for h in (1e-9, 1.0, 1e6):
-        for size in (1e-12, 1.0, 1e12):
-            found = locate(lambda t, h=h, size=size: size * np.sin(3 * (t / h - 0.41234)), h)
-            assert_close(found.at / h, 0.41234, 1e-15)
-            assert found.evaluations <= 40
-
-
 def test_of_several_values_the_first_is_found() -> None:
     """In about as many trials as one takes, whatever their scales: the largest has a kink."""
     late, soon = (lambda t: 1e3 * np.sin(t - 0.7)), (lambda t: 1e-9 * np.expm1(5 * (t - 0.31)))
