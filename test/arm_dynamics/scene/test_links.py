@@ -12,7 +12,6 @@ from click.testing import CliRunner
 
 import models
 from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
-from arm_dynamics.scene.text import scene_of, scene_text
 from arm_sim.cli.main import main
 from arm_studies.identification.identified_scene import scene_with
 from tolerances import PINOCCHIO, assert_close
@@ -92,13 +91,6 @@ REFUSED: list[tuple[Any, str]] = [
 def test_mistakes_are_named(links: Any, words: str) -> None:
     with pytest.raises(SceneError, match=words):
         Dynamics({"robot": {"urdf": URDF, "lock": ["first"]}, "links": links})
-
-
-def test_a_saved_scene_has_them() -> None:
-    scene = load_scene({"robot": {"urdf": URDF}, "links": {"c": BODY}})
-    again = scene_of(scene_text(scene, "robot.urdf"), scene.robot.urdf)
-    assert again.links == scene.links
-    assert ArmModel(again).whole == ArmModel(scene).whole
 
 
 def test_identified_inertias_replace_them() -> None:

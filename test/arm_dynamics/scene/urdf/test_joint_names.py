@@ -3,7 +3,6 @@
 
 import copy
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ import pytest
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_dynamics.scene.urdf.joint_names import JointNames, Named
-from arm_dynamics.trajectory import Waypoint
-from arm_dynamics.trajectory.files import JointTrajectory
 
 GRIPPER = models.dynamics("gripper").model.joint_names  # swing, left_slide
 FINGER = models.dynamics("finger").model.joint_names  # spread, knuckle
@@ -74,15 +71,3 @@ def test_names_are_a_tuple_that_can_be_copied() -> None:
     for other in (copy.deepcopy(GRIPPER), pickle.loads(pickle.dumps(GRIPPER))):
         assert isinstance(other, JointNames)
         assert other == GRIPPER and other.rules == GRIPPER.rules
-
-
-def test_a_trajectory_may_name_followers(tmp_path: Path) -> None:
-    """As those of grippers of which both fingers are commanded."""
-    names = ("left_slide", "swing", "right_slide")
-    first, last = Waypoint(0.0, [0.01, 0.0, 0.003]), Waypoint(1.0, [0.03, 1.0, -0.011], [0.0] * 3)
-    path = JointTrajectory(names, (first, last)).save(tmp_path / "a.yaml")
-    motion = JointTrajectory.load(path).motion(GRIPPER)
-    np.testing.assert_allclose(motion.sample(1.0).q, [1.0, 0.03], atol=1e-12)
-    other = JointTrajectory(names, (Waypoint(0.0, [0.01, 0.0, 0.01]), last))
-    with pytest.raises(InvalidInput, match="right_slide follows left_slide"):
-        other.motion(GRIPPER)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, ModelError, SceneError, load_scene
+from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
 from arm_dynamics.scene.load import SceneSource
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.view.shapes import visuals_of
@@ -23,11 +23,8 @@ def arm(source: SceneSource) -> ArmModel:
 
 UNUSUAL = {
     "declaration after a comment": f'<!-- by hand -->\n<?xml version="1.0"?>{BODY}',
-    "byte order mark before a blank line": f'\ufeff\n<?xml version="1.0"?>{BODY}',
     "encoding that the text no longer has": f'<?xml version="1.0" encoding="UTF-16"?>{BODY}',
     "unbound prefix of an attribute": BODY.replace("<link ", '<link gz:colour="red" ', 1),
-    "dashes in a comment": BODY.replace("<link ", "<!-- ------ links -- ------ --><link ", 1),
-    "a tag in a comment": BODY.replace("<link ", "<!-- <link name='old'> -- <!-- --><link ", 1),
     "dashes that are no comment": BODY.replace(
         "</robot>", "<note a='-->'>--> <![CDATA[ <!-- -- ]]> <?a <!-- -- ?></note></robot>"
     ),
@@ -73,13 +70,6 @@ def test_a_scene_of_another_encoding_is_read(encoding: str, tmp_path: Path) -> N
     assert arm(path).has_frame("poign\u00e9e") and load_scene(path).gravity == (0.0, 0.0, 1.0)
 
 
-def test_utf_16_without_its_mark_is_not_text(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(URDF, "utf-16-le")
-    with pytest.raises(SceneError, match=f"'{path}' is not text; a scene .* is expected"):
-        load_scene(path)
-
-
 def test_comments_leave_errors_where_they_are() -> None:
     text = BODY.replace("</robot>", "<!-- -- \n -- --> <b></robot>")
     line = BODY.count("\n", 0, BODY.index("</robot>")) + 2
@@ -87,10 +77,9 @@ def test_comments_leave_errors_where_they_are() -> None:
         load_scene(text)
 
 
-@pytest.mark.parametrize("part", ["<!-- -- ", "<![CDATA["])
-def test_what_never_ends_is_refused(part: str) -> None:
+def test_what_never_ends_is_refused() -> None:
     with pytest.raises(ModelError, match="not well-formed XML"):
-        load_scene(BODY.replace("</robot>", part * 30000))
+        load_scene(BODY.replace("</robot>", "<!-- -- " * 30000))
 
 
 def test_a_comment_in_a_comment_is_refused() -> None:
@@ -98,22 +87,4 @@ def test_a_comment_in_a_comment_is_refused() -> None:
     text = BODY.replace("</robot>", "\n<!-- <!-- old -->\n<link name='a'/> --></robot>")
     line = BODY.count("\n", 0, BODY.index("</robot>")) + 3
     with pytest.raises(ModelError, match=f"line {line}: '-->' ends no comment"):
-        load_scene(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (BODY[:400], "not well-formed XML: .*line \\d+"),
-        ("<mujoco/>", "root element is <mujoco>, not <robot>; this is MJCF"),
-        (
-            BODY.replace("<robot ", '<robot xmlns:x="http://ros.org/xacro" ').replace(
-                "</robot>", "<x:arm/></robot>"
-            ),
-            "<xacro:arm> is not expanded",
-        ),
-    ],
-)
-def test_what_is_no_robot_description_is_refused(text: str, words: str) -> None:
-    with pytest.raises(ModelError, match=words):
         load_scene(text)

@@ -151,12 +151,9 @@ def repeated(words: str) -> str:
 
 SOUND: dict[str, Way] = {
     "blanks around": with_numbers(lambda words, _: f" \t{' '.join(words)}\n"),
-    "line feeds by reference": with_numbers(lambda words, _: "&#10;".join(words) + "&#x9;"),
     "digits by reference": with_one(lambda word: "".join(f"&#{ord(c)};" for c in word)),
     "an entity": as_entity,
-    "single quotes": with_element(r"\w+", lambda words: words.replace('"', "'")),
     "attributes in another order": with_element(r"\w+", shuffled),
-    "open and closed": with_element(r"\w+", lambda w: re.sub(r"<(\w+)(.*)/>", r"<\1\2></\1>", w)),
     "another order": in_other_order,
     "one ulp more": with_one(ulp),
     "exponents": with_one(lambda word: f"{float(word):.16E}"),
@@ -164,21 +161,14 @@ SOUND: dict[str, Way] = {
     "zeros in front": with_one(lambda word: re.sub(r"^(-?)", r"\g<1>00", word)),
     "many digits": with_one(lambda word: f"{word}{'' if '.' in word else '.'}{'0' * 40}1"),
     "minus zero": with_one(lambda word: "-0.0" if float(word) == 0.0 else word),
-    "comments": with_top("<!-- <link name='upper'/> -->"),
     "transmissions": with_top(
         "<transmission name='t'><joint name='elbow'><mass value='7'/></joint></transmission>"
     ),
     "plugins": with_top("<gazebo reference='upper'><mu1>0.2</mu1><mass value='x'/></gazebo>"),
-    "unbound prefixes": with_top("<gz:plugin gz:mass='9'/>"),
     "unknown attributes": with_element(
         r"\w+", lambda words: words.replace("/>", " colour='1 x'/>")
     ),
     "default namespace": lambda text, _: text.replace("<robot ", "<robot xmlns='http://r' ", 1),
-    "unknown version": lambda text, _: text.replace("<robot ", "<robot version='7' ", 1),
-    "no name": lambda text, _: text.replace(" name='arm'", "").replace(' name="arm"', ""),
-    "a late declaration": lambda text, _: f'\n <!-- by hand -->\n<?xml version="1.0"?>{text}',
-    "a byte order mark": lambda text, _: f"\ufeff{text}",
-    "masses elsewhere": with_element("parent", lambda words: f"{words}<mass value='8'/>"),
     "no products of inertia": with_element(
         "inertia", lambda words: re.sub(r' i(xy|xz|yz)="[^"]*"', "", words)
     ),
@@ -194,9 +184,6 @@ SOUND: dict[str, Way] = {
     "no inertial": lambda text, rng: re.sub(
         r"<inertial>.*?</inertial>", "", text, count=int(rng.integers(1, 5)), flags=re.DOTALL
     ),
-    "infinite limits": with_element(
-        "limit", lambda words: words.replace('effort="', 'effort=" inf" x="')
-    ),  # fmt: skip
     "repeated elements": with_element("origin|mass|inertia|axis|limit|dynamics", repeated),
     "repeated inertials": lambda text, _: text.replace(
         "</inertial>", "</inertial><inertial><mass value='5'/></inertial>"
@@ -204,15 +191,9 @@ SOUND: dict[str, Way] = {
     "names alike": named_alike,
 }
 REFUSED: dict[str, Way] = {
-    "underscores": with_one(lambda word: f"1_{word.lstrip('-')}"),
-    "hexadecimal": with_one(lambda word: "0x10"),
     "other digits": with_one(lambda word: "\u0663"),
-    "a comma": with_one(lambda word: f"{word},5"),
-    "an expression": with_one(lambda word: "${pi/2}"),
     "a minus apart": with_one(lambda word: f"- {word.lstrip('-')}"),
-    "nothing": with_numbers(lambda words, _: " "),
     "one too few": with_numbers(lambda words, _: " ".join(words[1:])),
-    "a huge mass": with_element("mass", lambda words: "<mass value='1e999'/>"),
     "an infinite place": with_element("origin", lambda words: "<origin xyz='0 inf 0'/>"),
     "a repeated attribute": with_element(
         "origin|mass|axis|limit|dynamics|inertia",
@@ -221,19 +202,12 @@ REFUSED: dict[str, Way] = {
     "no mass": with_element("mass", lambda words: ""),
     "no moment": without("iyy", "inertia"),
     "a negative mass": with_element("mass", lambda words: words.replace('="', '="-')),
-    "a negative moment": with_element("inertia", lambda words: words.replace('izz="', 'izz="-')),
     "negative damping": with_element("dynamics", lambda w: w.replace('damping="', 'damping="-')),
-    "limits that cross": lambda text, _: text.replace('lower="-3"', 'lower="3"'),
-    "no limit": lambda text, _: re.sub(r"<limit lower[^<>]*/>", "", text, count=1),
-    "an axis of zero": with_element("axis", lambda words: "<axis xyz='0 0 0'/>"),
     "a quaternion": with_element("origin", lambda words: "<origin quat_xyzw='0 0 0 1'/>"),
     "two links of one name": with_top("<link name='upper'/>"),
     "a nameless link": with_top("<link/>"),
     "another root": with_top("<link name='floor'/>"),
-    "an unknown parent": lambda text, _: text.replace('parent link="fore"', 'parent link="four"'),
-    "a floating joint": lambda text, _: text.replace('"continuous"', '"floating"'),
     "an unknown entity": with_numbers(lambda words, _: "&nowhere;"),
-    "unclosed": lambda text, _: text.removesuffix("</robot>"),
 }
 NAMES = (
     r"(link|joint) '\w+'|two <\w+> are called '\w+'|a <\w+> has no name|line \d+|"
@@ -302,11 +276,3 @@ def test_ways_together(rng: np.random.Generator, fuzz: int) -> None:
         else:
             read += 1
     assert read > 0.9 * WAYS * fuzz
-
-
-def test_the_comparison_sees_one_ulp_of_a_mass() -> None:
-    """It would see a number that is dropped, or is the next one."""
-    rng = np.random.default_rng(2)
-    heavier = ROBOT.replace('"3.25"', f'"{3.25 * (1 + 1e-10)!r}"')
-    *state, own = torques(Dynamics(ROBOT), rng)
-    assert abs(Robot(heavier).torques(*state)["shoulder"] - own["shoulder"]) > 10 * NEAR
