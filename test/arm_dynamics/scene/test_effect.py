@@ -70,38 +70,6 @@ def test_under_all_one_joint_that_has_use_of_it_is_enough() -> None:
     assert load_scene(scene(joints=servo))
 
 
-def test_a_joint_may_be_without_what_all_others_have() -> None:
-    joints: dict[str, Any] = {
-        "*": {
-            "actuator": MOTOR,
-            "transmission": {
-                "stiffness": 100.0,
-                "hysteresis": {"torque": 0.1, "deflection": 1e-3},
-            },
-        }
-        | {"spring": {"stiffness": 2.0, "rest": 0.1}, "limits": {"stop": {"restitution": 0.5}}},
-        "joint1": {
-            "transmission": {"hysteresis": {"torque": 0, "deflection": 1e-3}},
-            "spring": {"stiffness": 0},
-        },
-        "joint2": {"limits": {"stop": False}},
-    }
-    assert ArmModel(load_scene(scene(joints=joints)))
-    joints["joint1"]["spring"]["rest"] = 0.2
-    assert refusal(scene(joints=joints)).startswith("joints.joint1.spring.rest' = 0.2 is without")
-
-
-def test_a_follower_has_a_stop_where_it_has_a_range() -> None:
-    joints = {"right_slide": {"limits": {"stop": {"restitution": 0.5}}}}
-    urdf = (models.FOLDER / "gripper.urdf").read_text()
-    assert load_scene({"robot": {"urdf": urdf}, "joints": joints})
-    still = urdf.replace('multiplier="-0.7"', 'multiplier="0"')
-    assert still != urdf
-    assert "joints.right_slide.limits.stop'" in refusal(
-        {"robot": {"urdf": still}, "joints": joints}
-    )
-
-
 def test_of_a_spring_between_points() -> None:
     fine, own = CORD | {"stiffness": 1.0, "name": "first"}, CORD | {"damping": 1.0}
     own["rest_length"] = 0.2

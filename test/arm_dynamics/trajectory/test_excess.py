@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which joint breaks which limit, when, and by how much."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -56,13 +54,6 @@ def test_how_far_a_joint_goes_is_that_of_the_whole_trajectory() -> None:
         places = [[0.0, 0.0], [0.0, 1.2 * sign], [0.0, 1.7 * sign], [0.0, 1.1 * sign]]
         way = spline([Waypoint(float(k), q, still, still) for k, q in enumerate(places)])
         assert f"and reach {1.7 * sign:.4g}; allowed: {sign:.4g}" in complaint(bounds, way)
-
-
-def test_units_and_margin_are_named() -> None:
-    typed = replace(limits(velocity=[9, 0.4]), joint_types=("revolute", "prismatic"))
-    assert complaint(Bounds(typed, margin=0.02), rest_to_rest(0, 1)).endswith(
-        "and reach 0.9375 m/s; allowed: 0.4 m/s and 2 % more (limit_margin)"
-    )
 
 
 def test_an_arm_beyond_a_position_limit_may_come_back() -> None:

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories at single times, with a compiler and without."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 
@@ -43,10 +40,3 @@ def test_a_motion_begins_and_ends_at_rest_at_its_ends(rng: np.random.Generator) 
     assert inside.v.any() and inside.a.any()
     with pytest.raises(ValueError, match="read-only"):
         inside.q[0] = 0.0
-
-
-def test_copies_and_pickles_are_sampled_alike(rng: np.random.Generator) -> None:
-    made = motion(rng)
-    wanted = bits(made.sample(0.7))
-    for other in (copy.deepcopy(made), pickle.loads(pickle.dumps(made))):
-        assert bits(other.sample(0.7)) == wanted

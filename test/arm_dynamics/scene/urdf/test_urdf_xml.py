@@ -60,16 +60,6 @@ def test_a_file_of_another_encoding_is_read(
     assert f"'{path}' is not UTF-8: read as Latin-1" in caplog.text
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
-def test_a_scene_of_another_encoding_is_read(encoding: str, tmp_path: Path) -> None:
-    """As editors and shells of Windows write them; a description in UTF-16 as well."""
-    text = BODY.replace("link3", "poign\u00e9e")
-    (tmp_path / "arm.urdf").write_text(f'<?xml version="1.0"?>{text}', encoding)
-    path = tmp_path / "arm.yaml"
-    path.write_text("robot: {urdf: arm.urdf}  # 30 \u00b0\ngravity: [0, 0, 1]\n", encoding)
-    assert arm(path).has_frame("poign\u00e9e") and load_scene(path).gravity == (0.0, 0.0, 1.0)
-
-
 def test_comments_leave_errors_where_they_are() -> None:
     text = BODY.replace("</robot>", "<!-- -- \n -- --> <b></robot>")
     line = BODY.count("\n", 0, BODY.index("</robot>")) + 2
