@@ -14,7 +14,7 @@ from forging import running
 from harness import Ros
 
 import models
-from arm_dynamics import InvalidInput, Term
+from arm_dynamics import InvalidInput
 from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import Refused
 from arm_dynamics.ros.common.caller import Caller, PolledClient
@@ -35,16 +35,6 @@ def arm(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[ArmCl
     with running(forge, logs, ("dynamics", SCENE), ("sim", SCENE)) as domain:
         with ArmClient(timeout=60.0, domain=domain) as client:
             yield client
-
-
-def test_a_point(arm: ArmClient, rng: np.random.Generator) -> None:
-    dynamics = models.dynamics("two_link")
-    q, v, a = rng.normal(size=(3, 2))
-    np.testing.assert_allclose(arm.inverse_dynamics(q, v, a), dynamics.inverse(q, v, a))
-    np.testing.assert_allclose(arm.inverse_dynamics(q), dynamics.gravity(q))
-    np.testing.assert_allclose(arm.forward_dynamics(q, v, a), dynamics.forward(q, v, a))
-    turned = arm.inverse_dynamics(q[::-1], terms=Term.GRAVITY, joint_names=JOINTS)
-    np.testing.assert_allclose(turned[::-1], dynamics.gravity(q))
 
 
 def test_terms_and_task_space_have_their_shapes(arm: ArmClient, rng: np.random.Generator) -> None:

@@ -143,13 +143,6 @@ def test_positions_found_bring_the_frame_to_the_pose(
     assert_close(found.q, InverseKinematics(HAND).solve(HAND.pose(q)).q, 1e-6)
 
 
-def test_seeds_and_joints_in_any_order(panda: ArmClient, rng: np.random.Generator) -> None:
-    q, back = near_home(rng, 3), ARM.joint_names[::-1]
-    found = panda.inverse_kinematics(FRAME, poses(q), q[:, ::-1], joint_names=back)
-    assert found.joint_names == back
-    np.testing.assert_array_equal(found.q, q[:, ::-1])
-
-
 def test_what_is_not_reached_is_an_error_that_holds_the_nearest(panda: ArmClient) -> None:
     home = poses(ARM.q0)
     with pytest.raises(Refused, match=r"1 of 3 poses .* pose 1 misses") as error:
@@ -166,9 +159,6 @@ def test_what_is_not_reached_is_an_error_that_holds_the_nearest(panda: ArmClient
 
 def test_the_command_finds_positions_and_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
     wanted = poses(ARM.q0 + 0.1)
-    table = arm(*FIND, json.dumps(wanted.tolist()), "--seed", "panda_joint4=-2").output
-    assert re.search(r"panda_joint4 +-2 +-[12]\.\d+", table)
-    assert re.search(r"reached: yes .*\n +distance \[m\]: \S+\n +angle \[rad\]: \S+", table)
     given = json.dumps([wanted.tolist(), far(wanted).tolist()])
     shown = arm(*FIND, given)
     assert shown.exit_code == 1

@@ -9,7 +9,6 @@ from arm_dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory import Bounds, Limits, Trajectory, Waypoint, spline, stretched_spline
 from models.driven import wheel
-from tolerances import ALGEBRA
 
 ARM = models.dynamics("two_link")
 NONE = np.full(2, np.inf)
@@ -78,22 +77,6 @@ def test_lines_jump_in_velocity_which_no_acceleration_limit_allows() -> None:
     )
 
 
-def test_how_far_a_torque_goes_is_that_of_the_whole_trajectory() -> None:
-    """Of the joint that first exceeds its limit, which the margin widens."""
-    quick, margin = rest_to_rest(-0.4, -0.4, time=0.15), 0.1
-    said = complaint(Bounds(FREE, ARM, margin), quick)
-    torque = ARM.inverse(*quick.at(np.linspace(0.0, 0.15 - 1e-9, 1001)))
-    beyond = abs(torque) > ARM.model.effort_limit * (1.0 + margin)
-    first, joint = np.argwhere(beyond)[0]
-    most = torque[np.argmax(abs(torque[:, joint])), joint]
-    assert abs(most) > 1.2 * abs(torque[first, joint])
-    limit = np.copysign(ARM.model.effort_limit[joint], most)
-    assert f"'{ARM.joint_names[joint]}' would leave its effort limit" in said
-    said = said.removesuffix(" and 10 % more (limit_margin)")
-    reach, allowed = (float(part.split()[-1]) for part in said.split("; allowed:"))
-    assert reach == pytest.approx(most, rel=2e-3) and allowed == pytest.approx(limit, rel=1e-3)
-
-
 def test_a_margin_widens_velocities_and_not_positions() -> None:
     peak = 15 / 8 / 2
     Bounds(limits(velocity=[peak / 1.05] * 2), margin=0.06).check(rest_to_rest(1, 0))
@@ -109,14 +92,6 @@ def test_the_factor_is_what_time_must_be_stretched_by() -> None:
     by_rise = Bounds(limits(acceleration=[10 / np.sqrt(3) / 4 / 9, 99]))
     assert by_rise.factor(rest_to_rest(1, 0)) == pytest.approx(3.0, rel=1e-9)
     assert Bounds(FREE).factor(rest_to_rest(1, 0)) == 1.0
-
-
-def test_stretched_by_the_torque_factor_the_effort_limit_holds() -> None:
-    bounds, quick = Bounds(FREE, ARM), rest_to_rest(0.4, 0.4, time=0.12)
-    factor = bounds.factor(quick)
-    assert factor > 1.0
-    bounds.check(rest_to_rest(0.4, 0.4, time=0.12 * factor * (1 + ALGEBRA)))
-    complaint(bounds, rest_to_rest(0.4, 0.4, time=0.12 * factor * 0.98))
 
 
 def test_an_excess_between_the_points_that_are_looked_at_is_seen() -> None:

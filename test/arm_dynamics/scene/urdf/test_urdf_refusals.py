@@ -25,7 +25,16 @@ def following(leader: str) -> str:
 PIN = (
     '<link name="x"/><joint name="pin" type="fixed"><parent link="base"/><child link="x"/></joint>'
 )
+UPPER = '<link name="link1">'
 BAD = [
+    (changed(UPPER, f'<link name="link2"/>{UPPER}'), "two <link> are called 'link2'"),
+    (changed(UPPER, f"<link/>{UPPER}"), "a <link> has no name"),
+    (changed(UPPER, f'<link name="x"/>{UPPER}'), "one root link expected, found 2: base, x"),
+    (changed('<mass value="2"/>', ""), "<inertial> without <mass value="),
+    (changed(' iyy="0.015"', ""), "<inertia> without iyy"),
+    (changed('<axis xyz="0 -1 0"/>', '<origin quat_xyzw="0 0 0 1"/>'), "quat_xyzw"),
+    (changed('<mass value="2"/>', '<mass value="-2"/>'), "mass.*-2"),
+    (changed(JOINT2, f'{JOINT2}<dynamics damping="-1"/>'), "damping.*-1"),
     (changed('<child link="link2"/>', '<child link="hand"/>'), "joint2.*hand"),
     (changed('<child link="link3"/>', '<child link="link1"/>'), "link1.*has a parent joint"),
     (
