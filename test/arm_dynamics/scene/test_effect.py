@@ -37,6 +37,11 @@ def servo(**more: float) -> dict[str, Any]:
     return {"servo": {"stiffness": 500.0, "damping_ratio": 0.8, **more}}
 
 
+def hysteresis(torque: float) -> dict[str, Any]:
+    bend = {"torque": torque, "deflection": 1e-3}
+    return {"actuator": MOTOR, "transmission": {"stiffness": 100.0, "hysteresis": bend}}
+
+
 def spring(stiffness: float) -> dict[str, Any]:
     return {"spring": {"stiffness": stiffness, "damping": 1.0, "rest": 0.3}}
 
@@ -47,6 +52,7 @@ OF_A_JOINT: list[tuple[dict[str, Any], str, dict[str, Any]]] = [
     (stop(True), "limits.stop' = True", stop(True, lower=-1.0, upper=1.0)),
     (servo(damping=20.0), "servo.damping_ratio' = 0.8", servo()),
     (spring(0), "spring.rest' = 0.3", spring(2.0)),
+    (hysteresis(0), "transmission.hysteresis.deflection' = 0.001", hysteresis(0.1)),
     (cogging(0.0), "actuator.cogging.order' = 7.0", cogging(0.1)),
 ]
 
@@ -68,6 +74,20 @@ def test_under_all_one_joint_that_has_use_of_it_is_enough() -> None:
     servo = {"*": {"servo": {"damping_ratio": 0.7}}, "joint1": {"servo": {
         "stiffness": 500.0, "damping": 20.0}}}  # fmt: skip
     assert load_scene(scene(joints=servo))
+
+
+def test_a_joint_may_be_without_what_all_others_have() -> None:
+    own = {"transmission": {"hysteresis": {"torque": 0.0, "deflection": 1e-3}}}
+    assert ArmModel(load_scene(scene(joints={"*": hysteresis(0.1), "joint1": own})))
+
+
+def test_a_follower_that_stands_still_has_no_stop() -> None:
+    urdf = (models.FOLDER / "gripper.urdf").read_text()
+    joints = {"right_slide": {"limits": {"stop": {"restitution": 0.5}}}}
+    assert load_scene({"robot": {"urdf": urdf}, "joints": joints})
+    still = urdf.replace('multiplier="-0.7"', 'multiplier="0"')
+    said = refusal({"robot": {"urdf": still}, "joints": joints})
+    assert said.startswith("joints.right_slide.limits.stop'")
 
 
 def test_of_a_spring_between_points() -> None:

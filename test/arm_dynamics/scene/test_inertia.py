@@ -33,6 +33,11 @@ def test_a_moment_beyond_the_sum_of_the_others_is_not(rng: np.random.Generator) 
         assert (fault(1.0, six_of(tensor)) is None) is fine
 
 
+def test_no_mass_is_negative_or_not_a_number() -> None:
+    for mass in (-1.0, np.nan):
+        assert f"mass = {mass:g} kg" in str(fault(mass, [0.0] * 6))
+
+
 def test_a_link_with_an_impossible_inertia_is_reported_and_used(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

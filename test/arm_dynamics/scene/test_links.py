@@ -11,7 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 import models
-from arm_dynamics import Dynamics, SceneError
+from arm_dynamics import Dynamics, SceneError, load_scene
+from arm_dynamics.scene.text import scene_of, scene_text
 from arm_sim.cli.main import main
 from tolerances import PINOCCHIO, assert_close
 
@@ -81,6 +82,11 @@ REFUSED: list[tuple[Any, str]] = [
 def test_mistakes_are_named(links: Any, words: str) -> None:
     with pytest.raises(SceneError, match=words):
         Dynamics({"robot": {"urdf": URDF, "lock": ["first"]}, "links": links})
+
+
+def test_a_saved_scene_has_them() -> None:
+    scene = load_scene({"robot": {"urdf": URDF}, "links": {"c": BODY}})
+    assert scene_of(scene_text(scene, "robot.urdf"), scene.robot.urdf).links == scene.links
 
 
 def test_commands_tell_and_write_them(tmp_path: Path, rng: np.random.Generator) -> None:

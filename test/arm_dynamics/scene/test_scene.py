@@ -76,13 +76,16 @@ def test_only_what_is_said_of_a_joint_takes_the_place_of_what_is_said_of_all() -
     assert (found.armature, found.limits.effort) == (0.5, 3.0)
 
 
-def test_a_table_and_what_it_contains_take_each_others_place() -> None:
+def test_what_says_the_same_in_two_ways_is_replaced_as_a_whole() -> None:
     """Of a table nothing is left that belongs to other points; what stands beside it stays."""
     points = {"speed": [0, 1], "torque": [0.5, 0.2]}
     bends = {"deflection": [0, 1], "torque": [0, 2]}
     several = {"speed": [0, 2], "torque": [[1, 1], [2, 2]], "position": [0, 1], "period": 7}
     dry = {"coulomb": 1.0, "stribeck_velocity": 0.1, "position": {"at": [0, 1], "factor": [1, 2]}}
+    sides = {"viscous": {"positive": 1.0, "negative": 2.0}}
     for common, own in (
+        ({"friction": {"viscous": 0.5}}, {"friction": sides}),
+        ({"friction": sides}, {"friction": {"viscous": 0.5}}),
         ({"friction": {"table": several}}, {"friction": {"table": points}}),
         ({"friction": dry}, {"friction": {"table": points}}),
         ({"friction": {"table": points}}, {"friction": dry}),

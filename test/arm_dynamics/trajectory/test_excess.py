@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which joint breaks which limit, when, and by how much."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,16 @@ def test_how_far_a_joint_goes_is_that_of_the_whole_trajectory() -> None:
         places = [[0.0, 0.0], [0.0, 1.2 * sign], [0.0, 1.7 * sign], [0.0, 1.1 * sign]]
         way = spline([Waypoint(float(k), q, still, still) for k, q in enumerate(places)])
         assert f"and reach {1.7 * sign:.4g}; allowed: {sign:.4g}" in complaint(bounds, way)
+
+
+def test_the_first_in_time_is_named_with_its_unit_and_what_the_margin_widens() -> None:
+    types = ("revolute", "prismatic")
+    fast = replace(limits(velocity=[9, 0.4], upper=[9, 0.5]), joint_types=types)
+    said = complaint(Bounds(fast, margin=0.02), rest_to_rest(0, 1))
+    assert said.endswith("and reach 0.9375 m/s; allowed: 0.4 m/s and 2 % more (limit_margin)")
+    far = replace(limits(velocity=[9, 0.9], upper=[9, 0.01]), joint_types=types)
+    said = complaint(Bounds(far, margin=0.02), rest_to_rest(0, 1))
+    assert said.endswith("and reach 1 m; allowed: 0.01 m")
 
 
 def test_an_arm_beyond_a_position_limit_may_come_back() -> None:
@@ -122,5 +134,8 @@ def test_a_motor_beyond_its_torque_speed_curve_is_named() -> None:
     bounds.check(spline(slow))
     said = complaint(bounds, spline(quick))
     assert "'axle' would leave its voltage limit at " in said and "allowed: 12" in said
+    _, v, a = spline(quick).at(np.linspace(0.0, 0.499, 500))
+    most = (0.5 * 0.1 * a / (0.05 * 30.0) + 0.05 * 30.0 * v).max()
+    assert float(said.split("reach ")[1].split()[0].strip(";")) == pytest.approx(most, rel=1e-3)
     bounds.check(stretched_spline(quick, bounds.factor))
     Bounds(bounds.limits, wheels, margin=0.5).check(spline(quick))

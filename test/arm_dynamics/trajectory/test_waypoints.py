@@ -138,6 +138,7 @@ def test_the_way_and_the_start_are_within_limits_unless_it_comes_back() -> None:
             limits(position=1.0),
             r"elbow to 1\.2; .* -1 to 1",
         ),
+        ([still, Waypoint(1.0, [1.0 + 1e-6, 0, 0])], limits(position=1.0), "base to 1"),
         (bulging, limits(position=1.0), "wrist to 1"),
         (fast, limits(velocity=1.0), "at any pace"),
     ):
@@ -196,8 +197,9 @@ def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: s
 
 
 def test_points_without_a_duration_are_refused() -> None:
-    with pytest.raises(InvalidInput, match="0 and 1 coincide or nothing limits"):
-        quintic_through([[0.0] * N, [0.0] * N], limits(velocity=1.0))
+    for positions, said in (([[0.0] * N], "w >= 2"), ([[0.0] * N] * 2, "0 and 1 coincide")):
+        with pytest.raises(InvalidInput, match=said):
+            quintic_through(positions, limits(velocity=1.0))
 
 
 def test_many_samples_have_the_bits_of_single_ones(rng: np.random.Generator) -> None:

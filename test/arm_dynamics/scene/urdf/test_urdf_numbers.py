@@ -92,6 +92,7 @@ TOLD = [  # of what is changed; what it means, test_ways_of_writing.py asserts
     ("0.479 -0.64 0.6", "0.958 -1.28 1.2", "joint 'shoulder': <axis> is not of length 1"),
     ('<axis xyz="1 0 0"/>', "", "joint 'finger': no <axis>: taken as the default, 1 0 0"),
     (' effort="80"', "", "joint 'shoulder': <limit> without effort: none is assumed"),
+    (' name="arm"', "", "the root element: <robot> has no name: 'robot' is used"),
     ("<dynamics", "<dynamic", "joint 'shoulder': <dynamic> has no effect; did you mean <dynam"),
 ]
 

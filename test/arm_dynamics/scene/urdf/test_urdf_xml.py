@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
+from arm_dynamics import ArmModel, Dynamics, ModelError, SceneError, load_scene
 from arm_dynamics.scene.load import SceneSource
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.view.shapes import visuals_of
@@ -23,6 +23,7 @@ def arm(source: SceneSource) -> ArmModel:
 
 UNUSUAL = {
     "declaration after a comment": f'<!-- by hand -->\n<?xml version="1.0"?>{BODY}',
+    "byte order mark before a blank line": f'\ufeff\n<?xml version="1.0"?>{BODY}',
     "encoding that the text no longer has": f'<?xml version="1.0" encoding="UTF-16"?>{BODY}',
     "unbound prefix of an attribute": BODY.replace("<link ", '<link gz:colour="red" ', 1),
     "dashes that are no comment": BODY.replace(
@@ -58,6 +59,11 @@ def test_a_file_of_another_encoding_is_read(
     assert model.has_frame("poign\u00e9e")
     assert model.whole.inertias[3] == arm(URDF).whole.inertias[3]
     assert f"'{path}' is not UTF-8: read as Latin-1" in caplog.text
+    path.write_text(f'<?xml version="1.0"?>{text}', "utf-16")  # as shells of Windows write it
+    assert arm(path).has_frame("poign\u00e9e")
+    path.write_text(text, "utf-16-le")  # without its mark
+    with pytest.raises(SceneError, match=f"'{path}' is not text; a scene .* is expected"):
+        load_scene(path)
 
 
 def test_comments_leave_errors_where_they_are() -> None:
