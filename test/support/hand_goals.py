@@ -15,7 +15,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics.ros import ControllerNode
 from arm_dynamics.task_space import TaskSpace, quaternions
-from arm_sim.ros import SimNode
 
 FRAME = "panda_hand_tcp"
 HAND = TaskSpace(models.dynamics("panda"), FRAME)
@@ -34,15 +33,6 @@ def state(stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> bytes:
 def see(node: ControllerNode, stamp: int, *where: Any) -> np.ndarray:
     """Show the node a state; returns what it commands."""
     command = node.on_joint_states(state(stamp, *where))
-    return np.array(deserialize_message(command, JointState).effort)
-
-
-def tick(sim: SimNode, node: ControllerNode) -> np.ndarray:
-    """One state answered within its tick; returns the torque commanded."""
-    now = sim.simulator.state
-    command = node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
-    sim.inputs.on_joint_commands(command)
-    sim.tick()
     return np.array(deserialize_message(command, JointState).effort)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services answered by C: their responses, what they leave to Python, and how they end."""
+"""Services answered by C: what they leave to Python; ``test_fuzz.py`` compares their answers."""
 
 import time
 from collections.abc import Callable
@@ -8,41 +8,25 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import Ros
-from samples import sampled
 from std_msgs.msg import String
 
 import models
-from arm_dynamics import Dynamics, Term, load_scene
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.dynamics import compiled_services
 from arm_dynamics.ros.dynamics.answers import ANSWERS
 from arm_dynamics.ros.dynamics_node import node as dynamics_node
-from arm_dynamics.ros.interfaces import DYNAMICS_TERMS, FORWARD_DYNAMICS, INVERSE_DYNAMICS, Service
+from arm_dynamics.ros.interfaces import FORWARD_DYNAMICS, INVERSE_DYNAMICS, Service
+from arm_dynamics.scene.schema import Scene
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
 
 TWO_LINK = (models.SCENES / "two_link.urdf").read_text()
-STICKY = load_scene(
-    {
-        "robot": {"urdf": TWO_LINK},
-        "joints": {
-            "elbow": {
-                "spring": {"stiffness": 9.0, "damping": 0.5},
-                "friction": {"coulomb": 0.4, "static": 0.6, "viscous": 0.1},
-            }
-        },
-    }
-)
+SPRING = {"stiffness": 9.0, "damping": 0.5}
 LOAD = {"at": [0.0, 5.0], "factor": [1.0, 1.2]}
-LOADED = load_scene(
-    {
-        "robot": {"urdf": TWO_LINK},
-        "joints": {"elbow": {"friction": {"coulomb": 0.4, "load": LOAD}}},
-    }
-)
 PATIENCE = 60.0  # [s]
 Ask = Callable[..., Any]
 
@@ -87,54 +71,14 @@ def expected(dynamics: Dynamics, service: Service, **fields: Any) -> Any:
     return response
 
 
-def numbers(response: Any) -> dict[str, np.ndarray]:
-    """The vectors of a response."""
-    fields = response.get_fields_and_field_types()
-    return {
-        name: np.array(getattr(response, name))
-        for name, kind in fields.items()
-        if kind == "sequence<double>"
-    }
-
-
-@pytest.mark.parametrize("scene", sampled(["motor_pendulum", "gripper", "panda", STICKY], 2))
-def test_c_says_what_python_says(ros: Ros, ask: Ask, rng: np.random.Generator, scene: Any) -> None:
-    chosen = models.scene(scene) if isinstance(scene, str) else scene
-    node, reference = ros.add(DynamicsNode, chosen), Dynamics(chosen)
-    warm(node, ask, *(service for service, *_ in compiled_services.COMPILED))
-    n, before = node.dynamics.n, in_c(node)
-    requests = []
-    for points in (1, 3, 300):
-        q, v, x = rng.uniform(-2.0, 2.0, (3, points * n)).tolist()
-        requests += [
-            (FORWARD_DYNAMICS, {"position": q, "velocity": v, "effort": x}),
-            (DYNAMICS_TERMS, {"position": q, "velocity": v}),
-            *(
-                (
-                    INVERSE_DYNAMICS,
-                    {"position": q, "velocity": v, "acceleration": x, "terms": int(terms)},
-                )
-                for terms in (*Term, Term.ALL, Term.GRAVITY | Term.FRICTION)
-            ),
-        ]
-    requests += [
-        (INVERSE_DYNAMICS, {"position": q[:n]}),  # what is absent is zero
-        (DYNAMICS_TERMS, {"position": q[:n]}),
-        (INVERSE_DYNAMICS, {"position": q[:n], "joint_names": node.dynamics.joint_names}),
-        (INVERSE_DYNAMICS, {"position": q[:n], "terms": 0}),
-    ]
-    for service, fields in requests:
-        answer, wanted = ask(service, **fields), expected(reference, service, **fields)
-        assert answer.success
-        assert answer.message == ""
-        assert answer.joint_names == wanted.joint_names
-        for name, values in numbers(wanted).items():
-            assert_close(numbers(answer)[name], values, PINOCCHIO)
-    assert in_c(node) >= before + len(requests)
+def with_friction(**law: Any) -> Scene:
+    """Two links whose elbow has a spring and friction."""
+    elbow = {"spring": SPRING, "friction": {"coulomb": 0.4, **law}}
+    return load_scene({"robot": {"urdf": TWO_LINK}, "joints": {"elbow": elbow}})
 
 
 def test_a_joint_that_may_stick_at_rest_is_for_python(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
+    node = ros.add(DynamicsNode, with_friction(static=0.6, viscous=0.1))
     warm(node, ask, FORWARD_DYNAMICS)
     before = in_c(node)
     # Standing upright, the elbow's spring at rest: it is held.
@@ -145,7 +89,7 @@ def test_a_joint_that_may_stick_at_rest_is_for_python(ros: Ros, ask: Ask) -> Non
 
 
 def test_friction_by_load_is_for_python(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, LOADED)
+    node = ros.add(DynamicsNode, with_friction(load=LOAD))
     fields = {"position": [0.2, 0.3], "velocity": [0.1, 0.1], "acceleration": [1.0, 2.0]}
     wanted = expected(node.dynamics, INVERSE_DYNAMICS, **fields)
     for _ in range(5):
@@ -175,7 +119,7 @@ def test_without_headers_python_answers(
         raise KernelError("no headers")
 
     monkeypatch.setattr(dynamics_node, "native", missing)
-    node = ros.add(DynamicsNode, STICKY)
+    node = ros.add(DynamicsNode, models.scene("two_link"))
     assert node._compiled is None
     assert ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).success
     (finding,) = node.diagnostics()

@@ -3,14 +3,12 @@
 
 import time
 from threading import Event
-from typing import Any
 
 import numpy as np
 import pytest
 from arm_msgs.msg import TrackingState
 from harness import Ros
 from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from two_link_control import (
     DYNAMICS,
@@ -53,21 +51,16 @@ def test_holds_where_it_first_sees_the_arm(node: ControllerNode) -> None:
     assert_close(effort(node, MS, *later), wanted(*later, still(*first)), ALGEBRA)
 
 
-def test_answers_bear_the_stamp_of_the_state_and_all_names(node: ControllerNode) -> None:
-    stamp = 12_345_678_901
-    answer = deserialize_message(node.on_joint_states(state(stamp)), JointState)
-    assert answer.header.stamp.sec * 10**9 + answer.header.stamp.nanosec == stamp
-    assert answer.name == NAMES
-    assert len(answer.position) == len(answer.velocity) == 0
-
-
 def test_answers_over_the_wire(ros: Ros, node: ControllerNode) -> None:
+    """With the stamp of the state, whatever else it tells of."""
     heard = ros.listen(JointState, "/joint_commands")
     publisher = ros.publisher(JointState, "/joint_states")
     message = JointState(name=["hand", *NAMES[::-1]], position=[9.0, -0.2, 0.1])
     message.velocity = [9.0, 0.0, 0.0]
+    message.header.stamp.sec, message.header.stamp.nanosec = 12, 345_678_901
     publisher.publish(message)
     ros.spin_until(lambda: heard)
+    assert heard[0].header.stamp == message.header.stamp and heard[0].name == NAMES
     assert_close(heard[0].effort, DYNAMICS.gravity(np.array([0.1, -0.2])), ALGEBRA)
 
 
@@ -75,10 +68,9 @@ def test_answers_over_the_wire(ros: Ros, node: ControllerNode) -> None:
     ("raw", "said"),
     [
         (b"rubbish", "joint state ignored: 7 bytes are not a JointState"),
-        (state(0, v=()), "'velocities: positions' derives them"),
         (state(0, v=(np.nan, 0.0)), "'velocities: positions' derives them"),
     ],
-    ids=["rubbish", "no velocities", "nan"],
+    ids=["rubbish", "nan"],
 )
 def test_useless_states_get_no_answer(
     node: ControllerNode, raw: bytes, said: str, capfd: pytest.CaptureFixture[str]
@@ -115,11 +107,6 @@ def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:
     assert node.set_parameters([gains])[0].successful
     exact = wanted(off, (0, 0), still(0.0, 0.0), [30.0, 5.0])
     assert_close(effort(node, MS, off), exact, ALGEBRA)
-    for bad in (-1.0, [-1.0], [1.0, 2.0, 3.0], [float("nan")], "fast", ["fast", "faster"]):
-        result = node.set_parameters([Parameter("bandwidth", value=bad)])[0]
-        assert not result.successful
-        assert "bandwidth" in result.reason
-    assert_close(effort(node, 2 * MS, off), exact, ALGEBRA)
 
 
 def test_publishes_its_state(ros: Ros) -> None:
@@ -141,16 +128,6 @@ def test_publishes_its_state(ros: Ros) -> None:
         np.testing.assert_array_equal(getattr(last, field), exact)
 
 
-def test_the_first_state_after_time_went_backwards_is_reported_at_once(ros: Ros) -> None:
-    node = ros.add(ControllerNode, models.scene("two_link"), state_period=10.0)
-    heard = ros.listen(TrackingState, "/controller/state", 50)
-    for stamp in (5_000, 5_001, 5_500, 100, 101):
-        effort(node, stamp * MS, (0.0, 0.0))
-    ros.spin_until(lambda: len(heard) >= 2)
-    stamps = [10**9 * m.header.stamp.sec + m.header.stamp.nanosec for m in heard]
-    assert stamps == [5_000 * MS, 100 * MS]
-
-
 def test_a_gap_between_states_means_hold_again_unless_any_gap_is_allowed(ros: Ros) -> None:
     for limit, held in ((0.5, True), (2.0, False), (0.0, False)):
         node = ros.add(ControllerNode, models.scene("two_link"), gap_limit=limit)
@@ -161,20 +138,9 @@ def test_a_gap_between_states_means_hold_again_unless_any_gap_is_allowed(ros: Ro
         assert_close(reference_of(node, 1000 * MS)[0], (0.1, 0.2), ALGEBRA) if held else None
 
 
-@pytest.mark.parametrize(
-    ("parameters", "complaint"),
-    [
-        ({"description_timeout": 0.0}, "parameter 'scene' is empty"),
-        ({"scene": "nowhere.yaml"}, "nowhere.yaml"),
-        ({"scene": str(models.SCENES / "two_link.yaml"), "bandwidth": [-1.0]}, "bandwidth"),
-        ({"acceleration_limit": -1.0}, "'acceleration_limit'"),
-    ],
-)
-def test_what_cannot_be_controlled_is_refused_at_start(
-    ros: Ros, parameters: dict[str, Any], complaint: str
-) -> None:
-    with pytest.raises(ArmError, match=complaint):
-        ros.add(ControllerNode, **parameters)
+def test_what_cannot_be_controlled_is_refused_at_start(ros: Ros) -> None:
+    with pytest.raises(ArmError, match="bandwidth"):
+        ros.add(ControllerNode, scene=str(models.SCENES / "two_link.yaml"), bandwidth=[-1.0])
 
 
 def test_follows_a_trajectory_in_the_time_of_the_stamps(node: ControllerNode) -> None:
@@ -190,14 +156,6 @@ def test_follows_a_trajectory_in_the_time_of_the_stamps(node: ControllerNode) ->
         exact = Reference(q * sign, v * sign, a * sign)
         stamp = start + round(2e9 * s)
         assert_close(effort(node, stamp, (0.3, 0.1)), wanted((0.3, 0.1), (0, 0), exact), 1e-8)
-
-
-def test_joints_that_a_trajectory_does_not_name_stay(node: ControllerNode) -> None:
-    effort(node, 0, (0.3, -0.4))
-    node.on_joint_trajectory(trajectory(point(1.0, 0.7), names=NAMES[1:]))
-    for stamp in (0, 500 * MS, 1000 * MS):
-        assert_close(reference_of(node, stamp)[:, 0], [0.3, 0.0, 0.0], ALGEBRA)
-    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.7], ALGEBRA)
 
 
 def test_given_velocities_and_accelerations_are_met(node: ControllerNode) -> None:
@@ -217,30 +175,22 @@ def test_header_stamp_is_when_time_from_start_begins(node: ControllerNode) -> No
     assert_close(reference_of(node, 4000 * MS)[0], [0.2, 0.2], ALGEBRA)
 
 
-def test_velocity_limits_slow_it_down(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
-    node = ros.add(ControllerNode, models.scene("panda"), acceleration_limit=5.0)
-    model = models.dynamics("panda").model
-    names, q = list(model.joint_names), model.q0
-    raw = JointState(name=names, position=q.tolist(), velocity=[0.0] * 7)
-    node.on_joint_states(serialize_message(raw))
-    node.on_joint_trajectory(trajectory(point(0.1, *(q + 0.5)), names=names))
-    assert "times slower for the limits" in capfd.readouterr().err
+def test_limits_slow_it_down(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"), acceleration_limit=5.0)
+    effort(node, 0, (0.0, 0.0))
+    node.on_joint_trajectory(trajectory(point(0.1, 0.5, -0.5)))
+    assert "times slower for the limits" in node.goals.outcome
     moving = np.array([reference_of(node, k * MS) for k in range(2000)])
-    assert np.all(np.abs(moving[:, 1]) <= model.velocity_limit)
     assert np.abs(moving[:, 2]).max() == pytest.approx(5.0, rel=1e-4)
-    assert_close(moving[-1, 0], q + 0.5, ALGEBRA)
+    assert_close(moving[-1, 0], [0.5, -0.5], ALGEBRA)
 
 
 BAD = (
     (trajectory(), "no waypoint lies in the future"),
     (trajectory(point(1.0, 1.0)), "positions of point 0 has 1 numbers; allowed: 2"),
-    (trajectory(point(1.0)), "positions of point 0 has 0 numbers"),
     (trajectory(point(1.0, 1.0, np.nan)), f"positions of point 0, joint '{NAMES[1]}', is nan"),
-    (trajectory(point(1.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "increasing"),
     (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0])), "velocities of point 0 has 1"),
-    (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0, 1.0])), "last waypoint"),
     (trajectory(point(1.0, 1.0), names=["nobody"]), "unknown joints nobody; allowed: "),
-    (trajectory(point(1.0, 1.0, 1.0), names=[NAMES[0]] * 2), "each once"),
     (trajectory(point(1.0), names=[]), "no joint names"),
 )
 
@@ -258,27 +208,6 @@ def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
         np.testing.assert_array_equal(reference_of(node, 300 * MS), before)
         if count == 1:  # many at once are not all logged
             assert capfd.readouterr().err.count("refused, the previous one continues") == 1
-
-
-def test_goals_that_the_log_withholds_are_counted(
-    ros: Ros, node: ControllerNode, capfd: pytest.CaptureFixture[str]
-) -> None:
-    effort(node, 0, (0.0, 0.0))
-    for k in range(15):  # ten of them are logged
-        node.on_joint_trajectory(trajectory(point(1.0, 1.0), names=[f"nobody{k}"]))
-    ros.spin_until(lambda: "5 more goals refused since" in capfd.readouterr().err)
-
-
-def test_efforts_of_points_are_added_to_the_controllers(node: ControllerNode) -> None:
-    """Linear between the points and kept after the last, in the order of the message."""
-    effort(node, 0, (0.0, 0.0))
-    pushed = [point(t, 0.2, 0.4, effort=[t, -2.0 * t]) for t in (1.0, 2.0)]
-    node.on_joint_trajectory(trajectory(*pushed, names=NAMES[::-1]))
-    for seconds, added in ((0.0, 0.0), (0.5, 0.5), (1.2, 1.2), (1.9, 1.9), (2.5, 2.0)):
-        stamp = round(seconds * 1000) * MS
-        motion = Reference(*reference_of(node, stamp))
-        found = effort(node, stamp, (0.3, 0.1)) - wanted((0.3, 0.1), (0, 0), motion)
-        assert_close(found, [-2.0 * added, added], 1e-8)
 
 
 def test_a_state_that_comes_again_is_answered_for_the_new_motion(node: ControllerNode) -> None:
@@ -300,8 +229,6 @@ def at(*q: float, speed: float = 0.0) -> Measured:
 @pytest.mark.parametrize(
     ("gap", "state", "said"),
     [
-        (0, at(0.0, 0.0), ""),
-        (MS, at(0.4, -0.4), ""),
         (MS, at(0.0, -0.6), "joint 'b' moved by 0.6 in 0.001 s"),
         (MS, at(0.0, -0.6, speed=60.0), ""),  # (0.6 - 0.5) rad in 1 ms, at up to twice its speed
         (100 * MS, at(0.0, 1.0, speed=2.0), "joint 'b' moved by 1 in 0.1 s"),
@@ -324,19 +251,6 @@ def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped() -> None:
     assert jumps.detect(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
 
 
-def test_the_longest_time_between_states_is_known() -> None:
-    jumps, stamp = Jumps(["a", "b"]), NOW
-    for gap in (0, 1, 30, 2, 5000, 3):  # the last but one is a jump
-        jumps.detect(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
-    assert_close(jumps.take_longest(), 0.03, ALGEBRA)
-
-
-def test_zero_allows_any() -> None:
-    jumps = Jumps(["a", "b"])
-    jumps.detect(NOW, at(0.0, 0.0), 0.0, 0.0)
-    assert not jumps.detect(NOW + 3600 * 1000 * MS, at(9.0, 9.0), 0.0, 0.0)
-
-
 def test_an_arm_that_was_put_elsewhere_is_held_there(ros: Ros) -> None:
     """As after a reset of a simulation whose stamps are those of a clock."""
     node = ros.add(ControllerNode, models.scene("two_link"), bandwidth=[10.0])
@@ -350,16 +264,6 @@ def test_an_arm_that_was_put_elsewhere_is_held_there(ros: Ros) -> None:
     )
 
 
-def test_a_jump_at_rest_says_nothing_of_the_last_goal(ros: Ros) -> None:
-    node = ros.add(ControllerNode, models.scene("two_link"))
-    effort(node, NOW, (0.1, -0.2))
-    node.on_joint_trajectory(trajectory(point(0.5, 0.1, -0.2)))
-    effort(node, NOW + 900 * MS, (0.1, -0.2))
-    effort(node, NOW, (0.1, -0.2))
-    assert node.goals.outcome.startswith("following 1 point")
-
-
-@pytest.mark.ros
 def test_a_jump_ends_what_is_being_planned(ros: Ros) -> None:
     node, ready = ros.add(ControllerNode, models.scene("two_link")), Event()
     effort(node, NOW, (0.1, -0.2))

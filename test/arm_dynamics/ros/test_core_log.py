@@ -3,7 +3,6 @@
 
 import logging
 from contextlib import suppress
-from importlib.resources import files
 
 import pytest
 from harness import Ros
@@ -71,13 +70,3 @@ def test_a_flood_of_reasons_is_limited_and_does_not_last() -> None:
     log.now += PERIOD
     log.throttled.warning("unknown joint 'x7'")
     assert log.told() == 1
-
-
-def test_nothing_else_throttles_or_measures_durations_by_the_system_clock() -> None:
-    """``rclpy`` throttles by the system clock, and is mute for as long as that is set back."""
-    folders = [files(name) for name in ("arm_dynamics", "arm_sim", "arm_studies")]
-    sources = [path for folder in folders for path in folder.rglob("*.py")]
-    assert len(sources) > 300
-    for path in sources:
-        text = path.read_text(encoding="utf-8")
-        assert "throttle_duration_sec" not in text and "time.time()" not in text, path

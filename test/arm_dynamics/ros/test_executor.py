@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every executor that can be chosen dispatches callbacks."""
+"""Nodes as programs: executors that dispatch, what ends a node, and its command line."""
 
 import gc
 import signal
 import sys
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import rclpy.experimental.events_executor as events_executor
@@ -14,11 +15,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.common import executor as module
-from arm_dynamics.ros.common.endpoints import subscribe
-from arm_dynamics.ros.common.executable import run
+from arm_dynamics.ros.common.executable import execute, run, split_words
 from arm_dynamics.ros.common.executor import make_executor
-from arm_dynamics.ros.interfaces import DIAGNOSTICS
+from arm_dynamics.ros.dynamics_node import DynamicsParams
 
 pytestmark = pytest.mark.ros
 
@@ -26,29 +27,6 @@ pytestmark = pytest.mark.ros
 @pytest.fixture(autouse=True)
 def no_signals(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signal, "signal", lambda *_: None)
-
-
-class Deaf:
-    """An executor that dispatches nothing, by a clock of its own."""
-
-    def __init__(self, context: Any) -> None:
-        self.closed = False
-        self.waits = list[float]()
-
-    def monotonic(self) -> float:
-        return sum(self.waits)
-
-    def add_node(self, node: Node) -> None:
-        pass
-
-    def remove_node(self, node: Node) -> None:
-        pass
-
-    def spin_once(self, timeout_sec: float) -> None:
-        self.waits.append(timeout_sec)
-
-    def shutdown(self) -> None:
-        self.closed = True
 
 
 @pytest.fixture
@@ -72,33 +50,13 @@ def test_the_events_executor_is_taken_although_there_is_other_work(node: Node) -
 def test_falls_back_when_the_events_executor_dispatches_nothing(
     node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    deaf = Deaf(None)
+    deaf = Mock()
     monkeypatch.setattr(events_executor, "EventsExecutor", lambda context: deaf)
-    with monkeypatch.context() as patched:
-        patched.setattr(module, "time", deaf)
-        executor = make_executor(node)
+    monkeypatch.setattr(module, "_PROBE_TIMEOUT", 0.01)
+    executor = make_executor(node)
     assert isinstance(executor, SingleThreadedExecutor)
-    assert deaf.closed
-    assert sum(deaf.waits) == 0.5  # [s] that a start may lose
+    deaf.shutdown.assert_called_once()
     executor.shutdown()
-
-
-def test_a_callback_that_fails_does_not_end_the_node(
-    node: Node, capfd: pytest.CaptureFixture[str]
-) -> None:
-    subscribe(node, DIAGNOSTICS, lambda message: 1 / message).callback(0)
-    assert "ZeroDivisionError" in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("error", [InvalidInput("no arm"), OSError("no disk")])
-def test_why_a_node_cannot_start_is_one_line(
-    capfd: pytest.CaptureFixture[str], error: Exception
-) -> None:
-    def make(**_: Any) -> Node:
-        raise error
-
-    assert run(make, []) == 2
-    assert f"error: {error}\n" in capfd.readouterr().err
 
 
 def test_a_fault_of_the_program_is_shown_and_ends_the_node() -> None:
@@ -152,3 +110,16 @@ def test_a_process_of_one_node_takes_short_turns_and_skips_garbage_of_its_start(
     assert found[0] < 1e-3
     assert gc.get_freeze_count() > frozen
     gc.unfreeze()
+
+
+def test_help_lists_the_scene_and_every_parameter(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(DynamicsNode, DynamicsParams, ["--help"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("usage: dynamics [SCENE] [--ros-args -p NAME:=VALUE")
+    assert "\n  scene = ''\n" in told
+
+
+def test_help_behind_ros_arguments_is_theirs() -> None:
+    assert split_words(("panda", "--ros-args", "--help")) == ("panda", ("--ros-args", "--help"))
+    with pytest.raises(InvalidInput, match="neither the scene"):
+        split_words(("panda", "--help"))

@@ -3,16 +3,17 @@
 
 import tracemalloc
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Duration, Time
 from byte_order import sent
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import InvalidInput
@@ -25,44 +26,29 @@ pytestmark = pytest.mark.ros
 
 bounded = settings(max_examples=30, deadline=None, derandomize=True)
 texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
-arrays = st.lists(st.floats(width=64), max_size=4)
-seconds, nanoseconds = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)
-times = st.tuples(seconds, nanoseconds)
-points = st.lists(st.tuples(times, arrays, arrays, arrays, arrays), max_size=5)
+numbers = st.floats(width=64)
+arrays = st.lists(numbers, max_size=4)
+since = {"sec": st.integers(-(2**31), 2**31 - 1), "nanosec": st.integers(0, 2**32 - 1)}
+headers = st.builds(Header, stamp=st.builds(Time, **since), frame_id=texts)
+points = st.builds(
+    JointTrajectoryPoint, positions=arrays, velocities=arrays, accelerations=arrays,
+    effort=arrays, time_from_start=st.builds(Duration, **since),
+)  # fmt: skip
+trajectories = st.builds(
+    JointTrajectory, header=headers, joint_names=st.lists(texts, max_size=4),
+    points=st.lists(points, max_size=5),
+)  # fmt: skip
+poses = st.builds(
+    Pose, position=st.builds(Point, x=numbers, y=numbers, z=numbers),
+    orientation=st.builds(Quaternion, x=numbers, y=numbers, z=numbers, w=numbers),
+)  # fmt: skip
+paths = st.builds(
+    Path, header=headers,
+    poses=st.lists(st.builds(PoseStamped, header=headers, pose=poses), max_size=4),
+)  # fmt: skip
 orders = st.sampled_from("<>")
 MANY = 50
-
-
 FIELDS = ("positions", "velocities", "accelerations", "effort")
-
-
-@st.composite
-def trajectories(draw: Any) -> JointTrajectory:
-    message = JointTrajectory(joint_names=draw(st.lists(texts, max_size=4)))
-    message.header.frame_id = draw(texts)
-    message.header.stamp.sec, message.header.stamp.nanosec = draw(times)
-    for at, *values in draw(points):
-        fields = dict(zip(FIELDS, values, strict=True))
-        point = JointTrajectoryPoint(**fields)
-        point.time_from_start.sec, point.time_from_start.nanosec = at
-        message.points.append(point)
-    return message
-
-
-@st.composite
-def paths(draw: Any) -> Path:
-    message = Path()
-    message.header.frame_id = draw(texts)
-    for frame_id, seven in draw(
-        st.lists(st.tuples(texts, st.lists(st.floats(width=64), min_size=7, max_size=7)),
-                 max_size=4)
-    ):  # fmt: skip
-        stamped = PoseStamped()
-        stamped.header.frame_id = frame_id
-        at, turn = stamped.pose.position, stamped.pose.orientation
-        at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w = seven
-        message.poses.append(stamped)
-    return message
 
 
 def check_trajectory(raw: bytes, message: JointTrajectory) -> None:
@@ -90,7 +76,7 @@ def check_path(raw: bytes, message: Path) -> None:
 
 
 @bounded
-@given(trajectories(), orders)
+@given(trajectories, orders)
 def test_a_trajectory_is_read_as_the_generated_deserializer_reads_it(
     message: JointTrajectory, order: str
 ) -> None:
@@ -100,7 +86,7 @@ def test_a_trajectory_is_read_as_the_generated_deserializer_reads_it(
 
 
 @bounded
-@given(paths(), orders)
+@given(paths, orders)
 def test_a_path_is_read_as_the_generated_deserializer_reads_it(message: Path, order: str) -> None:
     raw = serialize_message(message)
     check_path(raw, deserialize_message(raw, Path))
@@ -167,24 +153,14 @@ def test_lengths_that_are_not_there_are_refused_and_nothing_is_made_for_them(
         tracemalloc.stop()
 
 
-@bounded
-@given(st.binary(max_size=300), st.sampled_from([b"\0\1\0\0", b"\0\0\0\0", b""]))
-def test_any_bytes_are_read_or_refused(rubbish: bytes, header: bytes) -> None:
-    for read in (whole, whole_path):
-        try:
-            read(header + rubbish)
-        except InvalidInput:
-            continue
-
-
-@pytest.mark.parametrize("begin", [b"", b"\0\1", b"\0\x07\0\0", b"\1\0\0\0"])
+@pytest.mark.parametrize("begin", [b"\0\x07\0\0", b"\1\0\0\0"])
 def test_other_encodings_are_refused(begin: bytes) -> None:
-    raw = begin + sent(sample())[4:]
-    with pytest.raises(InvalidInput, match="allowed: CDR version 1|ends too early"):
-        whole(raw if len(begin) == 4 else begin)
+    with pytest.raises(InvalidInput, match="allowed: CDR version 1"):
+        whole(begin + sent(sample())[4:])
 
 
 def head(names: int = 1, points: int = 0, name: str = "base") -> bytes:
+    """A trajectory that ends where its points would begin."""
     writer = CdrWriter()
     writer.time(0)
     writer.text("")
@@ -202,9 +178,5 @@ def test_limits_are_said_before_anything_is_read() -> None:
         TrajectoryBytes(head(names=4), 3)
     with pytest.raises(InvalidInput, match="2001 bytes of a name; allowed: up to 1000"):
         TrajectoryBytes(head(name="x" * 2000), 1)
-    writer = CdrWriter()
-    writer.time(0)
-    writer.text("")
-    writer.count(most + 1)
     with pytest.raises(InvalidInput, match=f"{most + 1} poses; allowed: up to {most}"):
-        PathBytes(bytes(writer.raw))
+        PathBytes(head(names=most + 1, name=""))

@@ -2,18 +2,12 @@
 """Goals planned in the background, Cartesian or long: followed without a jump, or refused."""
 
 import time
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-from arm_msgs.msg import TrackingState
 from byte_order import sent
-from geometry_msgs.msg import PoseStamped
 from hand_goals import (
     FRAME,
-    HAND,
-    HERE,
     HOME,
     MS,
     controller_at_home,
@@ -23,11 +17,9 @@ from hand_goals import (
     planned,
     pose,
     see,
-    tick,
 )
 from harness import Ros
 from nav_msgs.msg import Path
-from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
@@ -35,11 +27,9 @@ from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.common.poses import in_world, pose_of
 from arm_dynamics.ros.controller.goals import Goal
-from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.trajectory.follower import Outset
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import hold
-from arm_sim.ros import SimNode
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -49,24 +39,6 @@ pytestmark = pytest.mark.ros
 def node(ros: Ros) -> ControllerNode:
     """Controls a Panda that has been seen at home."""
     return controller_at_home(ros)
-
-
-def test_the_hand_goes_straight_to_a_pose(ros: Ros) -> None:
-    sim = ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
-    node = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
-    tick(sim, node)
-    way = np.array([0.05, 0.2, -0.1])
-    node.on_cartesian_goal(pose(way))
-    while node.goals.planner.busy:
-        time.sleep(1e-3)
-        node.deliver()
-    worst = 0.0
-    for _ in range(2000):
-        tick(sim, node)
-        off = HAND.pose(sim.simulator.state.q).position - HERE.position
-        worst = max(worst, float(np.linalg.norm(off - way * (off @ way) / (way @ way))))
-    assert_close(off, way, 1e-5)
-    assert worst < 1e-4
 
 
 def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
@@ -86,29 +58,11 @@ def test_a_path_is_followed_through_its_poses(node: ControllerNode) -> None:
     node.on_cartesian_path(path([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]))
     planned(node, MS)
     duration = round(1e9 * node.goals.follower.remaining(MS))
-    *said, seconds, _ = node.goals.outcome.split()
-    assert said == ["following", "3", "poses", "for"]
-    assert_close(float(seconds), 1e-9 * duration, 1e-3)  # rounded to milliseconds
+    assert node.goals.outcome.startswith("following 3 poses for ")
     course = np.array([hand(node, MS + k * duration // 600) for k in range(601)])
     for corner in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]):
         assert np.linalg.norm(course - corner, axis=1).min() < 2e-3
     assert_close(course[-1], [0, 0, -0.1], 1e-8)
-
-
-def test_a_goal_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
-    node.on_cartesian_goal(pose([0.0, 0.25, 0.0]))
-    planned(node, 0)
-    end = round(1e9 * node.goals.follower.remaining(0))
-    node.goals.follower.reference(end // 3)
-    see(node, end // 3)
-    node.on_cartesian_goal(pose([0.0, -0.1, 0.0]))
-    planned(node, end // 3)
-    references = [node.goals.follower.reference(end // 3 + k * MS) for k in range(6000)]
-    q, v = (np.array([getattr(r, name) for r in references]) for name in "qv")
-    assert abs(v[0]).max() > 0.05
-    np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
-    assert abs(np.diff(v, axis=0)).max() < 0.05
-    assert_close(HAND.pose(q[-1]).position - HERE.position, [0.0, -0.1, 0.0], 1e-8)
 
 
 def test_goals_may_be_as_quick_as_the_joints_allow(ros: Ros) -> None:
@@ -141,24 +95,9 @@ def test_a_refused_trajectory_leaves_a_goal_that_is_being_planned(node: Controll
     assert_close(hand(node, 10_000 * MS), [0.0, 0.2, 0.0], 1e-8)
 
 
-def test_poses_may_be_given_in_a_frame_that_stands(node: ControllerNode) -> None:
-    node.on_cartesian_goal(pose([0.0, 0.1, 0.0], "panda_link0"))
-    planned(node, 0)
-    assert_close(hand(node, 10_000 * MS), [0.0, 0.1, 0.0], 1e-8)
-
-
-def changed(message: PoseStamped, change: Callable[[Any], None]) -> PoseStamped:
-    change(message.pose)
-    return message
-
-
 BAD = [
     (pose([5.0, 0.0, 0.0]), "cannot be brought to position"),
     (pose([0.0, 0.1, 0.0], "panda_link5"), "poses in frame 'panda_link5'; allowed: fixed frames"),
-    (changed(pose(), lambda p: setattr(p.position, "x", float("nan"))), "nan"),
-    (changed(pose(), lambda p: setattr(p.orientation, "w", 3.0)), "quaternion"),
-    (PoseStamped(), "cannot be brought"),
-    (Path(), "no poses"),
     (path([0, 0.1, 0], [9.0, 0, 0]), "of its length"),
     (path([0, 0.1, 0], frame_id="nowhere"), "pose 0: poses in frame 'nowhere'"),
 ]
@@ -193,27 +132,6 @@ def test_without_a_frame_or_a_state_goals_are_refused(
     assert "parameter 'task_frame' is empty" in node.goals.outcome
 
 
-def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:
-    node = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME, state_period=0.001)
-    heard = ros.listen(TrackingState, "/controller/state", 50)
-    publisher = ros.publisher(PoseStamped, "/controller/cartesian_goal")
-    paths = ros.publisher(Path, "/controller/cartesian_path")
-    see(node, 0)
-    publisher.publish(pose([0.0, 0.1, 0.0]))
-    ros.spin_until(lambda: node.goals.planner.busy)
-    planned(node, MS)
-    see(node, 5 * MS)
-    ros.spin_until(lambda: heard and heard[-1].remaining > 0.0)
-    assert heard[-1].goal.startswith("following a straight line for ")
-    see(node, 60_000 * MS)
-    paths.publish(path([9.0, 0.0, 0.0]))
-    ros.spin_until(lambda: node.goals.planner.busy)
-    planned(node, 60_001 * MS)
-    see(node, 60_010 * MS)
-    ros.spin_until(lambda: "Cartesian path refused" in heard[-1].goal)
-    assert heard[-1].remaining == 0.0
-
-
 def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(10, 1.0))
     see(node, 300 * MS)
@@ -227,69 +145,20 @@ def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerN
     assert_close(q[-1], HOME + 0.2, 1e-12)
 
 
-def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
-    """States pass faster than planning allows for, as with a simulator that runs ahead."""
-    node.on_joint_trajectory(long_trajectory(10, 60.0))
-    see(node, 300 * MS)
-    node.on_joint_trajectory(long_trajectory(500, 2.0))
-    stamp = 300 * MS
-    end = time.monotonic() + 20.0
-    while node.goals.planner.busy and time.monotonic() < end:
-        stamp += 20 * MS
-        time.sleep(2e-3)
-        see(node, stamp)
-    assert node.goals.follower.remaining(stamp) < 10.0
-    assert_close(node.goals.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
-
-
-@pytest.mark.parametrize("order", sampled([">", "<"], 1))
-def test_a_long_trajectory_over_the_wire_is_followed(
-    ros: Ros, node: ControllerNode, order: str
-) -> None:
-    publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
-    publisher.publish(sent(long_trajectory(1000, 4.0), order))
-    ros.spin_until(lambda: node.goals.planner.busy)
-    planned(node, MS)
-    assert node.goals.follower.remaining(MS) == pytest.approx(4.0)
-    assert_close(node.goals.follower.reference(MS).q, HOME, 1e-12)
-    assert_close(node.goals.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
-    assert_close(node.goals.follower.reference(5000 * MS).q, HOME + 0.2, 1e-12)
-
-
 def test_damaged_goals_are_refused_and_the_arm_holds(
     ros: Ros, node: ControllerNode, capfd: pytest.CaptureFixture[str]
 ) -> None:
     before = see(node, MS)
-    for kind, name, raw in (
-        (JointTrajectory, "joint_trajectory", sent(long_trajectory(100, 1.0))),
-        (Path, "cartesian_path", sent(path([0, 0.1, 0]))),
-    ):
-        publisher = ros.publisher(kind, f"/controller/{name}")
-        for damaged in (raw[: len(raw) // 2], raw[:10], b"\0\7\0\0" + raw[4:]):
-            node.goals.outcome = ""
-            publisher.publish(damaged)
-            ros.spin_until(lambda: node.goals.outcome)
-            planned(node, MS)
-            assert "refused: the message" in node.goals.outcome
-    told = capfd.readouterr().err
-    assert told.count("refused: the message") == 6, "each has a reason"
-    assert node.goals.refused == 6
+    for message, name in (
+        (long_trajectory(100, 1.0), "joint_trajectory"), (path([0, 0.1, 0]), "cartesian_path")
+    ):  # fmt: skip
+        node.goals.outcome, raw = "", sent(message)
+        ros.publisher(type(message), f"/controller/{name}").publish(raw[: len(raw) // 2])
+        ros.spin_until(lambda: node.goals.outcome)
+        planned(node, MS)
+        assert "refused: the message" in node.goals.outcome
+    assert capfd.readouterr().err.count("refused: the message") == 2, "each has a reason"
     np.testing.assert_array_equal(see(node, 1000 * MS), before)
-
-
-def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
-    node: ControllerNode, capfd: pytest.CaptureFixture[str]
-) -> None:
-    message = long_trajectory(MAX_GOAL_POINTS, 40.0)
-    node.on_joint_trajectory(message)
-    planned(node, MS)
-    assert node.goals.follower.remaining(MS) == pytest.approx(40.0)
-    message.points.append(message.points[-1])
-    node.on_joint_trajectory(message)
-    assert not node.goals.planner.busy
-    wanted = f"{MAX_GOAL_POINTS + 1} points; allowed: up to {MAX_GOAL_POINTS}"
-    assert wanted in node.goals.outcome
-    assert wanted in capfd.readouterr().err
 
 
 TURNED = """<robot name="turned">
@@ -319,10 +188,10 @@ def test_a_pose_in_a_frame_that_stands_turned(model: ArmModel, frame: str) -> No
     assert_close(pose.rotation, np.array(quarter) @ roll, ALGEBRA)
 
 
-@pytest.mark.parametrize("scale", [0.9989, 1.0011, 0.0])
-def test_a_quaternion_has_length_one(scale: float) -> None:
-    with pytest.raises(InvalidInput, match="expected 1"):
-        pose_of((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, scale))
+def test_a_quaternion_has_length_one() -> None:
+    for length in (0.9989, 1.0011):
+        with pytest.raises(InvalidInput, match="expected 1"):
+            pose_of((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, length))
     for length in (0.9991, 1.0009):
         slightly = pose_of((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, length))
         assert_close(slightly.rotation, np.eye(3), ALGEBRA)

@@ -4,8 +4,6 @@
 import ctypes
 import hashlib
 import os
-import platform
-import struct
 import threading
 import time
 from pathlib import Path
@@ -14,16 +12,14 @@ import pytest
 from harness import Ros
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.threads import privileges, scheduling
+from arm_dynamics.ros.common.threads import privileges
 from arm_dynamics.ros.common.threads.privileges import ThreadParams, read_cpus
 from arm_dynamics.ros.common.threads.scheduling import (
     MiddlewareThreads,
     arrange_middleware_threads,
-    shorten_slice,
 )
 
 pytestmark = pytest.mark.ros
-MACHINE = platform.machine()
 
 
 def claimed(wanted: ThreadParams) -> tuple[list[str], set[int]]:
@@ -90,33 +86,6 @@ def test_the_middleware_is_busy_while_one_of_its_threads_is_not_asleep() -> None
     thread.join()
     assert falls_asleep()  # the thread is gone, a moment after it is joined
     assert falls_asleep(other)
-
-
-def slice_of(thread: int) -> int:
-    """The time slice of a thread in [ns]; 0 before Linux 6.12."""
-    attributes, number = ctypes.create_string_buffer(56), scheduling._SCHED_SETATTR[MACHINE] + 1
-    ctypes.CDLL(None).syscall(number, thread, attributes, len(attributes), 0)
-    return struct.unpack_from("Q", attributes, 24)[0]
-
-
-@pytest.mark.skipif(MACHINE not in scheduling._SCHED_SETATTR, reason="another processor")
-def test_receivers_of_dds_are_the_next_to_run_when_messages_arrive(ros: Ros) -> None:
-    if not (ordinary := slice_of(0)):
-        pytest.skip("Linux before 6.12 has no time slices of threads")
-    arrange_middleware_threads()
-    tasks = {task: (task / "comm").read_text() for task in Path("/proc/self/task").iterdir()}
-    receivers = [task for task, name in tasks.items() if name.startswith(("dds.shm", "dds.udp"))]
-    assert receivers
-    assert {slice_of(int(task.name)) for task in receivers} == {100_000}
-    for task in receivers:  # only those that the sender itself does not wake interrupt others
-        interrupts = os.sched_getscheduler(int(task.name)) == os.SCHED_OTHER
-        assert interrupts == tasks[task].startswith("dds.udp"), tasks[task]
-    assert slice_of(0) == ordinary > 100_000
-    found = list[int]()
-    thread = threading.Thread(target=lambda: (shorten_slice(), found.append(slice_of(0))))
-    thread.start()
-    thread.join()
-    assert found == [100_000]
 
 
 def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,15 +65,6 @@ def test_who_speaks_alone_for_a_second_is_followed(heard: Heard) -> None:
     assert heard(SECOND, 1603)
 
 
-def test_a_pause_of_the_controller_changes_nothing(heard: Heard) -> None:
-    """It may first hear the other one after it."""
-    assert heard(FIRST, 1)
-    assert not heard(SECOND, 2)
-    assert not heard(SECOND, 3000)
-    assert heard(FIRST, 3001)
-    assert not heard(SECOND, 3002)
-
-
 def test_a_second_robot_is_not_answered_and_named(
     ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:

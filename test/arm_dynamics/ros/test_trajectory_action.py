@@ -15,7 +15,6 @@ from two_link_control import MS, NAMES, effort, point, reference_of, state, traj
 
 import models
 from arm_dynamics.ros import ControllerNode
-from arm_dynamics.ros.controller import trajectory_action
 from arm_dynamics.trajectory import Reference
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import hold
@@ -55,17 +54,6 @@ def test_a_goal_is_followed_and_reached(node: ControllerNode, client: Client) ->
     assert (status, result.error_code) == (SUCCEEDED, Result.SUCCESSFUL)
     assert result.error_string == "Goal successfully reached!"
     assert_close(reference_of(node, 5000 * MS)[0], moved(0.4, -0.3), ALGEBRA)
-
-
-def test_velocities_make_cubics_and_positions_alone_lines(
-    node: ControllerNode, client: Client
-) -> None:
-    client.send(to(0.4, 0.0))
-    s = 0.3
-    assert_close(reference_of(node, 300 * MS)[0, 0], 0.1 + 0.4 * (3 * s**2 - 2 * s**3), ALGEBRA)
-    client.send(goal(trajectory(point(0.5, *moved(0.1, 0.0)), point(1.0, *moved(0.3, 0.0)))))
-    assert_close(reference_of(node, 250 * MS)[:2, 0], [0.15, 0.2], ALGEBRA)
-    assert_close(reference_of(node, 750 * MS)[:2, 0], [0.3, 0.4], ALGEBRA)
 
 
 def test_an_arm_that_is_stopped_keeps_the_efforts_it_had(
@@ -243,17 +231,9 @@ def test_who_is_there_already_needs_no_time(node: ControllerNode, client: Client
 
 BAD = {
     "0 points": goal(trajectory()),
-    "unknown joints nobody": goal(trajectory(point(1.0, 0.1, 0.1), names=["nobody", NAMES[0]])),
-    "each once": goal(trajectory(point(1.0, 0.1, 0.1), names=[NAMES[0]] * 2)),
     "joints elbow are missing": goal(trajectory(point(1.0, 0.1), names=NAMES[:1])),
-    "positions of point 0 has 1 numbers; allowed: 2": goal(trajectory(point(1.0, 0.1))),
-    "accelerations, but no": goal(trajectory(point(1.0, *HERE, accelerations=[0.0, 0.0]))),
     "positions of point 0, joint 'elbow', is nan; allowed: finite": goal(
         trajectory(point(1.0, 0.1, float("nan")))
-    ),
-    "effort of point 0 has 1 numbers": goal(trajectory(point(1.0, *HERE, effort=[1.0]))),
-    "has no torques, others have": goal(
-        trajectory(point(1.0, *HERE, effort=[1.0, 1.0]), point(2.0, *HERE))
     ),
     "time_from_start of point 1 is 1 s": goal(trajectory(point(1.0, *HERE), point(1.0, *HERE))),
     "last velocity of joint 'elbow' is 0.1": goal(
@@ -268,53 +248,23 @@ BAD = {
     ),
     "have no accelerations": to(0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]),
     "goal_time_tolerance is -0.5": to(0.1, 0.1, within=-0.5),
-    "no waypoint lies in the future": stamped(to(0.1, 0.1), 0.5),
     "stamps of the same clock": stamped(to(0.1, 0.1), 3700.0),
-    "'shoulder' would leave its position limit at 7.63": to(3.2, 0.0, time=9.0),
-    "rad/s and 2 % more (limit_margin)": to(0.0, 2.0, time=0.3),
-    "'shoulder' would leave its effort limit at 0.": to(0.6, 0.0, time=0.2),
+    "'shoulder' would leave its position limit at 6.8": to(3.2, 0.0, time=9.0),
+    "'shoulder' would leave its effort limit at 0.": to(0.8, 0.0, time=0.2),
 }  # fmt: skip
 
 
-def test_mimic_joints_may_be_named_if_they_agree(ros: Ros) -> None:
-    """As by those who command both fingers of a gripper."""
-    node = ros.add(ControllerNode, models.scene("gripper"))
-    names = list(node.dynamics.joint_names)
-    rest = JointState(name=names, position=[0.0, 0.0], velocity=[0.0, 0.0])
-    node.on_joint_states(serialize_message(rest))
-    client, every = Client(ros), ["right_slide", *names]
-    agreeing = point(1.0, -0.011, 0.2, 0.03, velocities=[0.0, 0.0, 0.0])
-    assert client.send(goal(trajectory(agreeing, names=every))).accepted
-    assert_close(reference_of(node, 1000 * MS)[0], [0.2, 0.03], ALGEBRA)
-    for positions, given, words in (
-        ((0.03, 0.2, 0.03), every, "right_slide is 0.03, but right_slide follows left_slide, so"),
-        ((0.03, 0.2), every[:2], "right_slide follows left_slide; command that one"),
-        ((float("nan"), 0.2, 0.03), every, "joint 'right_slide', is nan; allowed: finite numbers"),
-    ):
-        assert not client.send(goal(trajectory(point(1.0, *positions), names=given))).accepted
-        assert words in node.goals.outcome
-    off = tolerance("right_slide", 0.1)
-    sent = goal(trajectory(agreeing, names=every), path_tolerance=[off])
-    assert not client.send(sent).accepted
-    assert "right_slide follows left_slide; command that one" in node.goals.outcome
-
-
-def test_a_bad_goal_is_refused_and_nothing_moves(
+def test_a_bad_goal_is_refused_and_the_one_under_way_goes_on(
     node: ControllerNode, client: Client, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    effort(node, 2000 * MS, HERE)
+    handle = client.send(to(0.4, 0.4))
+    led(node, 0, 500)
+    capfd.readouterr()
     for k, (complaint, wrong) in enumerate(BAD.items(), 1):
         assert not client.send(wrong).accepted
         assert complaint in node.goals.outcome and node.goals.refused == k
         if k == 1:  # many at once are not all logged
             assert capfd.readouterr().err.count("action goal refused") == 1
-    assert_close(reference_of(node, 9000 * MS), [HERE, (0, 0), (0, 0)], ALGEBRA)
-
-
-def test_a_refused_goal_leaves_the_one_under_way(node: ControllerNode, client: Client) -> None:
-    handle = client.send(to(0.4, 0.4))
-    led(node, 0, 500)
-    assert not client.send(to(0.0, 2.0, time=0.3)).accepted
     led(node, 500, 1000)
     assert client.result(handle)[0] == SUCCEEDED
 
@@ -334,12 +284,6 @@ def test_stretching_is_a_parameter(node: ControllerNode, client: Client) -> None
     assert_close(moving[-1, 0], moved(0.0, 2.0), ALGEBRA)
     led(node, 0, 2000)
     assert client.result(handle)[0] == SUCCEEDED
-
-
-def test_a_goal_before_any_state_is_refused(ros: Ros) -> None:
-    node = ros.add(ControllerNode, models.scene("two_link"))
-    assert not Client(ros).send(to(0.1, 0.1)).accepted
-    assert "no joint state has been seen yet" in node.goals.outcome
 
 
 def test_a_controller_that_fails_ends_the_goal_and_gets_no_other(
@@ -406,15 +350,3 @@ def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:
     node.on_joint_states(serialize_message(shown))
     assert Client(ros).send(goal(trajectory(point(2.0, *there), names=names))).accepted
     assert node.goals.follower.reference(2000 * MS).q[turn] == pytest.approx(2.0 * np.pi + 0.3)
-
-
-def test_without_the_interface_there_is_no_action(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    absent = trajectory_action.ACTION._replace(type=None)
-    monkeypatch.setattr(trajectory_action, "ACTION", absent)
-    node = ros.add(ControllerNode, models.scene("two_link"))
-    assert "control_msgs is not installed" in capfd.readouterr().err
-    effort(node, 0, HERE)
-    node.on_joint_trajectory(trajectory(point(1.0, 0.3, 0.3)))
-    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.3], ALGEBRA)

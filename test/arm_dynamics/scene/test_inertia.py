@@ -33,15 +33,9 @@ def test_a_moment_beyond_the_sum_of_the_others_is_not(rng: np.random.Generator) 
         assert (fault(1.0, six_of(tensor)) is None) is fine
 
 
-def test_masses_and_tensors_in_rows() -> None:
-    mass = [1.0, -1.0, 0.0, 0.0, 1.0, 1.0, np.nan]
-    ball, none = [1.0, 0, 0, 1.0, 0, 1.0], [0.0] * 6
-    six = [ball, ball, none, ball, [-1.0, 0, 0, 1.0, 0, 1.0], none, ball]
-    assert possible(mass, six).tolist() == [True, False, True, False, False, True, False]
-    said = [fault(m, s) or "" for m, s in zip(mass, six, strict=True)]
-    words = ["", "mass = -1 kg", "", "mass = 0", "negative in any direction", "", "mass = nan"]
-    assert all(word in text for word, text in zip(words, said, strict=True))
-    assert [bool(text) for text in said] == [bool(word) for word in words]
+def test_no_mass_is_negative_or_not_a_number() -> None:
+    for mass in (-1.0, np.nan):
+        assert f"mass = {mass:g} kg" in str(fault(mass, [0.0] * 6))
 
 
 def test_a_link_with_an_impossible_inertia_is_reported_and_used(

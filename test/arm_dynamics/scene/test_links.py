@@ -11,10 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 import models
-from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
+from arm_dynamics import Dynamics, SceneError, load_scene
 from arm_dynamics.scene.text import scene_of, scene_text
 from arm_sim.cli.main import main
-from arm_studies.identification.identified_scene import scene_with
 from tolerances import PINOCCHIO, assert_close
 
 URDF = (models.FOLDER / "skew_axes.urdf").read_text()
@@ -64,15 +63,6 @@ def test_what_is_not_given_is_not_the_urdfs(rng: np.random.Generator) -> None:
     assert_same(own, Dynamics(edited("c", POINT)), rng)
 
 
-def test_they_make_an_arm_of_a_description_without_inertia(rng: np.random.Generator) -> None:
-    bare = INERTIAL.sub("", URDF)
-    expected = bare
-    for link in "abcd":
-        expected = edited(link, urdf=expected)
-    own = Dynamics({"robot": {"urdf": bare}, "links": dict.fromkeys("abcd", BODY)})
-    assert_same(own, Dynamics(expected), rng)
-
-
 def test_an_unusable_inertia_can_be_replaced(rng: np.random.Generator) -> None:
     broken = URDF.replace('<mass value="0.9"/>', '<mass value="none"/>')
     own = Dynamics({"robot": {"urdf": broken}, "links": {"c": BODY}})
@@ -96,18 +86,7 @@ def test_mistakes_are_named(links: Any, words: str) -> None:
 
 def test_a_saved_scene_has_them() -> None:
     scene = load_scene({"robot": {"urdf": URDF}, "links": {"c": BODY}})
-    again = scene_of(scene_text(scene, "robot.urdf"), scene.robot.urdf)
-    assert again.links == scene.links
-    assert ArmModel(again).whole == ArmModel(scene).whole
-
-
-def test_identified_inertias_replace_them() -> None:
-    model = ArmModel(load_scene({"robot": {"urdf": URDF}, "links": {"c": BODY}}))
-    bodies = list(model.pin.inertias)[1:]
-    theta = np.concatenate([1.1 * body.toDynamicParameters() for body in bodies])
-    found = ArmModel(scene_with(model, theta, np.full(4, np.nan), [None] * 4, []))
-    assert not found.scene.links
-    assert found.total_mass == pytest.approx(1.1 * model.total_mass, rel=1e-12)
+    assert scene_of(scene_text(scene, "robot.urdf"), scene.robot.urdf).links == scene.links
 
 
 def test_commands_tell_and_write_them(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -11,7 +11,6 @@ from arm_dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory import Bounds, Limits, Trajectory, Waypoint, spline, stretched_spline
 from models.driven import wheel
-from tolerances import ALGEBRA
 
 ARM = models.dynamics("two_link")
 NONE = np.full(2, np.inf)
@@ -49,37 +48,23 @@ def test_velocity_joint_moment_and_limit_are_named() -> None:
     )
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_how_far_a_joint_goes_is_that_of_the_whole_trajectory(sign: float) -> None:
+def test_how_far_a_joint_goes_is_that_of_the_whole_trajectory() -> None:
     """It leaves its limit in the first segment, and goes on in the second."""
-    still = [0.0, 0.0]
-    places = [[0.0, 0.0], [0.0, 1.2 * sign], [0.0, 1.7 * sign], [0.0, 1.1 * sign]]
-    way = spline([Waypoint(float(k), q, still, still) for k, q in enumerate(places)])
-    bounds = Bounds(limits(lower=[-9, -1], upper=[9, 1]))
-    assert f"and reach {1.7 * sign:.4g}; allowed: {sign:.4g}" in complaint(bounds, way)
+    still, bounds = [0.0, 0.0], Bounds(limits(lower=[-9, -1], upper=[9, 1]))
+    for sign in (1.0, -1.0):
+        places = [[0.0, 0.0], [0.0, 1.2 * sign], [0.0, 1.7 * sign], [0.0, 1.1 * sign]]
+        way = spline([Waypoint(float(k), q, still, still) for k, q in enumerate(places)])
+        assert f"and reach {1.7 * sign:.4g}; allowed: {sign:.4g}" in complaint(bounds, way)
 
 
-def test_units_and_margin_are_named() -> None:
-    typed = replace(limits(velocity=[9, 0.4]), joint_types=("revolute", "prismatic"))
-    assert complaint(Bounds(typed, margin=0.02), rest_to_rest(0, 1)).endswith(
-        "and reach 0.9375 m/s; allowed: 0.4 m/s and 2 % more (limit_margin)"
-    )
-
-
-def test_an_overshoot_between_two_allowed_points_is_seen() -> None:
-    hook = [Waypoint(0.0, [0, 0], [0, 0], [0, 0]), Waypoint(1.0, [0.9, 0], [2, 0]),
-            Waypoint(2.0, [0.9, 0], [0, 0])]  # fmt: skip
-    Bounds(limits(upper=[1.3, 1])).check(spline(hook))
-    assert "'shoulder' would leave its position limit at 1." in complaint(
-        Bounds(limits(upper=[1, 1])), spline(hook)
-    )
-
-
-def test_of_several_the_first_in_time_is_named() -> None:
-    both = Bounds(limits(velocity=[0.1, 9], upper=[9, 0.5]))
-    assert "'shoulder' would leave its velocity" in complaint(both, rest_to_rest(1, 1))
-    other = Bounds(limits(velocity=[0.93, 9], upper=[9, 0.01]))
-    assert "'elbow' would leave its position" in complaint(other, rest_to_rest(1, 1))
+def test_the_first_in_time_is_named_with_its_unit_and_what_the_margin_widens() -> None:
+    types = ("revolute", "prismatic")
+    fast = replace(limits(velocity=[9, 0.4], upper=[9, 0.5]), joint_types=types)
+    said = complaint(Bounds(fast, margin=0.02), rest_to_rest(0, 1))
+    assert said.endswith("and reach 0.9375 m/s; allowed: 0.4 m/s and 2 % more (limit_margin)")
+    far = replace(limits(velocity=[9, 0.9], upper=[9, 0.01]), joint_types=types)
+    said = complaint(Bounds(far, margin=0.02), rest_to_rest(0, 1))
+    assert said.endswith("and reach 1 m; allowed: 0.01 m")
 
 
 def test_an_arm_beyond_a_position_limit_may_come_back() -> None:
@@ -104,23 +89,6 @@ def test_lines_jump_in_velocity_which_no_acceleration_limit_allows() -> None:
     )
 
 
-@pytest.mark.parametrize(("sign", "margin"), [(1.0, 0.0), (-1.0, 0.1)])
-def test_how_far_a_torque_goes_is_that_of_the_whole_trajectory(sign: float, margin: float) -> None:
-    """Of the joint that first exceeds its limit, which the margin widens."""
-    quick = rest_to_rest(0.4 * sign, 0.4 * sign, time=0.15)
-    said = complaint(Bounds(FREE, ARM, margin), quick)
-    torque = ARM.inverse(*quick.at(np.linspace(0.0, 0.15 - 1e-9, 1001)))
-    beyond = abs(torque) > ARM.model.effort_limit * (1.0 + margin)
-    first, joint = np.argwhere(beyond)[0]
-    most = torque[np.argmax(abs(torque[:, joint])), joint]
-    assert abs(most) > 1.2 * abs(torque[first, joint])
-    limit = np.copysign(ARM.model.effort_limit[joint], most)
-    assert f"'{ARM.joint_names[joint]}' would leave its effort limit" in said
-    said = said.removesuffix(" and 10 % more (limit_margin)")
-    reach, allowed = (float(part.split()[-1]) for part in said.split("; allowed:"))
-    assert reach == pytest.approx(most, rel=2e-3) and allowed == pytest.approx(limit, rel=1e-3)
-
-
 def test_a_margin_widens_velocities_and_not_positions() -> None:
     peak = 15 / 8 / 2
     Bounds(limits(velocity=[peak / 1.05] * 2), margin=0.06).check(rest_to_rest(1, 0))
@@ -136,14 +104,6 @@ def test_the_factor_is_what_time_must_be_stretched_by() -> None:
     by_rise = Bounds(limits(acceleration=[10 / np.sqrt(3) / 4 / 9, 99]))
     assert by_rise.factor(rest_to_rest(1, 0)) == pytest.approx(3.0, rel=1e-9)
     assert Bounds(FREE).factor(rest_to_rest(1, 0)) == 1.0
-
-
-def test_stretched_by_the_torque_factor_the_effort_limit_holds() -> None:
-    bounds, quick = Bounds(FREE, ARM), rest_to_rest(0.4, 0.4, time=0.12)
-    factor = bounds.factor(quick)
-    assert factor > 1.0
-    bounds.check(rest_to_rest(0.4, 0.4, time=0.12 * factor * (1 + ALGEBRA)))
-    complaint(bounds, rest_to_rest(0.4, 0.4, time=0.12 * factor * 0.98))
 
 
 def test_an_excess_between_the_points_that_are_looked_at_is_seen() -> None:
@@ -174,5 +134,8 @@ def test_a_motor_beyond_its_torque_speed_curve_is_named() -> None:
     bounds.check(spline(slow))
     said = complaint(bounds, spline(quick))
     assert "'axle' would leave its voltage limit at " in said and "allowed: 12" in said
+    _, v, a = spline(quick).at(np.linspace(0.0, 0.499, 500))
+    most = (0.5 * 0.1 * a / (0.05 * 30.0) + 0.05 * 30.0 * v).max()
+    assert float(said.split("reach ")[1].split()[0].strip(";")) == pytest.approx(most, rel=1e-3)
     bounds.check(stretched_spline(quick, bounds.factor))
     Bounds(bounds.limits, wheels, margin=0.5).check(spline(quick))

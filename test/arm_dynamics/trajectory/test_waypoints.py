@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quintic trajectories: continuity, least jerk, limits, refusals."""
+"""Quintic trajectories: continuity, least jerk, limits, refusals; samples to the bit."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from arm_dynamics.trajectory import (
     Reference,
     Trajectory,
     Waypoint,
+    hold,
     quintic,
     quintic_through,
     stop,
@@ -42,15 +45,6 @@ def motion(trajectory: Trajectory, times: np.ndarray) -> np.ndarray:
     return np.array([[s.q, s.v, s.a] for s in map(trajectory.sample, times)])
 
 
-def jerk_cost(trajectory: Trajectory) -> float:
-    """∫ jerk² dt, exactly: jerk is quadratic in each segment, so three Gauss points are enough."""
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    s, h = (nodes + 1) / 2, np.diff(trajectory.times)[:, None, None]
-    c = trajectory.coefficients[..., None]
-    jerk = (6 * c[:, :, 3] + 24 * c[:, :, 4] * s + 60 * c[:, :, 5] * s**2) / h**3
-    return float(np.sum(jerk**2 * weights / 2 * h))
-
-
 def test_velocity_and_acceleration_are_derivatives(rng: np.random.Generator) -> None:
     trajectory, h = quintic(random_waypoints(rng)), 1e-6
     for t in rng.uniform(0.01, trajectory.duration - 0.01, 50):
@@ -60,24 +54,13 @@ def test_velocity_and_acceleration_are_derivatives(rng: np.random.Generator) -> 
 
 
 def test_open_derivatives_make_jerk_and_snap_continuous(rng: np.random.Generator) -> None:
+    """The natural conditions of least ∫ jerk² dt."""
     trajectory = quintic(random_waypoints(rng))
     c, h = trajectory.coefficients, np.diff(trajectory.times)[:, None]
     jerk = np.array([6 * c[..., 3], 6 * c[..., 3] + 24 * c[..., 4] + 60 * c[..., 5]]) / h**3
     snap = np.array([24 * c[..., 4], 24 * c[..., 4] + 120 * c[..., 5]]) / h**4
     for start, end in (jerk, snap):
         assert_close(start[1:], end[:-1], 1e-9)
-
-
-def test_open_derivatives_are_those_of_least_jerk(rng: np.random.Generator) -> None:
-    waypoints = random_waypoints(rng)
-    best = quintic(waypoints)
-    for _ in range(6):
-        i = int(rng.integers(1, len(waypoints) - 1))
-        chosen = best.sample(waypoints[i].time)
-        other = list(waypoints)
-        v, a = rng.normal(scale=0.1, size=(2, N))
-        other[i] = Waypoint(waypoints[i].time, waypoints[i].q, chosen.v + v, chosen.a + a)
-        assert jerk_cost(quintic(other)) > jerk_cost(best)
 
 
 def test_given_derivatives_are_met(rng: np.random.Generator) -> None:
@@ -91,15 +74,6 @@ def test_given_derivatives_are_met(rng: np.random.Generator) -> None:
     assert_close(trajectory.sample(0.0).a, a, ALGEBRA)
     assert_close(trajectory.sample(waypoints[2].time).v, v, ALGEBRA)
     assert_close(trajectory.sample(waypoints[3].time).a, a, ALGEBRA)
-
-
-def test_many_waypoints_stay_exact(rng: np.random.Generator) -> None:
-    waypoints = random_waypoints(rng, 1000)
-    trajectory = quintic(waypoints)
-    for waypoint in waypoints[::97]:
-        before, after = motion(trajectory, [waypoint.time - 1e-11, waypoint.time + 1e-11])
-        assert_close(before[0], waypoint.q, 1e-9)
-        assert_close(after, before, 1e-8)
 
 
 def test_extremes_bound_every_sample_and_are_reached(rng: np.random.Generator) -> None:
@@ -164,20 +138,13 @@ def test_the_way_and_the_start_are_within_limits_unless_it_comes_back() -> None:
             limits(position=1.0),
             r"elbow to 1\.2; .* -1 to 1",
         ),
+        ([still, Waypoint(1.0, [1.0 + 1e-6, 0, 0])], limits(position=1.0), "base to 1"),
         (bulging, limits(position=1.0), "wrist to 1"),
         (fast, limits(velocity=1.0), "at any pace"),
     ):
         with pytest.raises(InvalidInput, match=said):
             quintic(way, within)
     assert_close(quintic(back, limits(position=1.0)).sample(1.0).q, np.zeros(N), ALGEBRA)
-
-
-def test_a_limit_may_be_reached_and_rounded() -> None:
-    narrow = limits(velocity=1.0, acceleration=1.0, position=0.0)
-    start = Waypoint(0.0, np.zeros(N))
-    assert quintic([start, Waypoint(1.0, np.full(N, 1e-9))], narrow).duration == 1.0
-    with pytest.raises(InvalidInput, match="takes joint base to 1.1e-09; allowed: -0 to 0"):
-        quintic([start, Waypoint(1.0, np.full(N, 1.1e-9))], narrow)
 
 
 @pytest.mark.parametrize(
@@ -189,15 +156,6 @@ def test_chosen_duration_of_one_segment(
 ) -> None:
     trajectory = quintic_through([np.zeros(N), [1.0, -2.0, 0.0]], limits(velocity, acceleration))
     assert_close(trajectory.duration, duration, 1e-9)
-
-
-def test_chosen_durations_use_limits_up(rng: np.random.Generator) -> None:
-    positions = rng.normal(size=(5, N))
-    trajectory = quintic_through(positions, limits(1.0, 4.0))
-    moving = motion(trajectory, np.linspace(0.0, trajectory.duration, 4001))
-    use = max(np.abs(moving[:, 1]).max(), np.abs(moving[:, 2]).max() / 4.0)
-    assert 1.0 - 1e-4 < use < 1.0 + 1e-9
-    assert_close([trajectory.sample(t).q for t in trajectory.times], positions, 1e-9)
 
 
 def test_chosen_durations_are_no_longer_than_those_of_single_segments_stretched() -> None:
@@ -230,7 +188,6 @@ def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
         ([], "0 waypoints; allowed: 2"),
         ([Waypoint(0.0, [0.0]), Waypoint(0.0, [1.0])], "increasing from 0"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [1.0, 2.0])], "waypoint 1 has shape"),
-        ([Waypoint(0.0, [0.0], [np.inf]), Waypoint(1.0, [0.0])], "velocity of waypoint 0 is"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
     ],
 )
@@ -240,30 +197,31 @@ def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: s
 
 
 def test_points_without_a_duration_are_refused() -> None:
-    for positions, velocity, said in (
-        ([[0.0] * N], 1.0, "w >= 2"),
-        ([[0.0] * N, [0.0] * N], 1.0, "0 and 1 coincide"),
-        ([[0.0] * N, [1.0] * N], np.inf, "nothing limits"),
-    ):
+    for positions, said in (([[0.0] * N], "w >= 2"), ([[0.0] * N] * 2, "0 and 1 coincide")):
         with pytest.raises(InvalidInput, match=said):
-            quintic_through(positions, limits(velocity))
+            quintic_through(positions, limits(velocity=1.0))
 
 
-def test_samples_are_the_same_to_the_bit_wherever_they_are_computed(
-    rng: np.random.Generator,
-) -> None:
-    """As Horner's rule gives them with plain numbers, one product and one sum at a time."""
+def test_many_samples_have_the_bits_of_single_ones(rng: np.random.Generator) -> None:
     path = quintic(random_waypoints(rng))
     times = np.concatenate([[-1.0, 0.0], path.times, rng.uniform(0.0, 9.0, 20), [99.0]])
     np.testing.assert_array_equal(path.at(times), motion(path, times).swapaxes(0, 1))
-    for t in rng.uniform(0.0, path.duration, 20):
-        i = int(np.searchsorted(path.times, t, "right")) - 1
-        s = (t - path.times[i]) / (path.times[i + 1] - path.times[i])
-        found = path.sample(float(t))
-        for k, values in enumerate((found.q, found.v, found.a)):
-            for joint in range(N):
-                c = path.polynomials[i, :, k, joint].tolist()
-                value = c[5]
-                for coefficient in c[4::-1]:
-                    value = value * float(s) + coefficient
-                assert values[joint] == value
+
+
+def bits(sampled: Reference) -> bytes:
+    tau = b"" if sampled.tau is None else sampled.tau.tobytes()
+    return sampled.q.tobytes() + sampled.v.tobytes() + sampled.a.tobytes() + tau
+
+
+@pytest.mark.parametrize("kind", ["motion", "with torques", "hold"])
+def test_without_a_compiler_samples_have_the_same_bits(
+    kind: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = random_waypoints(rng)
+    if kind == "with torques":
+        points = [replace(point, tau=rng.normal(size=N)) for point in points]
+    made = hold([0.5, -0.3]) if kind == "hold" else quintic(points)
+    times = [-1.0, -1e-12, *made.times, made.duration + 1.0, *rng.uniform(0.0, 9.0, 200)]
+    here = [bits(made.sample(t)) for t in times]
+    monkeypatch.setattr("arm_dynamics.trajectory.trajectory.library", lambda: None)
+    assert [bits(made.sample(t)) for t in times] == here

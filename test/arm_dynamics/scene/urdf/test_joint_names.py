@@ -1,18 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mimic joints are known by name: they are told to follow, and may be given what they have."""
 
-import copy
-import pickle
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
-from arm_dynamics.scene.urdf.joint_names import JointNames, Named
-from arm_dynamics.trajectory import Waypoint
-from arm_dynamics.trajectory.files import JointTrajectory
+from arm_dynamics.scene.urdf.joint_names import Named
 
 GRIPPER = models.dynamics("gripper").model.joint_names  # swing, left_slide
 FINGER = models.dynamics("finger").model.joint_names  # spread, knuckle
@@ -67,22 +61,3 @@ def test_a_follower_of_a_follower_agrees_with_the_leader_of_both() -> None:
         named.spread("q", "position", [knuckle, knuckle], STILL)
     with pytest.raises(InvalidInput, match="^tip_joint follows knuckle; command that one"):
         Named(["spread", "tip_joint"], FINGER)
-
-
-def test_names_are_a_tuple_that_can_be_copied() -> None:
-    assert GRIPPER == ("swing", "left_slide") and isinstance(GRIPPER, tuple)
-    for other in (copy.deepcopy(GRIPPER), pickle.loads(pickle.dumps(GRIPPER))):
-        assert isinstance(other, JointNames)
-        assert other == GRIPPER and other.rules == GRIPPER.rules
-
-
-def test_a_trajectory_may_name_followers(tmp_path: Path) -> None:
-    """As those of grippers of which both fingers are commanded."""
-    names = ("left_slide", "swing", "right_slide")
-    first, last = Waypoint(0.0, [0.01, 0.0, 0.003]), Waypoint(1.0, [0.03, 1.0, -0.011], [0.0] * 3)
-    path = JointTrajectory(names, (first, last)).save(tmp_path / "a.yaml")
-    motion = JointTrajectory.load(path).motion(GRIPPER)
-    np.testing.assert_allclose(motion.sample(1.0).q, [1.0, 0.03], atol=1e-12)
-    other = JointTrajectory(names, (Waypoint(0.0, [0.01, 0.0, 0.01]), last))
-    with pytest.raises(InvalidInput, match="right_slide follows left_slide"):
-        other.motion(GRIPPER)

@@ -43,23 +43,14 @@ def test_it_takes_no_position_and_no_settings(kind: str) -> None:
 
 @held
 def test_it_must_be_locked(kind: str) -> None:
-    urdf = riding(kind)["robot"]["urdf"]
-    for lock in ([], ["joint1"]):
-        with pytest.raises(ModelError, match=f"'ride': type '{kind}'.*'robot.lock: \\[ride\\]'"):
-            load_scene({"robot": {"urdf": urdf, "lock": lock}})
+    scene = {"robot": {"urdf": riding(kind)["robot"]["urdf"], "lock": ["joint1"]}}
+    with pytest.raises(ModelError, match=f"'ride': type '{kind}'.*'robot.lock: \\[ride\\]'"):
+        load_scene(scene)
 
 
-@held
-def test_nothing_can_follow_it(kind: str) -> None:
-    scene = riding(kind)
+def test_nothing_can_follow_it() -> None:
+    scene = riding("floating")
     follower = '<parent link="link1"/><mimic joint="ride"/>'
     scene["robot"]["urdf"] = scene["robot"]["urdf"].replace('<parent link="link1"/>', follower)
     with pytest.raises(ModelError, match="joint 'joint2': mimics 'ride', which does not move"):
         load_scene(scene)
-
-
-def test_other_types_cannot_be_locked() -> None:
-    with pytest.raises(ModelError, match="joint 'ride': type 'ball' is not supported"):
-        load_scene(riding("ball"))
-    with pytest.raises(SceneError, match="'robot.lock' names joint 'ride', which is fixed"):
-        load_scene(riding("fixed"))

@@ -26,8 +26,6 @@ UNUSUAL = {
     "byte order mark before a blank line": f'\ufeff\n<?xml version="1.0"?>{BODY}',
     "encoding that the text no longer has": f'<?xml version="1.0" encoding="UTF-16"?>{BODY}',
     "unbound prefix of an attribute": BODY.replace("<link ", '<link gz:colour="red" ', 1),
-    "dashes in a comment": BODY.replace("<link ", "<!-- ------ links -- ------ --><link ", 1),
-    "a tag in a comment": BODY.replace("<link ", "<!-- <link name='old'> -- <!-- --><link ", 1),
     "dashes that are no comment": BODY.replace(
         "</robot>", "<note a='-->'>--> <![CDATA[ <!-- -- ]]> <?a <!-- -- ?></note></robot>"
     ),
@@ -61,21 +59,9 @@ def test_a_file_of_another_encoding_is_read(
     assert model.has_frame("poign\u00e9e")
     assert model.whole.inertias[3] == arm(URDF).whole.inertias[3]
     assert f"'{path}' is not UTF-8: read as Latin-1" in caplog.text
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
-def test_a_scene_of_another_encoding_is_read(encoding: str, tmp_path: Path) -> None:
-    """As editors and shells of Windows write them; a description in UTF-16 as well."""
-    text = BODY.replace("link3", "poign\u00e9e")
-    (tmp_path / "arm.urdf").write_text(f'<?xml version="1.0"?>{text}', encoding)
-    path = tmp_path / "arm.yaml"
-    path.write_text("robot: {urdf: arm.urdf}  # 30 \u00b0\ngravity: [0, 0, 1]\n", encoding)
-    assert arm(path).has_frame("poign\u00e9e") and load_scene(path).gravity == (0.0, 0.0, 1.0)
-
-
-def test_utf_16_without_its_mark_is_not_text(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(URDF, "utf-16-le")
+    path.write_text(f'<?xml version="1.0"?>{text}', "utf-16")  # as shells of Windows write it
+    assert arm(path).has_frame("poign\u00e9e")
+    path.write_text(text, "utf-16-le")  # without its mark
     with pytest.raises(SceneError, match=f"'{path}' is not text; a scene .* is expected"):
         load_scene(path)
 
@@ -87,10 +73,9 @@ def test_comments_leave_errors_where_they_are() -> None:
         load_scene(text)
 
 
-@pytest.mark.parametrize("part", ["<!-- -- ", "<![CDATA["])
-def test_what_never_ends_is_refused(part: str) -> None:
+def test_what_never_ends_is_refused() -> None:
     with pytest.raises(ModelError, match="not well-formed XML"):
-        load_scene(BODY.replace("</robot>", part * 30000))
+        load_scene(BODY.replace("</robot>", "<!-- -- " * 30000))
 
 
 def test_a_comment_in_a_comment_is_refused() -> None:
@@ -98,22 +83,4 @@ def test_a_comment_in_a_comment_is_refused() -> None:
     text = BODY.replace("</robot>", "\n<!-- <!-- old -->\n<link name='a'/> --></robot>")
     line = BODY.count("\n", 0, BODY.index("</robot>")) + 3
     with pytest.raises(ModelError, match=f"line {line}: '-->' ends no comment"):
-        load_scene(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (BODY[:400], "not well-formed XML: .*line \\d+"),
-        ("<mujoco/>", "root element is <mujoco>, not <robot>; this is MJCF"),
-        (
-            BODY.replace("<robot ", '<robot xmlns:x="http://ros.org/xacro" ').replace(
-                "</robot>", "<x:arm/></robot>"
-            ),
-            "<xacro:arm> is not expanded",
-        ),
-    ],
-)
-def test_what_is_no_robot_description_is_refused(text: str, words: str) -> None:
-    with pytest.raises(ModelError, match=words):
         load_scene(text)

@@ -58,25 +58,12 @@ ROBOT = """<robot name="arm">
 type Way = Callable[[str, np.random.Generator], str]
 
 
-def attribute(text: str, rng: np.random.Generator) -> re.Match[str]:
-    """Some attribute that holds numbers."""
-    found = list(re.finditer(r'(\w+)="([-+\d. e]+)"', text))
-    return found[rng.integers(len(found))]
-
-
-def element(text: str, rng: np.random.Generator, tags: str) -> re.Match[str] | None:
-    """Some empty element with one of these tags; None if another way has left none."""
-    found = list(re.finditer(rf"<({tags})((?: [^<>]*)?)/>", text))
-    return found[rng.integers(len(found))] if found else None
-
-
 def with_numbers(change: Callable[[list[str], np.random.Generator], str]) -> Way:
     """The numbers of an attribute written in another way."""
 
     def way(text: str, rng: np.random.Generator) -> str:
-        found = attribute(text, rng)
-        written = change(found[2].split(), rng)
-        return text[: found.start(2)] + written + text[found.end(2) :]
+        found = rng.choice(list(re.finditer(r'\w+="([-+\d. e]+)"', text)))
+        return text[: found.start(1)] + change(found[1].split(), rng) + text[found.end(1) :]
 
     return way
 
@@ -95,8 +82,10 @@ def with_element(tags: str, change: Callable[[str], str]) -> Way:
     """An empty element written in another way."""
 
     def way(text: str, rng: np.random.Generator) -> str:
-        if (found := element(text, rng, tags)) is None:
+        elements = list(re.finditer(rf"<({tags})((?: [^<>]*)?)/>", text))
+        if not elements:  # another way has left none
             return text
+        found = rng.choice(elements)
         return text[: found.start()] + change(found[0]) + text[found.end() :]
 
     return way
@@ -123,25 +112,9 @@ def in_other_order(text: str, rng: np.random.Generator) -> str:
     return "<robot name='arm'>" + "".join(rng.permutation(parts)) + "</robot>"
 
 
-def shuffled(words: str) -> str:
-    attributes = reversed(re.findall(r'[\w:]+="[^"]*"', words))
-    return f"<{re.match(r'<(\w+)', words)[1]} {' '.join(attributes)}/>"
-
-
-def as_entity(text: str, rng: np.random.Generator) -> str:
-    found = attribute(text, rng)
-    whole = text[: found.start(2)] + "&given;" + text[found.end(2) :]
-    return f'<!DOCTYPE robot [<!ENTITY given "{found[2]}">]>{whole}'
-
-
 def named_alike(text: str, rng: np.random.Generator) -> str:
     joint, link = rng.choice(["flange", "elbow"]), rng.choice(["base", "upper", "fore", "hand"])
     return text.replace(f'<joint name="{joint}"', f'<joint name="{link}"')
-
-
-def ulp(word: str) -> str:
-    """The next number, or the one before."""
-    return repr(float(np.nextafter(float(word), np.inf)))
 
 
 def repeated(words: str) -> str:
@@ -151,34 +124,12 @@ def repeated(words: str) -> str:
 
 SOUND: dict[str, Way] = {
     "blanks around": with_numbers(lambda words, _: f" \t{' '.join(words)}\n"),
-    "line feeds by reference": with_numbers(lambda words, _: "&#10;".join(words) + "&#x9;"),
-    "digits by reference": with_one(lambda word: "".join(f"&#{ord(c)};" for c in word)),
-    "an entity": as_entity,
-    "single quotes": with_element(r"\w+", lambda words: words.replace('"', "'")),
-    "attributes in another order": with_element(r"\w+", shuffled),
-    "open and closed": with_element(r"\w+", lambda w: re.sub(r"<(\w+)(.*)/>", r"<\1\2></\1>", w)),
     "another order": in_other_order,
-    "one ulp more": with_one(ulp),
+    "one ulp more": with_one(lambda word: repr(float(np.nextafter(float(word), np.inf)))),
     "exponents": with_one(lambda word: f"{float(word):.16E}"),
     "a plus": with_one(lambda word: word if word.startswith("-") else f"+{word}"),
-    "zeros in front": with_one(lambda word: re.sub(r"^(-?)", r"\g<1>00", word)),
     "many digits": with_one(lambda word: f"{word}{'' if '.' in word else '.'}{'0' * 40}1"),
-    "minus zero": with_one(lambda word: "-0.0" if float(word) == 0.0 else word),
-    "comments": with_top("<!-- <link name='upper'/> -->"),
-    "transmissions": with_top(
-        "<transmission name='t'><joint name='elbow'><mass value='7'/></joint></transmission>"
-    ),
     "plugins": with_top("<gazebo reference='upper'><mu1>0.2</mu1><mass value='x'/></gazebo>"),
-    "unbound prefixes": with_top("<gz:plugin gz:mass='9'/>"),
-    "unknown attributes": with_element(
-        r"\w+", lambda words: words.replace("/>", " colour='1 x'/>")
-    ),
-    "default namespace": lambda text, _: text.replace("<robot ", "<robot xmlns='http://r' ", 1),
-    "unknown version": lambda text, _: text.replace("<robot ", "<robot version='7' ", 1),
-    "no name": lambda text, _: text.replace(" name='arm'", "").replace(' name="arm"', ""),
-    "a late declaration": lambda text, _: f'\n <!-- by hand -->\n<?xml version="1.0"?>{text}',
-    "a byte order mark": lambda text, _: f"\ufeff{text}",
-    "masses elsewhere": with_element("parent", lambda words: f"{words}<mass value='8'/>"),
     "no products of inertia": with_element(
         "inertia", lambda words: re.sub(r' i(xy|xz|yz)="[^"]*"', "", words)
     ),
@@ -194,46 +145,11 @@ SOUND: dict[str, Way] = {
     "no inertial": lambda text, rng: re.sub(
         r"<inertial>.*?</inertial>", "", text, count=int(rng.integers(1, 5)), flags=re.DOTALL
     ),
-    "infinite limits": with_element(
-        "limit", lambda words: words.replace('effort="', 'effort=" inf" x="')
-    ),  # fmt: skip
     "repeated elements": with_element("origin|mass|inertia|axis|limit|dynamics", repeated),
     "repeated inertials": lambda text, _: text.replace(
         "</inertial>", "</inertial><inertial><mass value='5'/></inertial>"
     ),
     "names alike": named_alike,
-}
-REFUSED: dict[str, Way] = {
-    "underscores": with_one(lambda word: f"1_{word.lstrip('-')}"),
-    "hexadecimal": with_one(lambda word: "0x10"),
-    "other digits": with_one(lambda word: "\u0663"),
-    "a comma": with_one(lambda word: f"{word},5"),
-    "an expression": with_one(lambda word: "${pi/2}"),
-    "a minus apart": with_one(lambda word: f"- {word.lstrip('-')}"),
-    "nothing": with_numbers(lambda words, _: " "),
-    "one too few": with_numbers(lambda words, _: " ".join(words[1:])),
-    "a huge mass": with_element("mass", lambda words: "<mass value='1e999'/>"),
-    "an infinite place": with_element("origin", lambda words: "<origin xyz='0 inf 0'/>"),
-    "a repeated attribute": with_element(
-        "origin|mass|axis|limit|dynamics|inertia",
-        lambda words: re.sub(r'( \w+="[^"]*")', r"\1\1", words, count=1),
-    ),
-    "no mass": with_element("mass", lambda words: ""),
-    "no moment": without("iyy", "inertia"),
-    "a negative mass": with_element("mass", lambda words: words.replace('="', '="-')),
-    "a negative moment": with_element("inertia", lambda words: words.replace('izz="', 'izz="-')),
-    "negative damping": with_element("dynamics", lambda w: w.replace('damping="', 'damping="-')),
-    "limits that cross": lambda text, _: text.replace('lower="-3"', 'lower="3"'),
-    "no limit": lambda text, _: re.sub(r"<limit lower[^<>]*/>", "", text, count=1),
-    "an axis of zero": with_element("axis", lambda words: "<axis xyz='0 0 0'/>"),
-    "a quaternion": with_element("origin", lambda words: "<origin quat_xyzw='0 0 0 1'/>"),
-    "two links of one name": with_top("<link name='upper'/>"),
-    "a nameless link": with_top("<link/>"),
-    "another root": with_top("<link name='floor'/>"),
-    "an unknown parent": lambda text, _: text.replace('parent link="fore"', 'parent link="four"'),
-    "a floating joint": lambda text, _: text.replace('"continuous"', '"floating"'),
-    "an unknown entity": with_numbers(lambda words, _: "&nowhere;"),
-    "unclosed": lambda text, _: text.removesuffix("</robot>"),
 }
 NAMES = (
     r"(link|joint) '\w+'|two <\w+> are called '\w+'|a <\w+> has no name|line \d+|"
@@ -279,15 +195,6 @@ def test_each_sound_way_is_read(way: Way, rng: np.random.Generator) -> None:
         assert_as_written(way(ROBOT, rng), rng)
 
 
-@pytest.mark.parametrize("way", REFUSED.values(), ids=REFUSED)
-def test_each_other_way_is_refused_by_name(way: Way, rng: np.random.Generator) -> None:
-    for _ in range(2):
-        text = way(ROBOT, rng)
-        assert text != ROBOT
-        with pytest.raises(ModelError, match=NAMES):
-            Dynamics(text)
-
-
 def test_ways_together(rng: np.random.Generator, fuzz: int) -> None:
     """Two to five ways at a time: the torques of the numbers as written, never others."""
     sound, read = list(SOUND.values()), 0
@@ -302,11 +209,3 @@ def test_ways_together(rng: np.random.Generator, fuzz: int) -> None:
         else:
             read += 1
     assert read > 0.9 * WAYS * fuzz
-
-
-def test_the_comparison_sees_one_ulp_of_a_mass() -> None:
-    """It would see a number that is dropped, or is the next one."""
-    rng = np.random.default_rng(2)
-    heavier = ROBOT.replace('"3.25"', f'"{3.25 * (1 + 1e-10)!r}"')
-    *state, own = torques(Dynamics(ROBOT), rng)
-    assert abs(Robot(heavier).torques(*state)["shoulder"] - own["shoulder"]) > 10 * NEAR

@@ -81,18 +81,13 @@ def test_arguments_that_it_has_not_are_refused(source: Path) -> None:
         with_arguments(source, side="left", sid="left")
 
 
-WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "both": ({"urdf": "a.urdf", "xacro": "a.xacro"}, "'urdf' or 'xacro' is expected, not both"),
-    "arguments of a URDF": ({"urdf": URDF, "arguments": {"a": 1}}, "give the file as 'robot.xac"),
-    "no value": ({"xacro": "a", "arguments": {"a": [1]}}, "robot.arguments.a' = .1.: text, a num"),
-    "text": ({"xacro": URDF}, "is neither URDF text nor the name of a file"),
-}
-
-
-@pytest.mark.parametrize(("robot", "words"), WRONG.values(), ids=WRONG)
-def test_what_is_no_source_is_refused(robot: dict[str, Any], words: str) -> None:
-    with pytest.raises(SceneError, match=words):
-        load_scene({"robot": robot})
+def test_a_source_is_a_urdf_or_a_xacro_file() -> None:
+    for robot, words in (
+        ({"urdf": "a.urdf", "xacro": "a.xacro"}, "'urdf' or 'xacro' is expected, not both"),
+        ({"urdf": URDF, "arguments": {"a": 1}}, "give the file as 'robot.xacro'"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            load_scene({"robot": robot})
 
 
 def test_without_xacro_the_message_says_what_to_do(
@@ -117,8 +112,11 @@ def test_one_that_never_ends_is_given_up(source: Path, monkeypatch: pytest.Monke
 def test_text_is_never_expanded() -> None:
     """It may come from a message, and xacro reads files."""
     call = '<link name="base"/><xacro:include filename="/etc/passwd"/><xacro:arm/>'
-    with pytest.raises(SceneError, match="<xacro:arm> is not expanded: expand it with 'xacro "):
-        load_scene(URDF.replace('<link name="base"/>', call))
+    text = URDF.replace('<link name="base"/>', call)
+    renamed = text.replace("<robot ", '<robot xmlns:x="http://ros.org/xacro" ')
+    for source in (text, renamed.replace("<xacro:", "<x:")):
+        with pytest.raises(SceneError, match="<xacro:arm> is not expanded: expand it with 'xacro"):
+            load_scene(source)
 
 
 def test_the_real_program(tmp_path: Path) -> None:
