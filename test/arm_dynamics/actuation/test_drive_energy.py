@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import sampled
 
-from arm_sim import Simulator
 from models.driven import law, of_states, wheel
 from tolerances import ALGEBRA, assert_close
 
@@ -65,12 +63,3 @@ def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -
     for x in states(rng, 1, 20):
         i, speed = x[2][0], -60.0 * x[1][0]
         assert_close(float(lost(*x)), 0.8 * i**2 + 0.01 * i * speed, ALGEBRA)
-
-
-@pytest.mark.parametrize("scene", sampled(DRIVES.values(), 5), ids=DRIVES)
-def test_energy_of_a_run_is_balanced(scene: Any) -> None:
-    """Work supplied, heat lost and energy stored in a recording, under an oscillating command."""
-    sim = Simulator(scene, backend="vm", tolerance=1e-9)
-    recording = sim.run(0.05, 20.0 * np.cos(0.04 * np.arange(50))[:, None])
-    assert recording.supplied[-1] > 1e-3
-    assert abs(recording.balance).max() < 1e-8 * max(1.0, recording.supplied[-1])
