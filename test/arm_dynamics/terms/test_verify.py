@@ -9,13 +9,12 @@ from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
-from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states
+from arm_dynamics.dynamics.checks import check_constrained, check_forward
 from arm_dynamics.model.independent_rows import is_independent
-from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.terms.verify import compare, random_states
 from arm_sim import Simulator
 from models import loops
-from tolerances import CLOSURE, CLOSURE_SPEED, PINOCCHIO
+from tolerances import PINOCCHIO
 
 
 def part(difference: Any, size: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -36,11 +35,6 @@ def test_code_may_be_off_by_rounding_only() -> None:
         with pytest.raises(KernelError, match=f"code differs from Pinocchio by {said}"):
             compare("code", part([[0.0]], [[1.0]]), part([[0.0], [off]], [[1.0], [1.0]]))
 
-
-def test_each_state_is_measured_by_itself() -> None:
-    """A large value at one state does not hide an error at another, even where that is zero."""
-    with pytest.raises(KernelError, match="by 5.00e-10"):
-        compare("code", part([[0.0], [5e-10]], [[1e9], [1.0]]))
     with pytest.raises(KernelError):
         compare("code", part([[1e-300]], [[0.0]]))
     assert compare("code", part([[0.0]], [[0.0]])) == 0.0
@@ -109,12 +103,6 @@ def tied(request: pytest.FixtureRequest) -> Dynamics:
     return Dynamics({**request.param, "joints": {"*": {"friction": {"viscous": 0.3}}}})
 
 
-def rows_of(tied: Dynamics) -> tuple[Closure, list[bool]]:
-    closure = tied.constrained.closure
-    names, independent = closure.initially_active, tied.model.constraint_rows
-    return closure, is_independent(closure.rows, names, independent)
-
-
 def constrained(dyn: Dynamics, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
     return dyn.constrained.forward(q, v, tau)[0]
 
@@ -129,10 +117,12 @@ def test_accelerations_that_leave_the_constraint_or_lack_a_torque_do_not_pass(
 ) -> None:
     """Off by 1e-6 in the direction that the constraint leaves free, or as its force pushes."""
 
-    closure, kept = rows_of(tied)
+    closure = tied.constrained.closure
+    names = closure.initially_active
+    kept = is_independent(closure.rows, names, tied.model.constraint_rows)
 
     def forward(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        A = closure.rows.stacked(q, v, closure.initially_active).jacobian[kept]
+        A = closure.rows.stacked(q, v, names).jacobian[kept]
         off = np.linalg.svd(A)[2][-1] if along else np.linalg.solve(tied.mass_matrix(q), A[0])
         return constrained(tied, q, v, tau) + 1e-6 * off / np.linalg.norm(off)
 
@@ -149,38 +139,6 @@ def test_accelerations_of_another_state_under_constraints_do_not_pass(
 
     with pytest.raises(KernelError, match="constrained dynamics differs from Pinocchio"):
         check_constrained(tied, forward)
-
-
-def bias(dynamics: Dynamics, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Torques besides inertia: weight, Coriolis and viscous torques."""
-    drag = dynamics.model.viscous
-    return dynamics.coriolis_matrix(q, v) @ v + dynamics.gravity(q) + drag * v
-
-
-def test_an_error_is_measured_by_the_torques_that_add_up(dynamics: Dynamics) -> None:
-    off, shares = np.array([2e-10, -1e-10, 3e-10])[: dynamics.n], []
-    for q, v, tau in zip(*random_states(dynamics.n), strict=True):
-        M, a = dynamics.mass_matrix(q), dynamics.forward(q, v, tau)
-        size = abs(M) @ abs(a) + abs(bias(dynamics, q, v)) + abs(tau)
-        shares.append(abs(M @ off).max() / size.max())
-    error = check_forward(dynamics, lambda *state: dynamics.forward(*state) + off)
-    assert error == pytest.approx(max(shares), rel=1e-2, abs=0.0)
-
-
-def test_states_to_compare_at_are_closed_and_far_from_singular(tied: Dynamics) -> None:
-    closure, kept = rows_of(tied)
-    q, v, tau, condition = closed_states(closure, tied.model.q0, kept)
-    assert q.shape == v.shape == tau.shape == (len(condition), tied.n)
-    for qi, vi, of in zip(q, v, condition, strict=True):
-        row = closure.rows.stacked(qi, vi, closure.initially_active)
-        assert abs(row.residual).max() < CLOSURE
-        assert abs(row.jacobian @ vi).max() < CLOSURE_SPEED * abs(vi).max()
-        L = np.linalg.cholesky(tied.mass_matrix(qi))
-        Y = np.linalg.solve(L, row.jacobian[kept].T)
-        assert of == pytest.approx(np.linalg.cond(Y), rel=1e-6)
-    assert abs(v).max() > 0.1
-    again = closed_states(closure, tied.model.q0, kept)
-    np.testing.assert_array_equal(q, again[0])
 
 
 def test_generated_code_of_constraints_that_are_nearly_one_passes() -> None:
