@@ -11,7 +11,6 @@ from arm_dynamics import ArmModel, InvalidInput, KernelError, load_scene
 from arm_dynamics.codegen import Kernel
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.forward_dynamics import articulated_bodies
-from arm_dynamics.equations.tree import Tree
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
 from models.oracle import Oracle
@@ -37,26 +36,6 @@ def parameters(plant: Plant, v: Array) -> Array:
     return np.r_[plant.parameters.nominal, slides]
 
 
-def laws(tree: Tree, n: int, gravity: tuple[float, ...]) -> ca.Function:
-    """(q, v, a) -> inverse dynamics, M, gravity torque."""
-    q, v, a = (ca.SX.sym(name, n) for name in "qva")
-    g = ca.SX(ca.DM(list(gravity)))
-    results = [rigid_body.inverse(tree, q, v, a, g), rigid_body.mass_matrix(tree, q),
-               rigid_body.gravity_torque(tree, q, g)]  # fmt: skip
-    return ca.Function("laws", [q, v, a], results)
-
-
-def agrees(scene: object, oracle: Oracle, rng: np.random.Generator, regroup: bool = True) -> None:
-    model = ArmModel(scene)
-    function = laws(tree_of(model, regroup=regroup), model.n, model.scene.gravity)
-    for _ in range(STATES):
-        q, v, a = models.random_state(rng, model.n)
-        tau, M, weight = (np.array(x) for x in function(q, v, a))
-        assert_close(tau.ravel(), oracle.rigid(q, v, a), ALGEBRA)
-        assert_close(M, oracle.mass_matrix(q), ALGEBRA)
-        assert_close(weight.ravel(), oracle.gravity(q), ALGEBRA)
-
-
 @pytest.mark.parametrize("robot", sampled(models.ROBOTS, 4))
 def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None:
     """Rigid body with friction, by the algorithm that was chosen for the robot."""
@@ -75,16 +54,24 @@ def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None
 @pytest.mark.parametrize("regroup", [True, False], ids=["regrouped", "as built"])
 @pytest.mark.parametrize("joints", sampled([1, 4, 12], 2))
 def test_random_trees(joints: int, regroup: bool, rng: np.random.Generator) -> None:
+    """Inverse dynamics, mass matrix and weight, and forward dynamics by both algorithms."""
     scene = load_scene(random_tree(rng, joints))
     model, oracle = ArmModel(scene), Oracle(scene)
-    agrees(scene, oracle, rng, regroup)
-    q, v, tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
-    g = ca.SX(ca.DM(list(scene.gravity)))
-    for law in (rigid_body.forward_dense, articulated_bodies):
-        function = ca.Function("f", [q, v, tau], [law(tree_of(model), q, v, tau, g)])
+    q, v, x = (ca.SX.sym(name, model.n) for name in "qvx")
+    tree, g = tree_of(model, regroup=regroup), ca.SX(ca.DM(list(scene.gravity)))
+    laws = [rigid_body.inverse(tree, q, v, x, g), rigid_body.mass_matrix(tree, q),
+            rigid_body.gravity_torque(tree, q, g), rigid_body.forward_dense(tree, q, v, x, g),
+            articulated_bodies(tree, q, v, x, g)]  # fmt: skip
+    function = ca.Function("laws", [q, v, x], laws)
+    for _ in range(STATES):
         state = models.random_state(rng, model.n)
-        a = np.array(function(*state)).ravel()
-        assert forward_error(oracle, *state, a, oracle.rigid(*state[:2], 0 * a)) < ALGEBRA
+        tau, M, weight, *accelerations = (np.array(y) for y in function(*state))
+        assert_close(tau.ravel(), oracle.rigid(*state), ALGEBRA)
+        assert_close(M, oracle.mass_matrix(state[0]), ALGEBRA)
+        assert_close(weight.ravel(), oracle.gravity(state[0]), ALGEBRA)
+        bias = oracle.rigid(*state[:2], 0 * state[2])
+        for a in accelerations:
+            assert forward_error(oracle, *state, a.ravel(), bias) < ALGEBRA
 
 
 def test_what_the_virtual_machine_cannot_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,19 +94,12 @@ def test_what_the_virtual_machine_cannot_run(monkeypatch: pytest.MonkeyPatch) ->
             assert word in str(said.value)
 
 
-def test_calls_are_independent() -> None:
-    """Each bound call has memory of its own."""
-    x = ca.SX.sym("x", 2)
-    kernel = Kernel([ca.Function("twice", [x], [2 * x])])
-    first, second = kernel.call("twice"), kernel.call("twice")
-    (out,) = first(np.array([1.0, 2.0]))
-    second(np.array([5.0, 6.0]))
-    np.testing.assert_array_equal(out, [2.0, 4.0])
-
-
 @pytest.mark.parametrize("backend", ["native", "vm"])
-def test_matrices_and_empty_arguments(backend: str) -> None:
+def test_calls_are_independent(backend: str) -> None:
+    """Each bound call has memory of its own; matrices and empty arguments keep their shapes."""
     x, none = ca.SX.sym("x", 3), ca.SX.sym("none", 0)
     kernel = Kernel([ca.Function("outer", [x, none], [x @ x[:2].T])], backend=backend)
-    (out,) = kernel.call("outer")(np.array([1.0, 2.0, 3.0]), np.zeros(0))
+    first, second = kernel.call("outer"), kernel.call("outer")
+    (out,) = first(np.array([1.0, 2.0, 3.0]), np.zeros(0))
+    second(np.array([5.0, 6.0, 7.0]), np.zeros(0))
     np.testing.assert_array_equal(out, np.outer([1, 2, 3], [1, 2]))
