@@ -39,14 +39,6 @@ def test_equals_the_full_robot_held_still(
         assert_close(dyn.gravity(q), oracle.gravity(q), PINOCCHIO)
 
 
-def test_locked_elbow_makes_a_compound_pendulum() -> None:
-    """Two rods in a line: I = m1 l1²/3 + m2 (l2²/12 + (l1 + l2/2)²) about the shoulder."""
-    dyn = Dynamics({"robot": {"urdf": str(models.SCENES / "two_link.urdf"), "lock": ["elbow"]}})
-    inertia = 2 * 0.5**2 / 3 + 1.5 * (0.4**2 / 12 + 0.7**2)
-    np.testing.assert_allclose(dyn.mass_matrix([0.3]), [[inertia]], rtol=1e-14)
-    np.testing.assert_allclose(dyn.gravity([0.0]), [9.81 * (2 * 0.25 + 1.5 * 0.7)], rtol=1e-14)
-
-
 def test_friction_of_a_locked_joint_is_gone() -> None:
     dyn = Dynamics(locked("planar_3r", ["joint2"], {}))
     np.testing.assert_allclose(dyn.friction([1.0, -2.0]), [0.7 + 0.3, -0.2 - 0.05], rtol=1e-14)

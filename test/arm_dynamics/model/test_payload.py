@@ -7,7 +7,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, load_scene
 from models.oracle import Oracle
-from tolerances import CLOSED_FORM, PINOCCHIO, assert_close
+from tolerances import PINOCCHIO, assert_close
 
 URDF = models.FOLDER / "skew_axes.urdf"
 WELD = """<link name="load"><inertial><origin xyz="0.03 -0.02 0.05"/><mass value="1.7"/>
@@ -42,14 +42,6 @@ def test_beyond_a_locked_joint(rng: np.random.Generator) -> None:
     for _ in range(20):
         q, v, a = models.random_state(rng, dyn.n)
         assert_close(dyn.inverse(q, v, a), oracle.inverse(q, v, a), PINOCCHIO)
-
-
-def test_weight_of_a_point_mass_by_hand() -> None:
-    """A mass at the tip of the two-link arm stretched out: m g times the lever of each joint."""
-    urdf = str(models.SCENES / "two_link.urdf")
-    dyn = Dynamics({"robot": {"urdf": urdf}, "payloads": [{"frame": "tip", "mass": 3.0}]})
-    gain = dyn.gravity([0.0, 0.0]) - Dynamics(urdf).gravity([0.0, 0.0])
-    assert_close(gain, [3 * 9.81 * 0.9, 3 * 9.81 * 0.4], CLOSED_FORM)
 
 
 def test_a_tensor_that_is_negative_only_by_rounding_counts_as_it_is(
