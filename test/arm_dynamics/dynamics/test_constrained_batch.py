@@ -73,23 +73,6 @@ def test_kinds(kind: str, rng: np.random.Generator) -> None:
         agrees(dyn, batch, active)
 
 
-def test_rows_do_not_depend_on_their_neighbours(rng: np.random.Generator) -> None:
-    dyn = models.dynamics("parallel_gripper")
-    batch = closed(dyn, 2 * MANY, rng)
-    together = dyn.forward(*batch)
-    order = rng.permutation(2 * MANY)
-    np.testing.assert_array_equal(together[order], dyn.forward(*(x[order] for x in batch)))
-    np.testing.assert_array_equal(together[:MANY], dyn.forward(*(x[:MANY] for x in batch)))
-
-
-def test_without_a_compiler_pinocchio_answers(
-    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
-) -> None:
-    monkeypatch.setenv("CC", "/no/such/compiler")
-    dyn = Dynamics(scene("four_bar"))
-    agrees(dyn, closed(dyn, MANY, rng))
-
-
 def test_an_answer_does_not_depend_on_questions_before(rng: np.random.Generator) -> None:
     """With a position from which Bricard's linkage cannot be closed as first and as last point."""
     first, later = (Dynamics(scene("bricard")) for _ in range(2))
