@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import models
 from arm_sim import Simulator
 from models.rotor import rotor
-from models.touching import contact
 from tolerances import ALGEBRA, LUGRE, assert_close
 
 # Of the paper, table I: a mass of 1 kg.
@@ -70,27 +68,6 @@ def test_breaks_away_at_a_lower_force_the_faster_it_grows() -> None:
         forces.append((1e5 * run.z[:, 0]).max())
     assert (np.diff(forces) < 0.0).all(), forces
     assert 1.4 < forces[0] < 1.5 and 1.0 < forces[-1] < 1.3
-
-
-def test_bristles_carry_what_a_table_does_not() -> None:
-    """Landed and at rest, τ = G + σ₀ z + Jᵀ f, f the force upon the table."""
-    law = {"coulomb": 0.4, "viscous": 0.2, "lugre": {"sigma0": 3e3, "sigma1": 5.0}}
-    table = contact("tip", friction=0.5, plane={"point": [0, 0, -0.13]})
-    scene = models.scene("two_link").model_dump(exclude_unset=True) | {
-        "joints": {"*": {"friction": law}}, "constraints": [table],
-        "initial": {"position": {"shoulder": -0.5, "elbow": 0.8}},
-    }  # fmt: skip
-    sim = Simulator(scene)
-    dyn = sim.dynamics
-    run = sim.run(
-        0.8, lambda s: dyn.gravity(s.q) + dyn.contact_torque(s.q, [2.0, 0.0, -20.0]) - 8.0 * s.v
-    )
-    q, (pressed,) = run.q[-1], sim.contact_forces()
-    assert np.abs(run.v[-1]).max() < 1e-6 and pressed.normal > 15.0
-    bent = 3e3 * run.z[-1]
-    assert np.abs(bent).max() > 0.05
-    held = dyn.gravity(q) + bent + dyn.contact_torque(q, -pressed.force)
-    assert_close(run.tau[-1], held, 1e-9)
 
 
 # --- by direction, position and load -------------------------------------------------------------

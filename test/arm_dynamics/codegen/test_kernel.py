@@ -75,9 +75,7 @@ def test_random_trees(joints: int, regroup: bool, rng: np.random.Generator) -> N
 
 
 def test_what_the_virtual_machine_cannot_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where code has to be compiled, its lack is one error that says who needs it and what to
-    do.
-    """
+    """The lack of compiled code is one error that says who needs it and what to do."""
     x = ca.SX.sym("x")
     functions = [ca.Function("f", [x], [x + 1])]
     assert Kernel(functions, needs_native="dry friction").native
@@ -86,12 +84,8 @@ def test_what_the_virtual_machine_cannot_run(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(KernelError, match=r"'vm'.*dry friction needs compiled code.*auto, native"):
         Kernel(functions, backend="vm", needs_native="dry friction")
     monkeypatch.setenv("CC", "/no/such/compiler")
-    for backend in ("auto", "native"):
-        with pytest.raises(KernelError) as said:
-            Kernel(functions, backend, needs_native="dry friction")
-        for word in ("dry friction", "no C compiler", "apt install gcc", "./arm build SCENE",
-                     "ARM_CACHE=DIR"):  # fmt: skip
-            assert word in str(said.value)
+    with pytest.raises(KernelError, match=r"dry friction.*no C compiler.*install gcc.*ARM_CACHE"):
+        Kernel(functions, "auto", needs_native="dry friction")
 
 
 @pytest.mark.parametrize("backend", ["native", "vm"])

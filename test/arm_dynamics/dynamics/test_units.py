@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import Dynamics
@@ -117,7 +118,7 @@ def test_it_is_told_once_wherever_an_arm_is_built(
     assert "gyration" in of_link and "payload" in of_payload
 
 
-@pytest.mark.parametrize("name", ready_scenes())
+@pytest.mark.parametrize("name", sampled(ready_scenes(), 12))
 def test_ready_scenes_have_none(name: str, caplog: pytest.LogCaptureFixture) -> None:
     assert [x for x in told(name, caplog) if "no rigid body has" not in x] == []
 

@@ -67,9 +67,8 @@ OWN: dict[str, Any] = {
 
 def test_a_follower_has_no_law_of_its_own_and_no_sides() -> None:
     for key, law in OWN.items():
-        assert refusal({key: law}, "right_slide", "gripper") == (
-            f"right_slide.friction.{key}': a mimic joint has none of its own"
-        )
+        said = refusal({key: law}, "right_slide", "gripper")
+        assert said == f"right_slide.friction.{key}': a mimic joint has none of its own"
     for key in ("viscous", "coulomb"):
         assert f"right_slide.friction.{key}'" in refusal({key: UNEQUAL}, "right_slide", "gripper")
         assert build({key: 1.0}, "right_slide", "gripper")
@@ -95,8 +94,7 @@ def test_what_would_be_without_effect_is_refused(
     for name in ("joint2", "*"):
         refused = refusal(friction, name)
         assert refused.startswith(f"{name}.friction.{said}") and "without effect" in refused
-    assert build(friction | more)
-    assert build(friction | more, "*")
+        assert build(friction | more, name)
 
 
 def test_what_is_said_of_all_joints_needs_one_that_has_use_of_it() -> None:
@@ -130,7 +128,6 @@ def test_friction_by_load_grows_by_less_than_half_of_the_load(levels: dict[str, 
 TWICE = {"speed": [0, 1], "torque": [[1, 2], [2, 3]], "position": [0, 1]}
 TABLES: list[tuple[dict[str, Any], str]] = [
     ({"speed": [0.1, 1], "torque": [1, 2]}, "speed = (0.1, 1.0): 0 is expected"),
-    ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
     ({"speed": [0, 1e-300, 1], "torque": [1, 2, 3]}, "a slope of 1e+300 between two points"),
     ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
     ({**FLAT, "torque": [[1, 2], [1, 2]]}, "positions = 1, rows of"),

@@ -12,7 +12,6 @@ import yaml
 import models
 from arm_dynamics import ArmModel, ConstraintError, Dynamics, SceneError, load_scene
 from arm_dynamics.model.loop_closure import Closure
-from arm_sim import Simulator
 from models import loops
 from models.linkages import scene
 from tolerances import CLOSURE, assert_close
@@ -57,35 +56,10 @@ def test_out_of_reach_says_by_how_much() -> None:
     assert isinstance(error.value, SceneError)
 
 
-def test_on_the_way_to_a_closed_position_no_joint_leaps() -> None:
-    """By more than 0.3 rad at a time, from wherever it has come to so far."""
-    closure = Dynamics(models.SCENES / "four_bar.yaml").constrained.closure
-    asked, seen = closure.rows.stacked, list[np.ndarray]()
-
-    def stacked(q: np.ndarray, *rest: Any) -> Any:
-        if seen:
-            assert min(abs(q - other).max() for other in seen) <= 0.3 * (1.0 + 1e-12)
-        seen.append(q.copy())
-        return asked(q, *rest)
-
-    closure.rows.stacked = stacked  # type: ignore[method-assign]
-    closure.closed(np.array([1.62, 0.87, 0.53]), np.zeros(3))
-    assert len(seen) > 4
-
-
 def test_constraints_that_contradict_each_other() -> None:
     heights = [{"type": "plane", "height": h, **TIP} for h in (0.1, 0.2)]
     with pytest.raises(ConstraintError, match=r"'plane_0' by 0\.05, 'plane_1' by 0\.05"):
         Dynamics(robot(*heights))
-
-
-def test_reset_and_set_state_close_what_they_are_given() -> None:
-    sim = Simulator(models.SCENES / "four_bar.yaml")
-    closure = sim.dynamics.constrained.closure
-    for state in (sim.reset(sim.state.q + 0.01, [1.0, 0, 0]), sim.set_state(sim.state.q - 0.01)):
-        row = closure.rows.stacked(state.q, state.v, ("loop",))
-        np.testing.assert_allclose(row.residual, 0.0, atol=CLOSURE)
-        np.testing.assert_allclose(row.jacobian @ state.v, 0.0, atol=CLOSURE)
 
 
 def test_the_first_link_moves_against_the_world() -> None:

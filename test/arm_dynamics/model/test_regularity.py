@@ -89,13 +89,6 @@ def test_the_condition_number_decides_in_whatever_units() -> None:
             check_regular(np.array([np.eye(3), M]), NAMES)
 
 
-def test_kinetic_energy_that_is_negative_is_refused() -> None:
-    with pytest.raises(ModelError, match="'b', 'c'.* is inf"):
-        check_regular(np.array([[[1, 0, 0], [0, 1, 2], [0, 2, 1.0]]]), NAMES)
-    with pytest.raises(ModelError, match="^joint 'b' moves no mass"):
-        check_regular(np.diag([1.0, -0.1, 1.0])[None], NAMES)
-
-
 def test_an_arm_without_any_mass_says_once_that_its_torques_are_zero(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -10,7 +10,6 @@ from arm_dynamics import ArmError, InvalidInput, Unreachable
 from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
-from arm_dynamics.trajectory.timing.scaling import BETWEEN
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
 
@@ -133,34 +132,6 @@ def test_joint_path_derivatives_are_those_of_its_positions() -> None:
         behind, here, ahead = (path.sample(float(t + k * h)) for k in (-1, 0, 1))
         np.testing.assert_allclose((ahead.q - behind.q) / (2 * h), here.v, atol=1e-6)
         np.testing.assert_allclose((ahead.v - behind.v) / (2 * h), here.a, atol=1e-5)
-
-
-def test_a_whole_circle_returns_and_keeps_its_radius() -> None:
-    task = task_of("panda")
-    start = task.pose(task.model.q0)
-    centre = start.position + [0.0, 0.08, 0.0]
-    motion = timed(circle(start, centre, [1, 0, 0], 2 * np.pi), 0.3, 1.0)
-    path = joint_path(task, motion)
-    for t in np.linspace(0.0, motion.duration, 23):
-        arm = task.pose(path.sample(float(t)).q).position - centre
-        np.testing.assert_allclose(np.linalg.norm(arm), 0.08, atol=1e-11)
-    np.testing.assert_allclose(centre + arm, start.position, atol=1e-11)
-
-
-def test_pacing_brings_torque_to_its_limit_and_no_further() -> None:
-    dyn, task = models.dynamics("panda"), task_of("panda")
-    path = joint_path(task, reference_line(task, speed=1.5))
-    q, v, a = path.at(np.linspace(0.0, path.duration, 400))
-    peak, weight = abs(dyn.inverse(q, v, a)).max(axis=0), abs(dyn.gravity(q)).max(axis=0)
-    limit = weight + 0.3 * np.maximum(peak - weight, 0.1)
-    slower = paced(path, dyn, limit)
-    assert slower.duration > 1.05 * path.duration
-    q, v, a = slower.at(np.linspace(0.0, slower.duration, 400))
-    share = (abs(dyn.inverse(q, v, a)) / limit).max()
-    speed = (abs(v) / dyn.model.velocity_limit).max()
-    assert 1.0 - 4.0 * BETWEEN < max(share, speed) <= 1.0
-    slow = joint_path(task, reference_line(task, speed=0.1))
-    assert paced(slow, dyn).duration == slow.duration
 
 
 def test_infeasible_requests_are_refused() -> None:
