@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
 import pytest
 from samples import sampled
 
@@ -130,15 +129,4 @@ def test_angles_in_degrees_of_the_first_calls(caplog: pytest.LogCaptureFixture) 
     dynamics = Dynamics("ur5e")
     dynamics.mass_matrix([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [45.0, -90.0, 0.0, 0.0, 0.0, 0.0]])
     dynamics.gravity([45.0, -90.0, 0.0, 0.0, 0.0, 0.0])
-    assert caplog.text.count("position 90 is 14.3 turns; angles are in rad") == 1
-
-
-def test_angles_in_degrees_of_joints_without_stops(caplog: pytest.LogCaptureFixture) -> None:
-    sim = Simulator("double_pendulum", backend="vm")
-    sim.reset([0.0, 0.0], [30.0, 0.0])
-    motion = sim.run(1.0)
-    assert np.max(motion.q) > 8.0 * np.pi  # it has turned there by itself
-    sim.set_state(motion.q[-2], motion.v[-2])
-    assert "turns" not in caplog.text
-    sim.reset([90.0, 45.0])
     assert caplog.text.count("position 90 is 14.3 turns; angles are in rad") == 1

@@ -43,10 +43,7 @@ def test_a_limit_beyond_the_other_one_of_the_description() -> None:
             ArmModel(scene)
 
 
-@pytest.mark.parametrize(
-    ("said", "kept"),
-    [("0", np.inf), ("1e-9", 1e-9), ("9.9e299", 9.9e299), ("1e300", np.inf)],
-)
+@pytest.mark.parametrize(("said", "kept"), [("0", np.inf), ("1e-9", 1e-9), ("1e300", np.inf)])
 def test_a_limit_of_zero_or_of_an_absurd_size_is_none(said: str, kept: float) -> None:
     """Exporters write such numbers where they know of no limit."""
     text = (models.FOLDER / "scara.urdf").read_text()
