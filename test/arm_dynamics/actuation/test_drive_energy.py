@@ -70,20 +70,11 @@ def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -
         assert_close(float(lost(*x)), 0.8 * i**2 + 0.01 * i * speed, ALGEBRA)
 
 
-MOTOR = {
-    "command": "voltage", "resistance": 0.8, "inductance": 8e-4, "torque_constant": 0.06,
-    "rotor_inertia": 3e-5, "rotor_damping": 1e-5, "gear_ratio": -60.0, "voltage_limit": 24.0,
-}  # fmt: skip
-BELT = {"stiffness": 2e3, "damping": 3.0}
-HARMONIC = BELT | {
-    "stiffening": 1e5,
-    "hysteresis": {"torque": 0.5, "deflection": 1e-3},
-    "kinematic_error": {"amplitude": 1e-3, "order": 2},
-}
+MOTOR = VOLTAGE | {"voltage_limit": 24.0}
 KINDS: dict[str, Any] = {
     "rigid": {"actuator": MOTOR},
     "lossy": {"actuator": MOTOR | {"efficiency": 0.8}},
-    "belt": {"actuator": MOTOR, "transmission": BELT},
+    "belt": {"actuator": MOTOR, "transmission": {"stiffness": 2e3, "damping": 3.0}},
     "harmonic": {"actuator": MOTOR, "transmission": HARMONIC},
 }
 

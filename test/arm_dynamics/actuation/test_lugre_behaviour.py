@@ -30,17 +30,6 @@ def wheel(J: float = 1.0, **changes: Any) -> Simulator:
     return Simulator(rotor(J, **(PAPER | changes)))
 
 
-def test_a_wheel_on_its_bristles_is_a_spring_and_a_damper() -> None:
-    """Small motion: J x'' + (σ1 + σ2) x' + σ0 x = u."""
-    sim = wheel(lugre={"sigma0": 1e3, "sigma1": 10.0}, viscous=15.0)
-    u = 1e-4
-    run = sim.run(0.3, [u])
-    decay, omega = 12.5, np.sqrt(1e3 - 12.5**2)
-    t = run.time
-    swing = np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
-    assert_close(run.q[:, 0] * 1e3 / u, 1.0 - swing, 2e-3)
-
-
 def test_hysteresis_before_it_slips() -> None:
     """A slow force, Fs = Fc: F = Fc (1 - e^(-σ0 x/Fc)) from rest, and from a turning point
     F = -Fc + (F0 + Fc) e^(σ0 (x - x0)/Fc): Dahl's loop.

@@ -30,12 +30,6 @@ def forward_error(oracle: Oracle, q: Array, v: Array, tau: Array, a: Array, bias
     return float(np.abs(M @ a + bias - tau).max() / terms.max())
 
 
-def parameters(plant: Plant, v: Array) -> Array:
-    """Nominal values and, where joints may be held, the direction in which each slides."""
-    slides = np.sign(v) if plant.model.has_dry_friction else np.ones(plant.layout.directions)
-    return np.r_[plant.parameters.nominal, slides]
-
-
 @pytest.mark.parametrize("robot", sampled(models.ROBOTS, 4))
 def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None:
     """Rigid body with friction, by the algorithm that was chosen for the robot."""
@@ -46,7 +40,10 @@ def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None
     )
     for _ in range(STATES):
         q, v, tau = models.random_state(rng, oracle.n)
-        (a,), (same,) = (call(q, v, tau, parameters(plant, v)) for call in (native, virtual))
+        # Where joints may be held, the direction in which each slides.
+        slides = np.sign(v) if plant.model.has_dry_friction else np.ones(plant.layout.directions)
+        p = np.r_[plant.parameters.nominal, slides]
+        (a,), (same,) = (call(q, v, tau, p) for call in (native, virtual))
         assert forward_error(oracle, q, v, tau, a, oracle.inverse(q, v, 0 * v)) < ALGEBRA
         assert_close(same, a, BACKENDS)
 

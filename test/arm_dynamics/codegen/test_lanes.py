@@ -2,7 +2,7 @@
 """Operations of generated code in the lanes of a vector, and its elementary functions."""
 
 import ctypes
-from collections.abc import Callable
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -12,16 +12,7 @@ from elementwise import LANGUAGES, elementwise
 from arm_dynamics.codegen import compiler
 
 LANES = 4
-SOURCE = f"""
-#define LANES {LANES}
-#include "lanes.hpp"
-extern "C" __attribute__((visibility("default")))
-int any_beyond(const double* x, double limit) {{
-  real a = 0.0;
-  for (int k = 0; k < LANES; ++k) LANE(a, k) = x[k];
-  return BEYOND(a, limit);
-}}
-"""
+
 OF_TWO = {
     "x + y": np.add, "x - y": np.subtract, "x * y": np.multiply, "x / y": np.divide,
     "x < y": np.less, "x <= y": np.less_equal, "x == y": np.equal, "x != y": np.not_equal,
@@ -33,11 +24,16 @@ OF_ONE = {
     "fabs(x)": np.abs, "sqrt(fabs(x))": lambda x: np.sqrt(abs(x)),
 }  # fmt: skip
 EVERY = [*OF_TWO, *OF_ONE]
-OPERATIONS = f"""
+SOURCE = f"""
 #define LANES {LANES}
 #include "lanes.hpp"
-extern "C" __attribute__((visibility("default")))
-void all_of(const double* given_x, const double* given_y, double* results) {{
+#define EXPORT extern "C" __attribute__((visibility("default")))
+EXPORT int any_beyond(const double* x, double limit) {{
+  real a = 0.0;
+  for (int k = 0; k < LANES; ++k) LANE(a, k) = x[k];
+  return BEYOND(a, limit);
+}}
+EXPORT void all_of(const double* given_x, const double* given_y, double* results) {{
   real x, y;
   for (int k = 0; k < LANES; ++k) LANE(x, k) = given_x[k], LANE(y, k) = given_y[k];
   const real found[] = {{{", ".join(EVERY)}}};
@@ -45,36 +41,32 @@ void all_of(const double* given_x, const double* given_y, double* results) {{
     for (int k = 0; k < LANES; ++k) results[i * LANES + k] = LANE(found[i], k);
 }}
 """
-Beyond = Callable[[list[float]], bool]
-LIMIT = 2.0
 
 
 @pytest.fixture(scope="module")
-def beyond() -> Beyond:
-    """Whether one of four numbers is beyond the limit."""
+def library() -> ctypes.CDLL:
     if compiler.find_compiler("c++") is None:
         pytest.skip("no compiler of c++")
-    run = compiler.build(SOURCE, "c++").library.any_beyond
-    run.argtypes = [ctypes.c_void_p, ctypes.c_double]
-    return lambda x: bool(run(np.array(x, float).ctypes.data, LIMIT))
+    return compiler.build(SOURCE, "c++").library
 
 
-def test_one_beyond_the_limit_in_any_lane_is_enough_and_no_number_is_one(beyond: Beyond) -> None:
-    most = np.nextafter(2.0, 3.0)
+def test_one_beyond_the_limit_in_any_lane_is_enough_and_no_number_is_one(
+    library: ctypes.CDLL,
+) -> None:
+    beyond, most = library.any_beyond, np.nextafter(2.0, 3.0)
+    beyond.argtypes = [ctypes.c_void_p, ctypes.c_double]
     for other in (0.0, 2.0, -2.0):
-        assert not beyond([other] * LANES)
-        for x in (most, -most, 1e300, np.inf, -np.inf, np.nan):
-            for lane in range(LANES):
-                numbers = [other] * LANES
-                numbers[lane] = x
-                assert beyond(numbers)
+        numbers = np.full(LANES, other)
+        assert not beyond(numbers.ctypes.data, 2.0)
+        for x, lane in product((most, -most, 1e300, np.inf, -np.inf, np.nan), range(LANES)):
+            numbers[:] = other
+            numbers[lane] = x
+            assert beyond(numbers.ctypes.data, 2.0)
 
 
-def test_every_operation_is_that_of_numbers_in_each_lane() -> None:
+def test_every_operation_is_that_of_numbers_in_each_lane(library: ctypes.CDLL) -> None:
     """Also where both are equal, and of either sign."""
-    if compiler.find_compiler("c++") is None:
-        pytest.skip("no compiler of c++")
-    run = compiler.build(OPERATIONS, "c++").library.all_of
+    run = library.all_of
     run.argtypes, run.restype = [ctypes.c_void_p] * 3, None
     values = np.array([-2.5, -1.0, -0.0, 0.0, 1.0, 2.5])
     x, y = np.array(np.meshgrid(values, values)).reshape(2, -1, LANES)

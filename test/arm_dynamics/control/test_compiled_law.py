@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled controllers: the same torques, built once, and refused if they differ."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from samples import sampled
 
 import models
-from arm_dynamics import ArmModel, Dynamics
+from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.control import (
     NAMES,
     ComputedTorque,
@@ -23,6 +24,8 @@ from arm_dynamics.control.compiled_law import Compiled, build, preparation
 from arm_dynamics.control.controller import Restartable
 from arm_dynamics.control.factory import IN_TASK_SPACE
 from arm_dynamics.trajectory import Reference
+from models.linkages import scene
+from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 DRY = {
@@ -41,12 +44,6 @@ def built(model: ArmModel) -> bool:
     return build(ComputedTorque(Dynamics(model)), model) is not None
 
 
-def rubbing() -> Dynamics:
-    """A two-link arm with dry friction in both joints."""
-    scene = models.scene("two_link")
-    return Dynamics(scene.model_dump(exclude_unset=True) | {"joints": {"*": {"friction": DRY}}})
-
-
 def states(rng: np.random.Generator, n: int) -> list[tuple[Measured, Reference]]:
     """A moving arm, one at rest that is to move, and one at rest that is to stay."""
     q, v, a = models.random_state(rng, n)
@@ -59,12 +56,9 @@ def states(rng: np.random.Generator, n: int) -> list[tuple[Measured, Reference]]
     ]
 
 
-def compiled(dynamics: Dynamics, *gains: Any) -> Compiled:
-    return Compiled(ComputedTorque(dynamics, *gains), dynamics.model)
-
-
 def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
-    plain, fast = ComputedTorque(dynamics, *gains), compiled(dynamics, *gains)
+    plain = ComputedTorque(dynamics, *gains)
+    fast = Compiled(ComputedTorque(dynamics, *gains), dynamics.model)
     for state, reference in states(rng, dynamics.n):
         assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
 
@@ -101,14 +95,26 @@ def test_without_a_compiler_it_is_still_right(
     assert not built(dynamics.model)
 
 
+def disturbed(monkeypatch: pytest.MonkeyPatch, change: Callable[[ca.SX], ca.SX]) -> None:
+    """Change inverse dynamics as an expression, which numbers do not use."""
+
+    class Disturbed(compiled_law.RigidExpressions):
+        def frictionless(self, *motion: ca.SX) -> ca.SX:
+            return change(super().frictionless(*motion))
+
+    monkeypatch.setattr(compiled_law, "RigidExpressions", Disturbed)
+
+
+def test_small_torques_are_compared_as_torques_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """[N m]; of a motor's rotor on its own, which takes a thousandth."""
+    disturbed(monkeypatch, lambda tau: tau + 5e-11)
+    assert built(ArmModel(load_scene(rotor(1e-7, viscous=0.0, coulomb=0.0))))
+
+
 def test_a_law_that_differs_is_not_used(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
-    class Disturbed(compiled_law.RigidExpressions):
-        def frictionless(self, *motion: ca.SX) -> ca.SX:
-            return super().frictionless(*motion) * (1.0 + 1e-9)
-
-    monkeypatch.setattr(compiled_law, "RigidExpressions", Disturbed)
+    disturbed(monkeypatch, lambda tau: tau * (1.0 + 1e-9))
     dynamics = new()
     agree(dynamics, rng)
     assert not built(dynamics.model)
@@ -121,7 +127,7 @@ def test_every_controller_is_the_plain_one(
     name: str, more: dict[str, Any], rng: np.random.Generator
 ) -> None:
     """With its memory, and with torques that are cut."""
-    dynamics = rubbing()
+    dynamics = Dynamics(scene("two_link", joints={"*": {"friction": DRY}}))
     settings = Settings(frame="tip", axes="position", force=3.0, limit=40.0, **more)
     if name in IN_TASK_SPACE:
         settings = replace(settings, axes=("x", "z"), direction=(1.0, 0.0, 0.0))

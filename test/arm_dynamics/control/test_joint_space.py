@@ -140,6 +140,9 @@ def test_without_an_earlier_torque_nothing_is_handed_over() -> None:
     control, still = Switch(Seen(1.0), 0.05), Measured(np.zeros(1), np.zeros(1))
     control.to(Seen(11.0))
     assert control.torque(still, at_rest([0.0])) == [11.0] and not control.fading
+    control.to(Seen(12.0))
+    control.restart()
+    assert control.torque(still, at_rest([0.0])) == [12.0] and not control.fading
 
 
 def test_disturbance_observer_sees_the_load_and_takes_it_off() -> None:
@@ -156,13 +159,18 @@ def test_disturbance_observer_sees_the_load_and_takes_it_off() -> None:
 
 @pytest.mark.parametrize("asked", [5.0, 5.1, -5.0, -5.1])
 def test_torques_beyond_a_limit_are_cut_to_it_on_both_sides(asked: float) -> None:
-    """Of nested limits, to the narrower one."""
-    control = Saturated(Saturated(PD(2, 10.0, 0.0), 20.0, 2), 5.0, 2)
+    control = Saturated(PD(2, 10.0, 0.0), 5.0, 2)
     tau = control.torque(Measured(np.zeros(2), np.zeros(2)), at_rest([0.1 * asked, 0.0]))
     assert_close(tau, [np.sign(asked) * min(abs(asked), 5.0), 0.0], ALGEBRA)
     assert control.saturated.tolist() == [abs(asked) > 5.0, False]
     control.asked[:] = 99.0  # the caller's own
     assert_close(control.asked, [asked, 0.0], ALGEBRA)
+
+
+def test_compiled_code_has_the_narrowest_of_nested_limits() -> None:
+    control = make_controller("computed_torque", models.dynamics("two_link"))
+    nested = Saturated(Saturated(control, [5.0, 20.0], 2), 10.0, 2).compiled()
+    assert nested is not None and nested.limit.tolist() == [5.0, 10.0]
 
 
 def test_a_restart_and_a_hand_over_forget_an_old_integral() -> None:

@@ -56,9 +56,8 @@ def test_gains_that_are_lowered_for_light_motions_are_told(name: str) -> None:
 
 
 def test_stiffness_and_damping_are_compared_with_the_inertia() -> None:
-    wrist = models.dynamics("ur5e").mass_matrix(models.dynamics("ur5e").model.q0)[-1, -1]
     for name, given in (
-        ("joint_impedance", {"damping": 1e3 * wrist}),
+        ("joint_impedance", {"damping": 0.5}),
         ("cartesian_impedance", {"stiffness": 1e6, "frame": "tool0", "axes": "position"}),
     ):
         said = overreach(name, models.dynamics("ur5e"), Settings(**given), TICK)

@@ -4,6 +4,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
 import models
 from arm_dynamics import Dynamics
@@ -17,8 +18,9 @@ from arm_dynamics.control import (
     PDGravity,
 )
 from arm_dynamics.trajectory import Reference
+from arm_dynamics.trajectory.timing.scaling import Capacity, Strain
 from arm_sim import Simulator
-from tolerances import INVERSE_PAIR, PINOCCHIO, assert_close
+from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, assert_close
 
 SCENE = {
     "robot": {"urdf": models.scene("two_link").robot.urdf},
@@ -78,3 +80,15 @@ def test_observer_does_not_take_springs_for_a_disturbance() -> None:
         sim.step(observer.torque(sim.state, None))
     assert abs(observer.disturbance).max() < 0.02
     assert abs(arm().spring(sim.state.q)).max() > 1.0
+
+
+def test_motion_is_slowed_for_what_springs_take() -> None:
+    """Slowed by the factor found, the greatest torque is the limit."""
+    s = np.linspace(0.0, 1.0, 201)[:, None]
+    way = np.array([0.8, 0.9])
+    q, v, a = way * np.sin(3 * s), 3 * way * np.cos(3 * s), -9 * way * np.sin(3 * s)
+    limit = 1.02 * abs(arm().inverse(q, 0 * q, 0 * q)).max(axis=0)
+    pace = 1.0 / Strain(Capacity(arm(), limit), q, v, a).pace()
+    part = abs(arm().inverse(q, v / pace, a / pace**2)) / limit
+    assert pace > 1.0
+    assert part.max() == pytest.approx(1.0, abs=ALGEBRA)

@@ -14,7 +14,6 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.indeterminate import indeterminate_sets
-from arm_dynamics.terms.answers import MANY
 from arm_sim import Simulator
 from models.touching import rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -117,16 +116,6 @@ def test_one_joint_at_its_level_by_hand() -> None:
     assert_close(dyn.forward([0.0], [1e-9], [4.0]), [0.5], CLOSED_FORM)
 
 
-def test_batches_answer_as_single_points_do(rng: np.random.Generator) -> None:
-    dyn = Dynamics(scene("skew_axes", FRICTION["by position and load"]))
-    batch = states(dyn, MANY, rng)
-    a = dyn.forward(*batch)
-    for k in range(0, MANY, 17):
-        alone = dyn.forward(*(x[k] for x in batch))
-        assert_close(a[k], alone, ALGEBRA)
-        np.testing.assert_array_equal(a[k] == 0.0, alone == 0.0)
-
-
 def crank_rocker(speed: float) -> tuple[Simulator, np.ndarray, np.ndarray]:
     """A crank-rocker whose crank and coupler are in line: the rocker turns back."""
     given = models.scene("four_bar").model_dump(exclude_unset=True)
@@ -199,3 +188,11 @@ def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
                 assert holds or each.direction @ load > 0.0
                 seen += 1
     assert seen > 20
+
+
+def test_sets_that_do_not_share_anything_are_apart() -> None:
+    A = np.array([[1.0, -1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0]])
+    load, level = np.array([1.5, 0.0, 4.0, 0.0, 0.0]), np.ones((2, 5))
+    one, other = indeterminate_sets(A, np.ones(5, dtype=bool), load, level)
+    assert one.joints.tolist() == [0, 1] and one.holds
+    assert other.joints.tolist() == [2, 3] and not other.holds

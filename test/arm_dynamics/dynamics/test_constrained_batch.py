@@ -47,6 +47,12 @@ def test_equals_single_calls(name: str, rng: np.random.Generator) -> None:
     agrees(dyn, [rng.uniform(-1.5, 1.5, x.shape) for x in batch])  # wide open
 
 
+@pytest.mark.parametrize("active", [("hinge",), ("axis",), ()])
+def test_some_of_the_constraints(active: tuple[str, ...], rng: np.random.Generator) -> None:
+    dyn = models.dynamics("bricard")
+    agrees(dyn, [rng.uniform(-1.0, 1.0, (MANY, dyn.n)) for _ in range(3)], active)
+
+
 def test_an_answer_does_not_depend_on_questions_before(rng: np.random.Generator) -> None:
     """With a position from which Bricard's linkage cannot be closed as first and as last point."""
     first, later = (Dynamics(scene("bricard")) for _ in range(2))

@@ -58,8 +58,10 @@ def told(
     return [record.getMessage() for record in caplog.records]
 
 
+BALL = {"type": "contact", "frame": "link3", "radius": 20, "plane": {"point": [0, 0, -50]}}
 CORD = {"frames": ["link3", "world"], "stiffness": 1e-6, "rest_length": 20}
 LONG_STROKE = (models.FOLDER / "gripper.urdf").read_text().replace('upper="0.05"', 'upper="50"')
+HEAVY = {"gear_ratio": 100, "rotor_inertia": 33.3}
 VOLTAGE = {"command": "voltage", "torque_constant": 0.05}
 MISTAKEN: list[tuple[SceneSource, str]] = [
     (times(1e6, INERTIA), "link 'link1': radius of gyration of 115 m"),
@@ -70,11 +72,17 @@ MISTAKEN: list[tuple[SceneSource, str]] = [
     (LONG_STROKE, "from 0 to 50, are far for an arm of 0.355 m; lengths are in m"),
     (about(sensors={"position": {"resolution": 4096}}), "= 4096 is 652 turns; angles are in rad"),
     (about(sensors={"delay": 2}, commands={"delay": 1}), "'commands.delay': 3 s in all"),
+    (about(constraints=[BALL]), "'constraints.0.radius' is 20 m; lengths are in m"),
+    (about(springs=[{**CORD, "rest_length": 0, "points": [[20, 0, 0], [0, 0, 0]]}]), "points.0"),
     (about(springs=[CORD]), "'springs.0.rest_length' is 20 m; lengths are in m"),
     (about(payloads=[{"frame": "link3", "mass": 1e-6, "com": [0, 20, 0]}]), "'payloads.0.com' is"),
     (joint(spring={"stiffness": 1, "rest": 45}), "spring.rest' = 45 is 7.16 turns"),
     (about(payloads=[{"frame": "link3", "mass": 1500}]), "payload needs up to 1.02e+04 N m"),
     (joint(armature=2000), "its drive has 2e+03 at the joint"),
+    (
+        joint(actuator=HEAVY, transmission={"stiffness": 1e4}),
+        "its drive has 3.33e+05 at the joint",
+    ),
     (motor(gear_ratio=0.01), "gear_ratio = 0.01; it is the motor's turns over the joint's"),
     (motor(command="current", torque_constant=53.8), "torque_constant = 53.8; it is in N m/A"),
     (motor(resistance=0.6, inductance=0.8, **VOLTAGE), "inductance = 0.8 with resistance = 0.6"),
@@ -130,3 +138,6 @@ def test_angles_in_degrees_of_the_first_calls(caplog: pytest.LogCaptureFixture) 
     dynamics.mass_matrix([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [45.0, -90.0, 0.0, 0.0, 0.0, 0.0]])
     dynamics.gravity([45.0, -90.0, 0.0, 0.0, 0.0, 0.0])
     assert caplog.text.count("position 90 is 14.3 turns; angles are in rad") == 1
+    caplog.clear()
+    Dynamics("four_bar").gravity([58.5686, 1.2, 0.3])  # where a crank may have turned
+    assert not caplog.text

@@ -128,16 +128,3 @@ def test_amplifier_limits_the_current_under_voltage(way: float) -> None:
     np.testing.assert_allclose(recording.z[~before, 0], way * 8.0, rtol=1e-6)
     falling = sim.run(0.005, [0.0]).z[:, 0]
     np.testing.assert_allclose(falling[-1], way * 8.0 * np.exp(-5.0), rtol=1e-5)
-
-
-def test_poles_hold_the_rotor_and_take_no_energy() -> None:
-    """Small swings about a stable position have the frequency √(A m / J)."""
-    amplitude, order, inertia = 0.02, 12.0, 1e-3
-    cogging = {"amplitude": amplitude, "order": order, "phase": 0.6}
-    stable, small = (2.0 * np.pi - 0.6) / order, 1e-4
-    sim = Simulator(wheel(inertia, cogging=cogging), backend="vm", tolerance=1e-12)
-    sim.reset([stable + small], [0.0])
-    omega = np.sqrt(amplitude * order / inertia)
-    t = np.round(10.0 / omega, 3)
-    sim.run(t)
-    assert_close((sim.state.q - stable) / small, [np.cos(omega * t)], 1e-5)

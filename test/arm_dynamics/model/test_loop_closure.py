@@ -56,6 +56,13 @@ def test_out_of_reach_says_by_how_much() -> None:
     assert isinstance(error.value, SceneError)
 
 
+def test_no_joint_leaps_on_the_way_to_a_closed_position() -> None:
+    """By steps of any length, Newton's method would take two of them round once more."""
+    closure, far = models.dynamics("four_bar").constrained.closure, np.array([1.8, -0.5, 0.2])
+    q, _ = closure.closed(far, np.zeros(3))
+    assert abs(q - far).max() < 2.0
+
+
 def test_constraints_that_contradict_each_other() -> None:
     heights = [{"type": "plane", "height": h, **TIP} for h in (0.1, 0.2)]
     with pytest.raises(ConstraintError, match=r"'plane_0' by 0\.05, 'plane_1' by 0\.05"):

@@ -87,6 +87,8 @@ def test_the_condition_number_decides_in_whatever_units() -> None:
             ModelError, match=r"^joints 'a', 'b' can .* is (inf|\d.*e\+1\d), allowed: up to"
         ):
             check_regular(np.array([np.eye(3), M]), NAMES)
+    with pytest.raises(ModelError, match="'b', 'c'.* is inf"):  # of negative kinetic energy
+        check_regular(np.array([[[1, 0, 0], [0, 1, 2], [0, 2, 1.0]]]), NAMES)
 
 
 def test_an_arm_without_any_mass_says_once_that_its_torques_are_zero(

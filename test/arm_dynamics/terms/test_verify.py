@@ -9,12 +9,11 @@ from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
-from arm_dynamics.dynamics.checks import check_constrained, check_forward
+from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states
 from arm_dynamics.model.independent_rows import is_independent
 from arm_dynamics.terms.verify import compare, random_states
-from arm_sim import Simulator
 from models import loops
-from tolerances import PINOCCHIO
+from tolerances import CLOSURE, CLOSURE_SPEED, PINOCCHIO
 
 
 def part(difference: Any, size: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -35,6 +34,8 @@ def test_code_may_be_off_by_rounding_only() -> None:
         with pytest.raises(KernelError, match=f"code differs from Pinocchio by {said}"):
             compare("code", part([[0.0]], [[1.0]]), part([[0.0], [off]], [[1.0], [1.0]]))
 
+    with pytest.raises(KernelError, match="by 5.00e-10"):  # each state is measured by itself
+        compare("code", part([[0.0], [5e-10]], [[1e9], [1.0]]))
     with pytest.raises(KernelError):
         compare("code", part([[1e-300]], [[0.0]]))
     assert compare("code", part([[0.0]], [[0.0]])) == 0.0
@@ -103,6 +104,22 @@ def tied(request: pytest.FixtureRequest) -> Dynamics:
     return Dynamics({**request.param, "joints": {"*": {"friction": {"viscous": 0.3}}}})
 
 
+def rows_of(tied: Dynamics) -> tuple[Any, tuple[str, ...], list[bool]]:
+    """Constraints that are active at first, and which of their rows are independent."""
+    rows, names = tied.constrained.closure.rows, tied.constrained.closure.initially_active
+    return rows, names, is_independent(rows, names, tied.model.constraint_rows)
+
+
+def test_states_to_compare_at_are_closed(tied: Dynamics) -> None:
+    rows, names, kept = rows_of(tied)
+    positions, velocities, *_ = closed_states(tied.constrained.closure, tied.model.q0, kept)
+    for q, v in zip(positions, velocities, strict=True):
+        row = rows.stacked(q, v, names)
+        assert abs(row.residual).max() < CLOSURE
+        assert abs(row.jacobian @ v).max() < CLOSURE_SPEED * abs(v).max()
+    assert abs(velocities).max() > 0.1
+
+
 def constrained(dyn: Dynamics, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
     return dyn.constrained.forward(q, v, tau)[0]
 
@@ -117,20 +134,12 @@ def test_accelerations_that_leave_the_constraint_or_lack_a_torque_do_not_pass(
 ) -> None:
     """Off by 1e-6 in the direction that the constraint leaves free, or as its force pushes."""
 
-    closure = tied.constrained.closure
-    names = closure.initially_active
-    kept = is_independent(closure.rows, names, tied.model.constraint_rows)
+    rows, names, kept = rows_of(tied)
 
     def forward(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        A = closure.rows.stacked(q, v, names).jacobian[kept]
+        A = rows.stacked(q, v, names).jacobian[kept]
         off = np.linalg.svd(A)[2][-1] if along else np.linalg.solve(tied.mass_matrix(q), A[0])
         return constrained(tied, q, v, tau) + 1e-6 * off / np.linalg.norm(off)
 
     with pytest.raises(KernelError, match="constrained dynamics differs from Pinocchio"):
         check_constrained(tied, forward)
-
-
-def test_generated_code_of_constraints_that_are_nearly_one_passes() -> None:
-    """Their error is rounding, and above the tolerance of well-conditioned constraints."""
-    run = Simulator(loops.nearly_parallel(2e-5), backend="vm").run(0.01)
-    assert abs(run.balance).max() < 1e-8
