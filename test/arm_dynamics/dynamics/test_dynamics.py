@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numeric answers against Pinocchio called directly, on every robot."""
+"""Numeric answers, also of frames, against Pinocchio called directly, on every robot."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, Term
+from arm_dynamics.terms.answers import MANY
 from models.asked import CALLS as EVERY
 from tolerances import ALGEBRA, CLOSED_FORM, PINOCCHIO, ROUNDING, assert_close
 
@@ -140,3 +142,60 @@ def test_gantry(rng: np.random.Generator) -> None:
         q, v, a = models.random_state(rng, 2)
         assert_close(dyn.inverse(q, v, a), [15 * a[0] + 15 * G * 0.6, 3 * a[1]], CLOSED_FORM)
         assert_close(dyn.coriolis_matrix(q, v), np.zeros((2, 2)), CLOSED_FORM)
+
+
+WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+OF_FRAMES: dict[str, Ask] = {
+    "pose": lambda d, q, v, frame: d.pose(q, frame),
+    "jacobian": lambda d, q, v, frame: d.jacobian(q, frame),
+    "jacobian_derivative": lambda d, q, v, frame: d.jacobian_derivative(q, v, frame),
+}
+
+
+def tips(name: str) -> list[str]:
+    """The first frame, which is fixed, one in the middle and the last."""
+    frames = models.dynamics(name).model.frame_names
+    return [frames[1], frames[len(frames) // 2], frames[-1]]
+
+
+def expected(name: str, what: str, q: np.ndarray, v: np.ndarray, frame: str) -> np.ndarray:
+    """Through the full tree, followers and locked joints by the map from the joints."""
+    oracle = models.oracle(name)
+    model, data = oracle.model, oracle.data
+    index = model.getFrameId(frame)
+    pin.computeJointJacobiansTimeVariation(model, data, oracle.full(q), oracle.P @ v)
+    pin.updateFramePlacements(model, data)
+    if what == "pose":
+        return np.array(data.oMf[index].homogeneous)
+    ask = pin.getFrameJacobian if what == "jacobian" else pin.getFrameJacobianTimeVariation
+    J = ask(model, data, index, WORLD).reshape(6, -1)
+    return np.asarray(J @ oracle.P)
+
+
+@pytest.mark.parametrize("what", OF_FRAMES)
+def test_frames_are_pinocchios(robot: str, what: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(robot)
+    for frame in tips(robot):
+        q, v, _ = models.random_state(rng, dyn.n)
+        made = OF_FRAMES[what](dyn, q, v, frame)
+        wanted = expected(robot, what, q, v, frame)
+        assert made.shape == wanted.shape
+        assert_close(made, wanted, PINOCCHIO)
+
+
+@pytest.mark.parametrize("frame", ["world", "panda_link0"])
+def test_a_frame_that_does_not_move(frame: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics("panda")
+    for rows in ((), (MANY,)):
+        q = rng.normal(size=(*rows, 7))
+        here = np.broadcast_to(np.eye(4), (*rows, 4, 4))
+        np.testing.assert_array_equal(dyn.pose(q, frame), here)
+        assert not dyn.jacobian(q, frame).any()
+        assert not dyn.jacobian_derivative(q, q, frame).any()
+
+
+@pytest.mark.parametrize("call", OF_FRAMES.values(), ids=OF_FRAMES)
+def test_an_unknown_frame_is_refused_by_the_names(call: Ask) -> None:
+    for q in np.zeros(7), np.zeros((MANY, 7)):
+        with pytest.raises(InvalidInput, match="^frame 'hnd' does not exist; allowed: world"):
+            call(models.dynamics("panda"), q, q, "hnd")
