@@ -35,15 +35,12 @@ def test_one_number_that_is_not_finite_is_found_wherever_it_stands(bad: float, s
 
 
 def test_large_numbers_are_finite_even_where_their_sum_is_not() -> None:
-    assert finite_numbers([1e308, 1e308])
-    assert not finite_numbers([INF, -INF])
+    assert finite_numbers([1e308, 1e308]) and not finite_numbers([INF, -INF])
 
 
 def test_beyond_a_limit_counts_on_both_sides_and_not_at_it() -> None:
-    limits = [1.0, 2.0]
-    assert not any_beyond([1.0, -2.0], limits)
-    assert any_beyond([1.0, -2.0001], limits)
-    assert any_beyond([1.0001, 0.0], limits)
+    assert not any_beyond([1.0, -2.0], [1.0, 2.0])
+    assert any_beyond([1.0, -2.0001], [1.0, 2.0]) and any_beyond([1.0001, 0.0], [1.0, 2.0])
 
 
 REFUSED: list[tuple[Callable[..., object], tuple[object, ...]]] = [
@@ -66,12 +63,11 @@ def test_what_is_no_such_number_is_refused_by_name(
         check("given", *given)
 
 
-@pytest.mark.parametrize("limit", [0.5, [0.5, np.inf], [1e-300, 2.0]])
-def test_limits_are_positive_and_one_for_each_joint(limit: object) -> None:
-    found = positive_limits("limit", limit, 2)
-    assert found.tolist() == np.broadcast_to(limit, 2).tolist()
+def test_limits_are_positive_and_one_for_each_joint() -> None:
+    found = positive_limits("limit", 0.5, 2)
+    assert found.tolist() == [0.5, 0.5]
     found[0] = 7.0  # its own, not the caller's and not one number seen twice
-    assert found[1] != 7.0
+    assert found[1] == 0.5
 
 
 @pytest.mark.parametrize("length", [1e-12, 0.5, 1.7e308])

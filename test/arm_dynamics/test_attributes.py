@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
-from arm_dynamics.attributes import sealed
-from arm_dynamics.control import PD, ComputedTorque, Settings
+from arm_dynamics import ArmError, Dynamics, InvalidInput
+from arm_dynamics.control import PD, Settings
 from arm_dynamics.exceptions import ELSEWHERE, NotAssignable, UnknownArgument, did_you_mean
 from arm_dynamics.task_space import MassEllipsoid
 from arm_dynamics.trajectory import Waypoint
@@ -33,38 +32,11 @@ PACKAGES = (
 """Packages whose objects people have in hand."""
 
 
-@sealed
-class Arm:
-    """What may be set: a property with a setter, what the class annotates, what is private."""
-
-    pose: str = "home"
-
-    def __init__(self) -> None:
-        self._load = 0.0
-
-    @property
-    def load(self) -> float:
-        return self._load
-
-    @load.setter
-    def load(self, load: float) -> None:
-        self._load = load
-
-
 def said(what: object, name: str) -> str:
     with pytest.raises(NotAssignable) as caught:
         setattr(what, name, 1)
     assert isinstance(caught.value, ArmError) and isinstance(caught.value, AttributeError)
     return str(caught.value)
-
-
-def test_own_attributes_are_set() -> None:
-    arm = Arm()
-    arm.load, arm.pose, arm._note = 2.0, "up", "private"  # type: ignore[attr-defined]
-    assert (arm.load, arm.pose) == (2.0, "up")
-    assert replace(Settings(), bandwidth=2.0) == pickle.loads(
-        pickle.dumps(Settings(bandwidth=2.0))
-    )
 
 
 def test_a_class_that_a_user_extends_has_what_the_user_gives_it() -> None:
@@ -81,6 +53,7 @@ def test_a_class_that_a_user_extends_has_what_the_user_gives_it() -> None:
     controller, settings = Counting(), Named()
     controller.calls += 1
     assert (controller.calls, settings.name) == (1, "soft")
+    assert replace(Settings(), dt=0.01) == pickle.loads(pickle.dumps(Settings(dt=0.01)))
     assert said(settings, "bandwidth").startswith("Named.bandwidth cannot be set")
 
 
@@ -109,11 +82,9 @@ def test_an_error_of_arguments_names_what_was_called(sim: Simulator) -> None:
     scene, dynamics = models.scene("double_pendulum"), Dynamics(sim.model)
     for call, message in (
         (lambda: Simulator(scene, timestep=1), "Simulator has no argument 'timestep'; .* 'dt'"),
-        (lambda: ClosedLoop(scene, timestep=1), "ClosedLoop has no argument 'timestep'; .* 'dt'"),
         (lambda: ClosedLoop(scene, bandwidth=1), r"ClosedLoop .*Settings\(bandwidth=….* import"),
         (lambda: Settings(kp=1), "Settings has no argument 'kp'; did you mean 'bandwidth'"),
         (lambda: sim.run(T=1), "Simulator.run has no argument 'T'; did you mean 'duration'"),
-        (lambda: sim.linearize(tou=1), "Simulator.linearize has no argument 'tou'; .* 'tau'"),
         (lambda: dynamics.mass_matrix(qpos=1), "Dynamics.mass_matrix .* 'qpos'; did you mean 'q'"),
     ):
         with pytest.raises(UnknownArgument, match=message) as caught:
@@ -125,14 +96,9 @@ def test_objects_show_themselves_in_a_few_words(held: list[Any]) -> None:
     for what in held:
         shown = repr(what)
         assert len(shown) < 2000 and " at 0x" not in shown
-    assert repr(held[0]).startswith(
-        "<Simulator of double_pendulum, 2 joints: shoulder, elbow; rk4"
-    )
-    assert repr(held[2]) == str(held[2]) and "1 joints" not in repr(held[2])
-    shown = repr(MassEllipsoid(np.ones(2), np.eye(2), False))
-    assert (
-        shown == "MassEllipsoid(\n  masses=[1, 1],\n  axes=array of shape (2, 2),\n  damped=False)"
-    )
+    assert repr(held[0]).startswith("<Simulator of double_pendulum, 2 joints: shoulder, elbow;")
+    ellipsoid = repr(MassEllipsoid(np.ones(2), np.eye(2), False))
+    assert "masses=[1, 1]" in ellipsoid and "axes=array of shape (2, 2)" in ellipsoid
 
 
 def test_too_many_numbers_name_the_joints_that_have_none() -> None:
@@ -169,16 +135,11 @@ def sim() -> Simulator:
 
 
 def test_what_is_built_says_how_to_change_it(sim: Simulator) -> None:
-    recording, loop = sim.run(0.002), ClosedLoop(models.scene("double_pendulum"))
-    dynamics = Dynamics(sim.model)
     for what, name, instead in (
         (sim, "dt", "build another Simulator(scene, dt=…, integrator=…, tolerance=…)"),
         (sim, "q", "set_state(q=…, v=…)"), (sim, "gravity", "set_parameter(name, value)"),
-        (sim.state, "q", "Simulator.set_state(q=…, v=…)"), (recording, "tau", "replace"),
-        (sim.arm, "step_count", "restore(x, p, step)"), (sim.plan, "integrator", "Plan("),
-        (loop, "bandwidth", "Settings(bandwidth=…)"), (dynamics, "gravity", "Dynamics(scene)"),
-        (ComputedTorque(dynamics), "bandwidth", "ComputedTorque(dynamics, bandwidth"),
-        (load_scene("double_pendulum"), "gravity", "load_scene"), (Settings(), "dt", "replace"),
+        (sim.state, "q", "Simulator.set_state(q=…, v=…)"), (sim.plan, "integrator", "Plan("),
+        (ClosedLoop(models.scene("two_link")), "bandwidth", "Settings(bandwidth=…)"),
         (Waypoint(1.0, np.zeros(2)), "position", "did you mean 'q'"),
         (Settings(), "bandwith", "has no attribute 'bandwith'; did you mean 'bandwidth'?"),
     ):  # fmt: skip

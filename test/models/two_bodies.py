@@ -8,7 +8,7 @@ def two_bodies(
     centres: tuple[float, float],
     moments: tuple[float, float] = (0.0, 0.0),
 ) -> str:
-    """Its URDF."""
+    """Its URDF, with a frame ``tip`` at the centre of mass of the lower body."""
     upper, lower = (
         f'<link name="{name}"><inertial><origin xyz="{c} 0 0"/><mass value="{m}"/>'
         f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="0"/>'
@@ -20,4 +20,6 @@ def two_bodies(
     <parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/></joint>
   <joint name="elbow" type="continuous">
     <origin xyz="{length} 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 -1 0"/>
-  </joint></robot>"""
+  </joint>
+  <joint name="mount" type="fixed"><origin xyz="{centres[1]} 0 0"/><parent link="lower"/>
+    <child link="tip"/></joint><link name="tip"/></robot>"""

@@ -58,26 +58,3 @@ def test_power_balance(robot: str, rng: np.random.Generator) -> None:
     scale = max(1e-3, abs(given), lost, float(np.ptp(run.kinetic)))
     allowed = DRY_BALANCE / 100 if sim.model.has_dry_friction else ENERGY_DRIFT
     assert abs(change - given + lost) / scale < allowed
-
-
-@pytest.mark.parametrize("robot", EACH)
-def test_friction_never_gives_and_the_recorded_balance_is_zero(
-    robot: str, rng: np.random.Generator
-) -> None:
-    """In no tick does energy grow by more than the drives put in; no quadrature is involved."""
-    sim = models.simulator(robot, integrator="rk4")
-    run = sim.run(SECONDS, start(sim, rng))
-    given = np.sum((run.q[1:] - run.q[:-1]) * run.tau[:-1], axis=1)
-    scale = max(1e-3, float(np.ptp(run.kinetic)), float(np.abs(given).sum()))
-    assert (np.diff(run.energy) - given).max() / scale < ENERGY_DRIFT
-    scale = max(1e-3, float(np.ptp(run.kinetic)), float(np.ptp(run.potential)))
-    allowed = DRY_BALANCE if sim.model.has_dry_friction else ENERGY_DRIFT
-    assert np.abs(run.balance).max() / scale < allowed
-
-
-def test_drift_shrinks_with_the_fourth_power_or_better() -> None:
-    drifts = []
-    for dt in (4e-3, 2e-3):
-        run = models.simulator("ur10", integrator="rk4", dt=dt).run(SECONDS)
-        drifts.append(abs(run.energy[-1] - run.energy[0]))
-    assert drifts[1] < drifts[0] / 2**3.7

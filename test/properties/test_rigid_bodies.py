@@ -7,10 +7,7 @@ from samples import sampled
 from scipy.integrate import solve_ivp
 
 import models
-from arm_dynamics import Dynamics, load_scene
-from models.oracle import Oracle
-from models.random_tree import random_tree
-from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, PINOCCHIO, TRAJECTORY, assert_close
+from tolerances import ALGEBRA, FINITE_DIFF, PINOCCHIO, TRAJECTORY, assert_close
 
 STATES, SECONDS = 300, 0.2
 
@@ -55,19 +52,6 @@ def test_gravity_is_the_slope_of_potential_energy(robot: str, rng: np.random.Gen
         U = [dyn.energy(q + k * h * e, still)[1] for k in (-2, -1, 1, 2)]
         slope = (8 * (U[2] - U[1]) - (U[3] - U[0])) / (12 * h)
         assert_close(dyn.gravity(q)[:, i], slope, FINITE_DIFF)
-
-
-@pytest.mark.parametrize("joints", [1, 2, 3, 5, 13, 30])
-def test_random_trees_agree_with_pinocchio(joints: int, rng: np.random.Generator) -> None:
-    scene = load_scene(random_tree(rng, joints))
-    dyn, oracle = Dynamics(scene), Oracle(scene)
-    for _ in range(5):
-        q, v, x = models.random_state(rng, dyn.n)
-        assert_close(dyn.inverse(q, v, x), oracle.inverse(q, v, x), PINOCCHIO)
-        assert_close(dyn.mass_matrix(q), oracle.mass_matrix(q), PINOCCHIO)
-        assert_close(dyn.coriolis_matrix(q, v), oracle.coriolis_matrix(q, v), PINOCCHIO)
-        assert_close(dyn.forward(q, v, x), oracle.forward(q, v, x), ALGEBRA)
-        assert_close(dyn.inverse(q, v, dyn.forward(q, v, x)), x, INVERSE_PAIR)
 
 
 # Robots without dry friction, whose equation of motion is smooth.

@@ -81,14 +81,8 @@ class Fails(Springs):
                 tau[0] = np.nan
             case "shape":
                 return tau[:-1]
-            case "column":
-                return np.array(tau)[:, None]
-            case "none":
-                return None
             case "text":
                 return "torque"
-            case "write":
-                state.q[:] = 0.0
             case "write reference":
                 reference.q[:] = 0.0
         return tau

@@ -5,12 +5,10 @@ The equations are written out here once more, apart from the suite's laws.
 """
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 
 import models
 from arm_sim import Simulator
-from tolerances import assert_close
 
 R, L, KT, KE, J, B, N = 0.8, 5e-4, 0.06, 0.06, 4e-5, 2e-5, -60.0
 POLES, PER_TURN, PHASE = 4e-3, 6.0, 0.3
@@ -73,13 +71,3 @@ def test_harmonic_drive_with_everything() -> None:
     ours = np.array([s.q[0], s.v[0], s.z[0], N * s.z[1], N * s.z[2], s.z[3]])
     np.testing.assert_allclose(ours, x, rtol=1e-7, atol=1e-8)
     assert abs(x[5]) > 0.05  # the hysteresis has been through something
-
-
-@pytest.mark.parametrize(("q", "v"), [(-0.06, 0.0), (0.015, -0.7), (0.045, 0.7)])
-def test_it_starts_without_twist(q: float, v: float) -> None:
-    sim = Simulator(SCENE)
-    current, at_joint, speed, bent = sim.set_state([q], [v]).z
-    wave = WAVES * N * at_joint + SHIFT
-    assert current == bent == 0.0
-    assert_close(at_joint + ERROR * np.sin(wave), q, 1e-14)
-    assert_close(speed * (1.0 + ERROR * WAVES * N * np.cos(wave)), v, 1e-14)

@@ -2,7 +2,7 @@
 """Structures that Python reads from headers are those that the compiler sees."""
 
 import ctypes
-from ctypes import Structure, c_double, c_int64
+from ctypes import Structure, c_int64
 from pathlib import Path
 from typing import Any
 
@@ -59,14 +59,6 @@ def test_the_layout_is_that_of_the_compiler(tmp_path: Path) -> None:
     library = build(LAYOUT, "c", FLAGS, (f"-I{tmp_path}",)).library
     wanted = (c_int64 * (len(fields) + 1)).in_dll(library, "layout")
     assert [*places, ctypes.sizeof(outer)] == list(wanted)
-
-
-def test_one_structure_of_a_file_with_other_code(tmp_path: Path) -> None:
-    code = "static int zero(void) { return 0; }\ntypedef struct { int64_t a; } a_t;\n"
-    path = written(tmp_path, code + "typedef struct { double b; /* why; */ } b_t; int x = zero();")
-    assert Header(path, only="b_t").fields("b_t") == [("b", c_double)]
-    with pytest.raises(ValueError, match="there is no structure or enumeration 'c_t'"):
-        Header(path, only="c_t")
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,6 @@ from arm_dynamics.codegen.split_functions import divided
 from arm_sim.plant.plant import Plant
 from benchmarks.robots.urdf import chain_urdf
 
-PIECE = 100
-
 
 @pytest.fixture(scope="module")
 def rhs() -> ca.Function:
@@ -24,29 +22,16 @@ def rhs() -> ca.Function:
     return Plant(ArmModel(load_scene(chain_urdf(5)))).rhs
 
 
-def in_pieces(function: ca.Function, monkeypatch: pytest.MonkeyPatch, piece: int) -> Kernel:
-    """A kernel whose functions are divided at every ``piece`` lines."""
-    with monkeypatch.context() as patch:
-        patch.setattr(kernels, "divided", lambda source: divided(source, 0, piece))
-        return Kernel([function], "native")
-
-
-@pytest.mark.parametrize("piece", [1, PIECE, 10_000])
-def test_the_same_bits(rhs: ca.Function, monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
-    whole = Kernel([rhs], "native").call("rhs")
-    pieces = in_pieces(rhs, monkeypatch, piece).call("rhs")
-    for x in np.random.default_rng(1).normal(size=(20, 10)):
-        u = x[:5]
-        np.testing.assert_array_equal(pieces(x, u, [])[0], whole(x, u, [])[0])
-
-
-def test_pieces_compiled_apart_give_the_same_bits(
-    rhs: ca.Function, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+@pytest.mark.parametrize(("piece", "cores"), [(1, 1), (100, 1), (100, 3), (10_000, 1)])
+def test_the_same_bits(
+    rhs: ca.Function, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, piece: int, cores: int
 ) -> None:
+    """Also of pieces that several processes compile."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(3))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(cores))
     whole = Kernel([rhs], "native").call("rhs")
-    pieces = in_pieces(rhs, monkeypatch, PIECE).call("rhs")
+    monkeypatch.setattr(kernels, "divided", lambda source: divided(source, 0, piece))
+    pieces = Kernel([rhs], "native").call("rhs")
     for x in np.random.default_rng(1).normal(size=(20, 10)):
         np.testing.assert_array_equal(pieces(x, x[:5], [])[0], whole(x, x[:5], [])[0])
 

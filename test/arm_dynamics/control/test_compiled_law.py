@@ -11,7 +11,7 @@ import pytest
 from samples import sampled
 
 import models
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
+from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.control import (
     NAMES,
     ComputedTorque,
@@ -24,6 +24,7 @@ from arm_dynamics.control.compiled_law import Compiled, build, preparation
 from arm_dynamics.control.controller import Restartable
 from arm_dynamics.control.factory import IN_TASK_SPACE
 from arm_dynamics.trajectory import Reference
+from models.linkages import scene
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -43,12 +44,6 @@ def built(model: ArmModel) -> bool:
     return build(ComputedTorque(Dynamics(model)), model) is not None
 
 
-def rubbing() -> Dynamics:
-    """A two-link arm with dry friction in both joints."""
-    scene = models.scene("two_link")
-    return Dynamics(scene.model_dump(exclude_unset=True) | {"joints": {"*": {"friction": DRY}}})
-
-
 def states(rng: np.random.Generator, n: int) -> list[tuple[Measured, Reference]]:
     """A moving arm, one at rest that is to move, and one at rest that is to stay."""
     q, v, a = models.random_state(rng, n)
@@ -61,12 +56,9 @@ def states(rng: np.random.Generator, n: int) -> list[tuple[Measured, Reference]]
     ]
 
 
-def compiled(dynamics: Dynamics, *gains: Any) -> Compiled:
-    return Compiled(ComputedTorque(dynamics, *gains), dynamics.model)
-
-
 def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
-    plain, fast = ComputedTorque(dynamics, *gains), compiled(dynamics, *gains)
+    plain = ComputedTorque(dynamics, *gains)
+    fast = Compiled(ComputedTorque(dynamics, *gains), dynamics.model)
     for state, reference in states(rng, dynamics.n):
         assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
 
@@ -113,6 +105,12 @@ def disturbed(monkeypatch: pytest.MonkeyPatch, change: Callable[[ca.SX], ca.SX])
     monkeypatch.setattr(compiled_law, "RigidExpressions", Disturbed)
 
 
+def test_small_torques_are_compared_as_torques_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """[N m]; of a motor's rotor on its own, which takes a thousandth."""
+    disturbed(monkeypatch, lambda tau: tau + 5e-11)
+    assert built(ArmModel(load_scene(rotor(1e-7, viscous=0.0, coulomb=0.0))))
+
+
 def test_a_law_that_differs_is_not_used(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
@@ -123,23 +121,13 @@ def test_a_law_that_differs_is_not_used(
     assert "differs" in caplog.text
 
 
-@pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
-def test_small_torques_are_compared_as_torques_of_one_and_large_ones_by_their_size(
-    off: float, used: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """[N m]; of a motor's rotor on its own, which takes a thousandth, and of a heavy wheel."""
-    for inertia, change in ((1e-7, lambda tau: tau + off), (1e3, lambda tau: tau * (1 + off))):
-        disturbed(monkeypatch, change)
-        assert built(ArmModel(load_scene(rotor(inertia, viscous=0.0, coulomb=0.0)))) == used
-
-
 @pytest.mark.parametrize("more", sampled([{"friction": True, "observer": 10.0}, {}], 1), ids=str)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_controller_is_the_plain_one(
     name: str, more: dict[str, Any], rng: np.random.Generator
 ) -> None:
     """With its memory, and with torques that are cut."""
-    dynamics = rubbing()
+    dynamics = Dynamics(scene("two_link", joints={"*": {"friction": DRY}}))
     settings = Settings(frame="tip", axes="position", force=3.0, limit=40.0, **more)
     if name in IN_TASK_SPACE:
         settings = replace(settings, axes=("x", "z"), direction=(1.0, 0.0, 0.0))
@@ -183,35 +171,3 @@ def test_a_task_that_is_singular_everywhere_is_not_compiled(
     control = make_controller("operational_space", new(), Settings(frame="tip"))
     assert compiled_law.compiled_law(control) is None
     assert "singular wherever it was compared" in caplog.text
-
-
-def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also if the code is refused."""
-
-    def refuse(*_: Any, **__: Any) -> None:
-        raise KernelError("it differs")
-
-    monkeypatch.setattr(compiled_law, "compare", refuse)
-    control = make_controller("pid", new())
-    assert compiled_law.compiled_law(control) is None
-    np.testing.assert_array_equal(control.law.control.integral, np.zeros(2))
-
-
-def test_bad_states_are_refused_as_by_the_plain_law() -> None:
-    law, still = compiled(models.dynamics("two_link")), Reference(*np.zeros((3, 2)))
-    for bad in (np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))):
-        with pytest.raises(InvalidInput, match=r"state\.q"):
-            law.torque(Measured(bad, np.zeros(2)), still)
-
-
-def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Generator) -> None:
-    dynamics = rubbing()
-    control = compiled(dynamics, 12.0, 0.8)
-    law = compiled_law.compiled_law(control)
-    assert law is not None and law.limit is None and law.call.entry is not None
-    for state, reference in states(rng, dynamics.n):
-        still = np.zeros(dynamics.n)
-        moving = (state.q, state.v, reference.q, reference.v, reference.a, still)
-        law.call.inputs[0][:] = np.concatenate(moving)
-        law.call.run()
-        assert law.call.outputs[0].tobytes() == control.torque(state, reference).tobytes()

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computed torque: its error dynamics, and refusals."""
 
-from itertools import product
-
 import numpy as np
 import pytest
-from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, Term
@@ -13,16 +10,6 @@ from arm_dynamics.control import ComputedTorque, Measured, held_gains
 from arm_dynamics.trajectory import Reference, hold
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, LINEAR_ERROR, PINOCCHIO, assert_close
-
-
-def test_a_state_in_single_precision_is_taken_as_the_numbers_it_holds() -> None:
-    dyn = models.dynamics("panda")
-    control, at = ComputedTorque(dyn, 30.0), hold(np.zeros(dyn.n)).sample(0.0)
-    q = v = np.linspace(0.1, 0.7, dyn.n, dtype=np.float32)
-    wanted = control.torque(Measured(q.astype(float), v.astype(float)), at)
-    tau = control.torque(Measured(q, v), at)
-    assert tau.dtype == np.float64
-    assert tau.tolist() == wanted.tolist()
 
 
 def test_error_obeys_the_linear_equation(robot: str, rng: np.random.Generator) -> None:
@@ -48,15 +35,10 @@ def test_a_held_torque_is_that_of_the_middle_of_its_tick(
     assert_close(tau, wanted, PINOCCHIO)
 
 
-@pytest.mark.parametrize(
-    ("robot_name", "omega", "zeta"),
-    sampled(product(["two_link", "panda"], [5.0, 30.0], [0.5, 1.5]), 3),
-)
-def test_error_falls_as_the_linear_equation_says(
-    robot_name: str, omega: float, zeta: float
-) -> None:
+@pytest.mark.parametrize("zeta", [0.5, 1.5])
+def test_error_falls_as_the_linear_equation_says(zeta: float) -> None:
     """At 1 kHz, the torque held between the ticks: ë + 2 ζ ω ė + ω² e = 0 from e = 1, ė = 0."""
-    sim = models.simulator(robot_name, integrator="rk4", dt=1e-3)
+    sim, omega = models.simulator("panda", integrator="rk4", dt=1e-3), 30.0
     step = 1.5 / omega**2  # [rad], so that no torque limit is met
     goal = sim.state.q + np.resize([step, -0.7 * step], sim.dynamics.n)
     control, reference = ComputedTorque(sim.dynamics, omega, zeta), hold(goal).sample(0.0)
@@ -91,15 +73,14 @@ def test_held_gains_place_the_poles_of_the_sampled_loop(zeta: float, dt: float) 
 
 
 @pytest.mark.parametrize(
-    ("bandwidth", "damping_ratio", "complaint"),
+    ("gains", "complaint"),
     [
-        (-1.0, 1.0, "bandwidth is -1"),
-        ([1.0, 2.0], 1.0, r"bandwidth has shape \(2,\)"),
-        ([20.0] * 6 + [1.1e6], 1.0, r"bandwidth is .*; allowed: at most 1e\+06 rad/s"),
-        (1.0, -0.1, "damping_ratio is -0.1"),
-        ("fast", 1.0, "bandwidth = 'fast'"),
+        ((-1.0, 1.0), "bandwidth is -1"),
+        (([1.0, 2.0], 1.0), r"bandwidth has shape \(2,\)"),
+        (([20.0] * 6 + [1.1e6], 1.0), r"bandwidth is .*; allowed: at most 1e\+06 rad/s"),
+        ((1.0, -0.1), "damping_ratio is -0.1"),
     ],
 )
-def test_bad_gains_are_refused(bandwidth: object, damping_ratio: object, complaint: str) -> None:
+def test_bad_gains_are_refused(gains: tuple[object, object], complaint: str) -> None:
     with pytest.raises(InvalidInput, match=complaint):
-        ComputedTorque(models.dynamics("panda"), bandwidth, damping_ratio)
+        ComputedTorque(models.dynamics("panda"), *gains)

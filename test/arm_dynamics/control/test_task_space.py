@@ -83,27 +83,6 @@ def test_an_impedance_is_damped_by_the_mass_that_each_axis_feels() -> None:
     assert_close(more - less, -J.T @ (D * (J @ v)), INVERSE_PAIR)
 
 
-def test_force_on_a_table_is_the_one_asked_for() -> None:
-    """A stiff damped surface below the hand is pressed with 15 N while the hand slides on it."""
-    sim, task = models.simulator("panda", dt=1e-3), panda()
-    control = MotionForce(task, [0, 0, -1], 15.0, posture=sim.state.q)
-    start = task.pose(sim.state.q)
-    reference = at_rest(task, sim.state.q, force=15.0)
-    goal = start.position + [0.0, 0.05, 0.0]
-    reference = TaskReference(
-        goal, start.rotation, reference.velocity, reference.acceleration, 15.0
-    )
-    height, stiffness, damping = start.position[2], 2e4, 200.0
-    for _ in range(2000):
-        q, v = sim.state.q, sim.state.v
-        J = task.jacobian(q)[2]
-        depth = height - task.pose(q).position[2]
-        contact = max(0.0, stiffness * depth - damping * (J @ v)) if depth > 0 else 0.0
-        sim.step(control.torque(sim.state, reference) + J * contact)
-    assert abs(contact - 15.0) < 1e-2
-    assert np.linalg.norm((task.pose(sim.state.q).position - goal)[:2]) < 1e-4
-
-
 def test_along_the_force_the_hand_is_only_braked(rng: np.random.Generator) -> None:
     """u·ẍ = -2 ζ ω u·ẋ whatever the reference asks for there; across u it is followed."""
     task, u = panda(), np.array([0.0, 0.6, -0.8])
@@ -201,8 +180,6 @@ def test_bad_settings_and_states_are_refused() -> None:
         CartesianImpedance(task, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match=r"is not among the axes of the task, \('x', 'z'\)"):
         MotionForce(task, [0, 1, 1])
-    with pytest.raises(InvalidInput, match=r"posture has shape \(3,\)"):
-        OperationalSpace(task, posture=[0.0, 0.0, 0.0])
     with pytest.raises(InvalidInput, match=r"state.v\[0\] = nan"):
         state = Measured(np.zeros(2), np.array([np.nan, 0.0]))
         OperationalSpace(task).torque(state, at_rest(task, [0.3, 0.5]))

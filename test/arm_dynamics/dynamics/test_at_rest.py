@@ -14,7 +14,6 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.indeterminate import indeterminate_sets
-from arm_dynamics.terms.answers import MANY
 from arm_sim import Simulator
 from models.touching import rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -117,17 +116,6 @@ def test_one_joint_at_its_level_by_hand() -> None:
     assert_close(dyn.forward([0.0], [1e-9], [4.0]), [0.5], CLOSED_FORM)
 
 
-@pytest.mark.parametrize("friction", ["by direction", "by position and load"])
-def test_batches_answer_as_single_points_do(friction: str, rng: np.random.Generator) -> None:
-    dyn = Dynamics(scene("skew_axes", FRICTION[friction]))
-    batch = states(dyn, MANY, rng)
-    a = dyn.forward(*batch)
-    for k in range(0, MANY, 17):
-        alone = dyn.forward(*(x[k] for x in batch))
-        assert_close(a[k], alone, ALGEBRA)
-        np.testing.assert_array_equal(a[k] == 0.0, alone == 0.0)
-
-
 def crank_rocker(speed: float) -> tuple[Simulator, np.ndarray, np.ndarray]:
     """A crank-rocker whose crank and coupler are in line: the rocker turns back."""
     given = models.scene("four_bar").model_dump(exclude_unset=True)
@@ -208,4 +196,3 @@ def test_sets_that_do_not_share_anything_are_apart() -> None:
     one, other = indeterminate_sets(A, np.ones(5, dtype=bool), load, level)
     assert one.joints.tolist() == [0, 1] and one.holds
     assert other.joints.tolist() == [2, 3] and not other.holds
-    np.testing.assert_array_equal(other.direction, [1.0, -1.0])

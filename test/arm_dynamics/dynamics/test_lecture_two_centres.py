@@ -11,7 +11,7 @@ from arm_dynamics import Dynamics, Term
 from models.two_bodies import two_bodies
 from tolerances import CLOSED_FORM, assert_close
 
-M1, M2, L1, C1, C2, I1, I2 = 1.3, 0.7, 0.6, 0.25, 0.15, 0.03, 0.011
+G, M1, M2, L1, C1, C2, I1, I2 = 9.81, 1.3, 0.7, 0.6, 0.25, 0.15, 0.03, 0.011
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +26,14 @@ def inertia(q: np.ndarray) -> np.ndarray:
     two = np.array([[-L1 * s1 - C2 * s12, -C2 * s12], [L1 * c1 + C2 * c12, C2 * c12]])
     turning = I1 * np.array([[1.0, 0.0], [0.0, 0.0]]) + I2 * np.ones((2, 2))
     return M1 * one.T @ one + M2 * two.T @ two + turning
+
+
+def test_mass_matrix_and_weight(arm: Dynamics, rng: np.random.Generator) -> None:
+    for q in rng.normal(size=(20, 2)):
+        far = M2 * C2 * G * np.cos(q.sum())
+        weight = [(M1 * C1 + M2 * L1) * G * np.cos(q[0]) + far, far]
+        assert_close(arm.mass_matrix(q), inertia(q), CLOSED_FORM)
+        assert_close(arm.gravity(q), weight, CLOSED_FORM)
 
 
 def symbols(q: np.ndarray) -> np.ndarray:

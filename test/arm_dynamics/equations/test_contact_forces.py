@@ -49,22 +49,6 @@ def test_sliding_contacts_bear_friction_against_their_directions(seed: int) -> N
     assert_close(rate[::3], np.zeros(8), INVERSE_PAIR)
 
 
-@pytest.mark.parametrize(("contacts", "light"), [(2, 1e-9), (4, 1e-4)])
-def test_a_light_body_does_not_soften_the_contacts_of_a_heavy_one(
-    contacts: int, light: float
-) -> None:
-    """Two bodies with contacts of their own: each has the forces that it would have alone."""
-    A, M_inverse, free = robot(contacts, 0)
-    rows, ones = len(A), np.ones(2 * len(A))
-    both = np.kron(np.eye(2), A)
-    inverse = np.block([[M_inverse, np.zeros((N, N))], [np.zeros((N, N)), M_inverse / light]])
-    solver = Delassus(ca.SX(both), ca.SX(inverse @ both.T))
-    force = numbers(solver.forces(ca.SX(np.tile(free, 2)), ca.SX(np.diag(ones)), ca.SX(ones)))
-    least = -np.linalg.lstsq(A @ M_inverse @ A.T, free, rcond=1e-10)[0]
-    assert_close(force[:rows], least, INVERSE_PAIR)
-    assert_close(force[rows:] / light, least, INVERSE_PAIR)
-
-
 @pytest.mark.parametrize("light", [1e-9, 1e-5])
 def test_a_light_body_on_a_heavy_one_presses_with_its_weight(light: float) -> None:
     """Stacked on a table, 1 kg below: normal forces are the weights above the contacts."""

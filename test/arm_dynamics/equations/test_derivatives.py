@@ -13,7 +13,6 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.derivatives import IN_LINKS_AT_MOST, inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import hybrid
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
-from models.large import mobile
 from models.random_tree import random_tree, tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -50,17 +49,6 @@ def test_are_those_of_the_equation(name: str, rng: np.random.Generator) -> None:
     state = rng.uniform(-1.0, 1.0, (3, model.n))
     for ours, theirs in zip(derivatives(model)(*state), expected(*state), strict=True):
         assert_close(np.array(ours), np.array(theirs), ALGEBRA)
-
-
-def test_joints_on_different_branches_have_none(rng: np.random.Generator) -> None:
-    model = ArmModel(load_scene(mobile(rng, 25)))
-    pattern = np.array(ca.DM(derivatives(model).sparsity_out(1), 1.0)).astype(bool)
-    base, left, right = (
-        [model.joint_names.index(f"joint{i}") for i in numbers]
-        for numbers in (range(1, 4), range(4, 11), range(11, 18))
-    )
-    assert not pattern[np.ix_(left, right)].any() and not pattern[np.ix_(right, left)].any()
-    assert pattern[np.ix_(left, left)].all() and pattern[np.ix_(base, right)].any(axis=0).all()
 
 
 @pytest.mark.parametrize("joints", [1, 2, 5, 20])

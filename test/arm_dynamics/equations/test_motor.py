@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """DC motors on rigid gears: current, speed, limits, cogging, and the rotor in the arm."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,7 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import Dynamics
-from arm_dynamics.equations import motor
+from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_sim import Simulator
 from models.driven import WINDING, B, J, K, L, R, law, linear, of_states, wheel
 from tolerances import ALGEBRA, MOTOR, PINOCCHIO, assert_close
@@ -84,78 +84,47 @@ def test_torque_command_of_a_motor_without_limits_is_the_torque() -> None:
     assert motors.state.z.size == 0
 
 
-LIMITED = {"resistance": 1.0, "torque_constant": 0.05, "current_limit": 8.0, "voltage_limit": 12.0}
+MOST, TOP = 3.0, 6.0
+BY_CURRENT, BY_VOLTAGE = {"current_limit": MOST}, {"voltage_limit": TOP}
+LIMITED: list[tuple[str, dict[str, float]]] = [
+    ("torque", BY_CURRENT | BY_VOLTAGE), ("torque", BY_VOLTAGE), ("torque", BY_CURRENT),
+    ("current", BY_CURRENT | BY_VOLTAGE), ("voltage", BY_CURRENT),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["torque", "current"])
-def test_torque_speed_curve(command: str) -> None:
-    """Constant torque to the corner, a straight line to no-load speed, braking beyond.
+@pytest.mark.parametrize(("command", "limits"), LIMITED)
+def test_torque_speed_curve(command: str, limits: dict[str, float]) -> None:
+    """Of the current that is asked for, what the voltage can drive, and of that what may flow.
 
-    Where the voltage alone would drive more than the largest current, that remains the limit.
+    Constant torque to the corner, a straight line to the no-load speed, braking beyond it; from
+    (V + R I) / (N K) on, only the current limit is kept.
     """
-    ratio = 20.0
-    torque = of_states(law(wheel(command=command, gear_ratio=ratio, **LIMITED)), 1)["torque"]
-    speed = np.linspace(-30.0, 30.0, 121)
-    got = [float(torque([0.0], [v], [], [1e6])) for v in speed]
-    current = np.clip((12.0 - 0.05 * ratio * speed) / 1.0, -8.0, 8.0)
-    wanted = ratio * 0.05 * current
-    assert_close(got, wanted, PINOCCHIO)
+    ratio, winding = 10.0, {"resistance": 0.8, "torque_constant": 0.05}
+    scene = wheel(0.02, command=command, gear_ratio=ratio, **winding, **limits)
+    torque = of_states(law(scene), 1)["torque"]
+    most, top = limits.get("current_limit", np.inf), limits.get("voltage_limit", np.inf)
+    for speed, asked in product(np.linspace(-36.0, 36.0, 25), [-1e3, -1.0, 0.0, 1.0, 1e3]):
+        emf = 0.05 * ratio * speed
+        wanted = {"torque": asked / (0.05 * ratio), "current": asked,
+                  "voltage": (asked - emf) / 0.8}[command]  # fmt: skip
+        current = np.clip(np.clip(wanted, (-top - emf) / 0.8, (top - emf) / 0.8), -most, most)
+        assert_close(float(torque(0.0, speed, [], asked)), 0.05 * ratio * current, ALGEBRA)
+    (drive,) = ArmModel(load_scene(scene)).drives
+    assert drive is not None
+    both = {"current_limit", "voltage_limit"} <= limits.keys()
+    assert_close(drive.overspeed if both else 0.0, 16.8 if both else 0.0, ALGEBRA)
 
 
-@pytest.mark.parametrize("command", ["torque", "current", "voltage"])
-def test_a_motor_that_brakes_draws_more_than_its_stall_current(command: str) -> None:
-    """Against its motion every command is the full voltage: J ω' = -K (V + K ω) / R."""
-    top, speed, t = 6.0, 60.0, 0.02
-    limit = {"voltage_limit": top, "resistance": R, "torque_constant": K}
-    sim = Simulator(wheel(J, command=command, **limit), backend="vm", tolerance=1e-10)
-    sim.reset([0.0], [speed])
-    sim.run(t, [-1e3])
-    wanted = (speed + top / K) * np.exp(-(K**2) / (R * J) * t) - top / K
-    assert abs(K * speed) > 0.2 * top  # so that the current is well above top / R
-    np.testing.assert_allclose(sim.state.v, [wanted], rtol=1e-8)
-
-
-def test_amplifier_limits_the_current_under_voltage() -> None:
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_amplifier_limits_the_current_under_voltage(way: float) -> None:
     """A blocked rotor: i = V/R (1 - exp(-t R/L)) up to the limit, and there it stays."""
     scene = wheel(1e6, command="voltage", current_limit=8.0, **WINDING)
     sim = Simulator(scene, backend="vm", tolerance=1e-9)
-    recording = sim.run(0.01, [12.0])
+    recording = sim.run(0.01, [way * 12.0])
     reached = -L / R * np.log(1.0 - 8.0 * R / 12.0)
     before = recording.time < reached
-    wanted = 12.0 / R * (1.0 - np.exp(-recording.time * R / L))
+    wanted = way * 12.0 / R * (1.0 - np.exp(-recording.time * R / L))
     np.testing.assert_allclose(recording.z[before, 0], wanted[before], rtol=1e-6)
-    np.testing.assert_allclose(recording.z[~before, 0], 8.0, rtol=1e-6)
+    np.testing.assert_allclose(recording.z[~before, 0], way * 8.0, rtol=1e-6)
     falling = sim.run(0.005, [0.0]).z[:, 0]
-    np.testing.assert_allclose(falling[-1], 8.0 * np.exp(-5.0), rtol=1e-5)
-
-
-def test_a_limited_amplifier_treats_both_directions_alike() -> None:
-    """At either limit it gives at least what keeps the current from growing further."""
-    for current in (-9.0, -8.0, -3.0, 8.0, 9.0):
-        for voltage in (-20.0, 0.0, 20.0):
-            given = motor.limited_voltage(voltage, current, 2.0, 8.0, R)
-            mirrored = motor.limited_voltage(-voltage, -current, -2.0, 8.0, R)
-            assert given == -mirrored
-            steady = R * current + 2.0
-            held = min(voltage, steady) if current > 0.0 else max(voltage, steady)
-            assert given == (held if abs(current) >= 8.0 else voltage)
-
-
-def test_poles_hold_the_rotor_and_take_no_energy() -> None:
-    """Small swings about a stable position have the frequency √(A m / J)."""
-    amplitude, order, inertia = 0.02, 12.0, 1e-3
-    cogging = {"amplitude": amplitude, "order": order, "phase": 0.6}
-    stable, small = (2.0 * np.pi - 0.6) / order, 1e-4
-    sim = Simulator(wheel(inertia, cogging=cogging), backend="vm", tolerance=1e-12)
-    sim.reset([stable + small], [0.0])
-    omega = np.sqrt(amplitude * order / inertia)
-    t = np.round(10.0 / omega, 3)
-    sim.run(t)
-    assert_close((sim.state.q - stable) / small, [np.cos(omega * t)], 1e-5)
-
-
-def test_poles_turn_with_the_motor() -> None:
-    """On a gear: N times the angle, N times the torque."""
-    flow = of_states(law(wheel(gear_ratio=-4.0, cogging={"amplitude": 0.3, "order": 2})), 1)
-    got = float(flow["torque"]([0.2], [0.0], [], [0.0]))
-    assert_close(got, -4.0 * -0.3 * np.sin(2 * -4.0 * 0.2), PINOCCHIO)
+    np.testing.assert_allclose(falling[-1], way * 8.0 * np.exp(-5.0), rtol=1e-5)

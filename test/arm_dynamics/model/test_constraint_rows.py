@@ -29,12 +29,9 @@ TYPES: dict[str, dict[str, Any]] = {
     "distance": {"type": "distance", "distance": 0.4},
     "rolling ball": {"type": "rolling", "radius": 0.2},
     "rolling wheel": {
-        "type": "rolling",
-        "radius": 0.2,
-        "axle": [1, 0.1, 0.4],
-        "normal": [0, 1, 1],
+        "type": "rolling", "radius": 0.2, "axle": [1, 0.1, 0.4], "normal": [0, 1, 1]
     },
-}
+}  # fmt: skip
 # Near half a turn, where this is 2, the axis of a rotation is ill-determined.
 HALF_TURN = 1.9
 # Two frames that move against each other, and one against the world; a tree, skew axes, followers.
@@ -181,28 +178,17 @@ def test_pushing_takes_the_transposed_jacobian(rng: np.random.Generator) -> None
     assert_close(many, wrenches @ jacobian, ALGEBRA)
 
 
-def test_without_constraints_nothing_is_constrained() -> None:
-    dyn = models.dynamics("two_link")
-    a, lam = dyn.constrained_forward([0.1, 0.2], [1.0, 2.0], [3.0, 4.0])
-    assert_close(a, dyn.forward([0.1, 0.2], [1.0, 2.0], [3.0, 4.0]), ALGEBRA)
-    assert lam.shape == (0,)
-
-
 def test_multipliers_belong_to_one_state_or_to_each_of_a_batch(rng: np.random.Generator) -> None:
     dyn = models.dynamics("four_bar")
     q, v, a = (np.tile(x, (4, 1)) for x in (dyn.model.q0, dyn.model.v0, rng.normal(size=dyn.n)))
     one = [1, -2, 3]  # whole numbers too
     single = dyn.constrained_inverse(q[0], v[0], a[0], one)
     assert_close(dyn.constrained_inverse(q, v, a, one), np.tile(single, (4, 1)), ALGEBRA)
-    for state, lam in (
-        ((q, v, a), [1.0, 2.0]),
-        ((q, v, a), np.ones((3, 3))),
-        ((q[0], v[0], a[0]), np.ones((4, 3))),
-        ((q, v, a), [1.0, np.nan, 3.0]),
-        ((q, v, a), ["a", "b", "c"]),
-    ):
+    for lam in ([1.0, 2.0], np.ones((3, 3)), [1.0, np.nan, 3.0]):
         with pytest.raises(InvalidInput, match="^lam "):
-            dyn.constrained_inverse(*state, lam)
+            dyn.constrained_inverse(q, v, a, lam)
+    with pytest.raises(InvalidInput, match="^lam "):
+        dyn.constrained_inverse(q[0], v[0], a[0], np.ones((4, 3)))
 
 
 def test_what_pushes_and_what_holds_must_be_said() -> None:

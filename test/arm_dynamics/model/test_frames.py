@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, SceneError, load_scene
-from arm_dynamics.model.frame_motion import FrameMotion
 from arm_sim import Simulator
-from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import visuals_of
 from tolerances import PINOCCHIO, assert_close
 
@@ -55,37 +53,21 @@ def test_payloads_springs_constraints_and_contacts_are_on_the_link(urdf: str) ->
     motions = [sim.run(0.02, [0.5, -0.3]).q for sim in sims]
     np.testing.assert_array_equal(*motions)
     q, v = sims[0].state.q, sims[0].state.v
-    values = [sim.dynamics.inverse(q, v, q) for sim in sims]
-    assert_close(*values, PINOCCHIO)
-    places = [sim.model.constraint_rows for sim in sims]
-    assert places[0] == places[1]
+    assert_close(*[sim.dynamics.inverse(q, v, q) for sim in sims], PINOCCHIO)
+    assert sims[0].model.constraint_rows == sims[1].model.constraint_rows
 
 
 @alike
-@pytest.mark.parametrize("frame", ["upper", "tool"])
-def test_tasks_and_the_view_are_those_of_the_link(
-    monkeypatch: pytest.MonkeyPatch, urdf: str, frame: str
-) -> None:
-    monkeypatch.setattr("arm_sim.view.marks.outermost", lambda model: frame)
-    q, places, origins = np.array([0.3, -0.7]), [], []
-    for text in (urdf, DISTINCT):
-        model = ArmModel(load_scene(scene(text, payloads=EXTRAS["payloads"])))
-        places.append(FrameMotion(model, frame, "world").placement(q))
-        marker = Marker(model)
-        hand = marker.at(Instant(q)).hand
-        np.testing.assert_array_equal(hand, places[-1][0])
-        origins.append([visual.placement.homogeneous for visual in visuals_of(model)])
-    for own, expected in zip(*places, strict=True):
-        np.testing.assert_array_equal(own, expected)
-    for own, expected in zip(*origins, strict=True):
-        np.testing.assert_array_equal(own, expected)
-
-
-@alike
-def test_every_frame_is_listed_once(urdf: str) -> None:
-    names = Dynamics(urdf).model.frame_names
-    assert len(names) == len(set(names))
-    assert {"base", "upper", "fore", "tool"} < set(names)
+def test_poses_and_the_view_are_those_of_the_link(urdf: str) -> None:
+    """And every frame is listed once."""
+    own, other = Dynamics(urdf), Dynamics(DISTINCT)
+    for frame in ("upper", "tool"):
+        q = np.array([0.3, -0.7])
+        np.testing.assert_array_equal(own.pose(q, frame), other.pose(q, frame))
+    seen = [[x.placement.homogeneous for x in visuals_of(dyn.model)] for dyn in (own, other)]
+    np.testing.assert_array_equal(*seen)
+    names = own.model.frame_names
+    assert len(names) == len(set(names)) and {"base", "upper", "fore", "tool"} < set(names)
 
 
 @alike
@@ -95,32 +77,23 @@ def test_a_scene_may_say_which_is_meant(urdf: str) -> None:
     third = "tool" if '"tool" type' in urdf else "base"
     joints = dict(zip(("shoulder", "elbow", "wrist"), (first, second, third), strict=True))
 
-    def extras(named: dict[str, str]) -> dict[str, Any]:
+    def extras(wrist: str, elbow: str) -> dict[str, Any]:
         return {
-            "payloads": [{"frame": named["wrist"], "mass": 1.0, "com": [0.1, 0, 0]}],
+            "payloads": [{"frame": wrist, "mass": 1.0, "com": [0.1, 0, 0]}],
             "springs": [
-                {"frames": [named["elbow"], "link:base"], "points": [[0, 0, 0], [0, 0, 1]],
+                {"frames": [elbow, "link:base"], "points": [[0, 0, 0], [0, 0, 1]],
                  "stiffness": 90}
-            ],
-            "constraints": [
-                {"type": "contact", "frame": named["wrist"],
-                 "plane": {"frame": "link:base", "point": [0, 0, -1]}},
             ],
         }  # fmt: skip
 
-    expected = Dynamics(scene(DISTINCT, **extras({name: name for name in joints})))
-    own = Dynamics(scene(urdf, **extras({n: f"joint:{twin}" for n, twin in joints.items()})))
+    expected = Dynamics(scene(DISTINCT, **extras("wrist", "elbow")))
+    own = Dynamics(scene(urdf, **extras(f"joint:{third}", f"joint:{second}")))
     q, v = np.array([0.3, -0.7]), np.array([0.4, 0.9])
     assert_close(own.inverse(q, v, v), expected.inverse(q, v, v), PINOCCHIO)
     for name, twin in joints.items():
-        places = [
-            FrameMotion(model, frame, "world").placement(q)
-            for model, frame in ((own.model, f"joint:{twin}"), (expected.model, name))
-        ]
-        np.testing.assert_array_equal(places[0][0], places[1][0])
+        np.testing.assert_array_equal(own.pose(q, f"joint:{twin}"), expected.pose(q, name))
     for link in ("upper", "fore", "tool"):
-        same = [FrameMotion(own.model, x, "world").placement(q)[0] for x in (link, f"link:{link}")]
-        np.testing.assert_array_equal(*same)
+        np.testing.assert_array_equal(own.pose(q, link), own.pose(q, f"link:{link}"))
 
 
 def test_what_is_said_to_be_a_link_or_a_joint_must_be_one() -> None:
@@ -128,7 +101,7 @@ def test_what_is_said_to_be_a_link_or_a_joint_must_be_one() -> None:
         with pytest.raises(SceneError, match=f"'payloads.0.frame' = '{frame}' does not exist"):
             load_scene(scene(DISTINCT, payloads=[{"frame": frame, "mass": 1.0}]))
         with pytest.raises(InvalidInput, match=f"frame '{frame}' does not exist"):
-            FrameMotion(Dynamics(DISTINCT).model, frame, "world")
+            Dynamics(DISTINCT).pose(np.zeros(2), frame)
 
 
 @alike

@@ -42,8 +42,6 @@ STATIC: list[tuple[dict[str, Any], str | None]] = [
     ({"coulomb": 0.5, "static": 0.5}, None),
     ({"coulomb": 0.5, "static": 0.499}, "static' = 0.499: at least coulomb, 0.5, is"),
     ({"static": 0.199}, "static' = 0.199: at least coulomb, 0.2, is"),  # that of the URDF
-    ({"coulomb": UNEQUAL, "static": UNEQUAL}, None),
-    ({"coulomb": UNEQUAL, "static": 1.9}, "static' = 1.9: at least"),
     ({"coulomb": UNEQUAL, "static": {"positive": 3, "negative": 1.75}}, "at least coulomb, pos"),
     ({"coulomb": 0.5, "static": 0.1} | RISES, None),
     ({"coulomb": 0.5, "static": 0.0} | RISES, "static' = 0.0: more than 0 is expected"),
@@ -69,9 +67,8 @@ OWN: dict[str, Any] = {
 
 def test_a_follower_has_no_law_of_its_own_and_no_sides() -> None:
     for key, law in OWN.items():
-        assert refusal({key: law}, "right_slide", "gripper") == (
-            f"right_slide.friction.{key}': a mimic joint has none of its own"
-        )
+        said = refusal({key: law}, "right_slide", "gripper")
+        assert said == f"right_slide.friction.{key}': a mimic joint has none of its own"
     for key in ("viscous", "coulomb"):
         assert f"right_slide.friction.{key}'" in refusal({key: UNEQUAL}, "right_slide", "gripper")
         assert build({key: 1.0}, "right_slide", "gripper")
@@ -80,7 +77,6 @@ def test_a_follower_has_no_law_of_its_own_and_no_sides() -> None:
 
 # What is said, how it is refused, and what makes it mean something.
 SILENT: list[tuple[dict[str, Any], str, dict[str, Any]]] = [
-    ({"coulomb": 1.0} | RISES, "stribeck_velocity' = 0.1", {"static": 1.1}),
     ({"coulomb": UNEQUAL, "static": UNEQUAL} | RISES, "stribeck_velocity' = 0.1", {"static": 2.1}),
     ({"coulomb": 0.0} | WAVY, "position' = {'at'", {"coulomb": 0.1}),
     (
@@ -98,8 +94,7 @@ def test_what_would_be_without_effect_is_refused(
     for name in ("joint2", "*"):
         refused = refusal(friction, name)
         assert refused.startswith(f"{name}.friction.{said}") and "without effect" in refused
-    assert build(friction | more)
-    assert build(friction | more, "*")
+        assert build(friction | more, name)
 
 
 def test_what_is_said_of_all_joints_needs_one_that_has_use_of_it() -> None:
@@ -117,26 +112,18 @@ def growing(slope: float) -> dict[str, Any]:
 @pytest.mark.parametrize(
     "levels",
     [
-        {"coulomb": 1.0, "static": 2.0},
         {"coulomb": {"positive": 1.0, "negative": 2.0}},
         {"coulomb": 2.0} | LUGRE,
-        {"coulomb": 1.0, "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]}},
+        {"coulomb": 0.5, "static": 1.0, "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]}},
     ],
 )
-@pytest.mark.parametrize("name", ["joint3", "*"])
-def test_friction_by_load_grows_by_less_than_half_of_the_load(
-    levels: dict[str, Any], name: str
-) -> None:
+def test_friction_by_load_grows_by_less_than_half_of_the_load(levels: dict[str, Any]) -> None:
     """Of the largest level, 2 N m: 0.499 of the load may be, 0.501 not."""
-    model = build(levels | growing(0.2495), name)
+    model = build(levels | growing(0.2495))
     assert model.friction.by_load or LugreFriction.of(model)
-    first = "joint1" if name == "*" else name
-    assert f"{first}.friction.load': friction grows by 0.501 of the load" in refusal(
-        levels | growing(0.2505), name
-    )
+    said = refusal(levels | growing(0.2505))
+    assert said.startswith("joint2.friction.load': friction grows by 0.501 of the load")
 
-
-# --- tables by speed -------------------------------------------------------------------------
 
 TWICE = {"speed": [0, 1], "torque": [[1, 2], [2, 3]], "position": [0, 1]}
 TABLES: list[tuple[dict[str, Any], str]] = [
@@ -144,7 +131,6 @@ TABLES: list[tuple[dict[str, Any], str]] = [
     ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
     ({"speed": [0, 1e-300, 1], "torque": [1, 2, 3]}, "a slope of 1e+300 between two points"),
     ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
-    ({**FLAT, "torque": [[1, 2], [1, 2]]}, "positions = 1, rows of"),
     (TWICE | {"period": 1}, "period = 1.0: longer than 'position' is"),
     (FLAT | {"period": 6.3}, "'position' is missing, which repeats"),
     (TWICE | {"torque": [[1, 2], [0, 3]]}, "torque at speed 0 = [1.0, 0.0]: more than 0 at every"),
@@ -165,19 +151,12 @@ def test_a_table_contains_all_friction_but_viscous(beside: dict[str, Any]) -> No
     said = refusal({"table": FLAT, **beside})
     assert said.startswith(f"joint2.friction.{next(iter(beside))}' = ")
     assert said.endswith("'friction.table' of the joint contains it; allowed beside it: 'viscous'")
-    friction = build({"table": FLAT, "viscous": 0.5}).friction
-    assert friction.viscous.mean[1] == 0.5
-    assert friction.coulomb.mean[1] == 1.0
 
 
 def test_a_table_replaces_the_friction_of_the_robot_description() -> None:
-    assert build({}).friction.coulomb.mean[1] == 0.2
-    assert build({}).friction.viscous.mean[1] > 0.0
-    friction = build({"table": {"speed": [0, 1], "torque": [0, 2]}}).friction
-    assert friction.viscous.mean[1] == friction.coulomb.mean[1] == 0.0
-
-
-# --- bristles ----------------------------------------------------------------------------------
+    for beside, viscous in (({}, 0.0), ({"viscous": 0.5}, 0.5)):
+        friction = build({"table": FLAT, **beside}).friction
+        assert (friction.viscous.mean[1], friction.coulomb.mean[1]) == (viscous, 1.0)
 
 
 def lugre(**changes: Any) -> dict[str, Any]:
@@ -192,31 +171,27 @@ def test_bristles_with_a_stribeck_effect_have_its_speed() -> None:
     assert LugreFriction.of(build(lugre(static=2.001, stribeck_velocity=0.1)))
 
 
-@pytest.mark.parametrize(("weak", "strong"), [("positive", "negative"), ("negative", "positive")])
-def test_bristles_are_passive_in_each_direction(weak: str, strong: str) -> None:
+def test_bristles_are_passive_in_each_direction() -> None:
     """8 · (3.5 - 2) / 2 = 6 one way, 8 · (6 - 5) / 5 = 1.6 the other way."""
     given = {
-        "coulomb": {weak: 2.0, strong: 5.0}, "static": {weak: 3.5, strong: 6.0},
-        "stribeck_velocity": 0.1, "sigma1": 8.0,
+        "coulomb": {"positive": 2.0, "negative": 5.0}, "stribeck_velocity": 0.1,
+        "static": {"positive": 3.5, "negative": 6.0}, "sigma1": 8.0,
     }  # fmt: skip
-    assert LugreFriction.of(build(lugre(viscous={weak: 6.0, strong: 1.601}, **given)))
-    said = refusal(lugre(viscous={weak: 5.999, strong: 6.0}, **given))
+    assert LugreFriction.of(build(lugre(viscous={"positive": 6.0, "negative": 1.601}, **given)))
+    said = refusal(lugre(viscous={"positive": 5.999, "negative": 6.0}, **given))
     assert "coulomb = 6 is expected, got 5.999;" in said and "sigma1 = 2.332, got None" in said
-    said = refusal(lugre(viscous={weak: 6.0, strong: 1.599}, **given))
-    assert "coulomb = 1.6 is expected, got 1.599;" in said and "sigma1 = 5.829, got None" in said
+    said = refusal(lugre(viscous={"positive": 6.0, "negative": 1.599}, **given))
+    assert "coulomb = 1.6 is expected, got 1.599;" in said
 
 
 def test_bristles_are_passive_at_every_position_and_load() -> None:
     """Bent where static is 3 · 2 · 1.2, they come to where coulomb is 2 · 0.5: 8 · 6.2 = 49.6."""
-    tables = {
-        "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]},
-        "load": {"at": [0, 10], "factor": [1, 1.2]},
-    }
-    given = tables | {"static": 3.0, "stribeck_velocity": 0.1, "sigma1": 8.0}
+    given = {
+        "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]}, "static": 3.0, "sigma1": 8.0,
+        "load": {"at": [0, 10], "factor": [1, 1.2]}, "stribeck_velocity": 0.1,
+    }  # fmt: skip
     assert LugreFriction.of(build(lugre(viscous=49.6, **given)))
     said = refusal(lugre(viscous=49.59, sigma1_velocity=1.166, **given))
     assert "coulomb = 49.6 is expected, got 49.59;" in said
     assert "sigma1 = 1.166, got 1.166" in said
     assert LugreFriction.of(build(lugre(sigma1_velocity=1.1658, **given)))
-    # Without the Stribeck effect: 8 · (2 · 2 · 1.2 - 2 · 0.5) / 1.
-    assert "coulomb = 30.4 is expected" in refusal(lugre(sigma1=8.0, **tables))

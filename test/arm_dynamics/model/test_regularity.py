@@ -3,6 +3,7 @@
 
 import logging
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -11,29 +12,20 @@ import models
 from arm_dynamics import Dynamics, ModelError
 from arm_dynamics.model.regularity import check_regular, largest_condition
 from arm_sim import Simulator
+from tolerances import INVERSE_PAIR, assert_close
 
 ARM = (models.FOLDER / "planar_3r.urdf").read_text()
 NAMES = ("a", "b", "c")
 
 
-def link(number: int, mass: float, moment: float) -> str:
-    """The inertial element of a link of the arm, with its centre of mass half way out."""
-    x = {1: 0.2, 2: 0.15, 3: 0.1}[number]
-    return (
-        f'<link name="link{number}"><inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>'
-        f'<inertia ixx="0" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>'
-        "</inertial></link>"
-    )
-
-
 def arm(*inertias: tuple[float, float]) -> str:
-    """The arm with other masses and moments of its three links."""
-    text = ARM
-    for number, inertia in enumerate(inertias, 1):
-        start = text.index(f'<link name="link{number}">')
-        end = text.index("</link>", start) + len("</link>")
-        text = text[:start] + link(number, *inertia) + text[end:]
-    return text
+    """The arm with other masses and moments of its three links, their centres half way out."""
+    robot = ElementTree.fromstring(ARM)
+    for number, (mass, moment) in enumerate(inertias, 1):
+        own = robot.find(f"link[@name='link{number}']/inertial")
+        own.find("mass").set("value", str(mass))
+        own.find("inertia").attrib.update(ixx="0", iyy=str(moment), izz=str(moment))
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 NONE, POINT, BODY = (0.0, 0.0), (1.0, 0.0), (1.0, 0.1)
@@ -60,17 +52,13 @@ def test_joints_that_move_nothing_are_named(text: str, said: str) -> None:
         Simulator({"robot": {"urdf": text}, "constraints": held, "initial": start})
 
 
-@pytest.mark.parametrize(
-    "joints",
-    [
-        {"joint3": {"armature": 0.01}},
-        {"joint3": {"actuator": {"rotor_inertia": 1e-5, "gear_ratio": 30}}},
-    ],
-)
-def test_an_armature_or_a_rotor_is_mass_enough(joints: dict[str, Any]) -> None:
-    dyn = Dynamics({"robot": {"urdf": SINGULAR["nothing at the end"][0]}, "joints": joints})
+@pytest.mark.parametrize("drive", [
+    {"armature": 0.01}, {"actuator": {"rotor_inertia": 1e-5, "gear_ratio": 30}},
+])  # fmt: skip
+def test_an_armature_or_a_rotor_is_mass_enough(drive: dict[str, Any]) -> None:
+    dyn = Dynamics({"robot": {"urdf": arm(BODY, BODY, NONE)}, "joints": {"joint3": drive}})
     q, v, a = np.random.default_rng(1).normal(size=(3, 3))
-    np.testing.assert_allclose(dyn.forward(q, v, dyn.inverse(q, v, a)), a, rtol=1e-9, atol=1e-9)
+    assert_close(dyn.forward(q, v, dyn.inverse(q, v, a)), a, INVERSE_PAIR)
 
 
 def test_an_arm_that_is_singular_only_where_it_starts_cannot_start() -> None:
@@ -99,13 +87,8 @@ def test_the_condition_number_decides_in_whatever_units() -> None:
             ModelError, match=r"^joints 'a', 'b' can .* is (inf|\d.*e\+1\d), allowed: up to"
         ):
             check_regular(np.array([np.eye(3), M]), NAMES)
-
-
-def test_kinetic_energy_that_is_negative_is_refused() -> None:
-    with pytest.raises(ModelError, match="'b', 'c'.* is inf"):
+    with pytest.raises(ModelError, match="'b', 'c'.* is inf"):  # of negative kinetic energy
         check_regular(np.array([[[1, 0, 0], [0, 1, 2], [0, 2, 1.0]]]), NAMES)
-    with pytest.raises(ModelError, match="^joint 'b' moves no mass"):
-        check_regular(np.diag([1.0, -0.1, 1.0])[None], NAMES)
 
 
 def test_an_arm_without_any_mass_says_once_that_its_torques_are_zero(

@@ -48,18 +48,6 @@ def test_an_instant_is_what_the_task_space_says(
         assert_close(now.inertia, terms.inertia, INVERSE_PAIR)
 
 
-@pytest.mark.parametrize("robot", EACH)
-def test_a_reference_in_joints_means_a_motion_of_the_frame(
-    robot: str, rng: np.random.Generator
-) -> None:
-    model = models.dynamics(robot).model
-    task = TaskSpace(model, last_frame(model))
-    motion = models.random_state(rng, model.n)
-    _, meant = built(model, task.frame, AXES)
-    for one, other in zip(meant(*motion), task.motion.accelerated(*motion), strict=True):
-        assert_close(np.array(one).reshape(other.shape), other, ALGEBRA)
-
-
 def test_what_is_answered_is_the_callers_own() -> None:
     task = TaskSpace(models.dynamics("two_link"), "tip", selection=("x", "z"))
     held = task.instant(np.ones(2), np.ones(2))
