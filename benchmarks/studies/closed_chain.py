@@ -3,7 +3,7 @@
 
 The peers are Pinocchio's ``constraintDynamics``, which integrates nothing, and MuJoCo's
 ``equality``. Error is that of the crank angle after one second, against the linkage's equation in
-its one coordinate (test/reference/make_linkages.py).
+its one coordinate (test/reference/linkages.json).
 """
 
 import json

@@ -13,10 +13,10 @@ from samples import sampled
 
 from arm_sim import Simulator
 from models.rotor import rotor
-from reference.make_lugre import COURSES
 from tolerances import LUGRE
 
-DATA = json.loads(Path(__file__).with_name("lugre.json").read_text())["wheels"]
+KNOWN = json.loads(Path(__file__).with_name("lugre.json").read_text())
+DATA, COURSES = KNOWN["wheels"], KNOWN["courses"]
 
 
 def simulator(wheel: dict[str, Any], **options: Any) -> Simulator:

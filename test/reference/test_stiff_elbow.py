@@ -17,14 +17,13 @@ DATA = json.loads((HERE / "stiff_elbow.json").read_text())["motion"]
 SCENE = HERE / "stiff_elbow.yaml"
 
 
-@pytest.mark.parametrize("dt", [1e-3, 1e-2])
-def test_what_is_chosen_by_itself(dt: float) -> None:
-    sim = Simulator(SCENE, dt=dt)
+def test_what_is_chosen_by_itself() -> None:
+    sim = Simulator(SCENE, dt=1e-2)
     assert sim.plan.integrator == "implicit"
     run = sim.run(1.0)
     for t, state in DATA.items():
         th1, th2, w1, w2 = (float(x) for x in state)
-        k = round(float(t) / dt)
+        k = round(100 * float(t))
         assert_close(run.q[k], [th1, th2 - th1], TRAJECTORY)
         assert_close(run.v[k], [w1, w2 - w1], TRAJECTORY)
 
