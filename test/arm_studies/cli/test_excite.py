@@ -25,11 +25,11 @@ def typed(*words: str) -> Result:
 QUICK = ("--period", "3", "--harmonics", "3", "--attempts", "1", "--acceleration", "20")
 
 
-def test_a_motion_is_found_written_and_drawn(tmp_path: Path) -> None:
+def test_a_motion_is_found_written_and_drawn_and_an_arm_follows_it(tmp_path: Path) -> None:
     out = tmp_path / "motion.yaml"
-    done = typed("two_link", "--out", str(out), "--turns", "2", *QUICK)
-    assert done.exit_code == 0, done.output
-    assert "13 identifiable" in done.output and str(out) in done.output
+    done = typed("two_link", "--out", str(out), "--turns", "2", "--json", *QUICK)
+    told = json.loads(done.stdout)
+    assert told["parameters"] == 13 and told["duration"] == 3.0
     assert (tmp_path / "motion.png").stat().st_size > 10_000
     motion = JointTrajectory.load(out).motion(Dynamics("two_link").joint_names)
     assert motion.duration == pytest.approx(6.0)
@@ -37,17 +37,7 @@ def test_a_motion_is_found_written_and_drawn(tmp_path: Path) -> None:
         first, again = motion.sample(t), motion.sample(t + 3.0)
         for part in ("q", "v", "a"):
             np.testing.assert_allclose(getattr(again, part), getattr(first, part), atol=1e-9)
-    before, after = motion.sample(3.0 - 1e-9), motion.sample(3.0 + 1e-9)
-    np.testing.assert_allclose(before.v, after.v, atol=1e-6)
-    np.testing.assert_allclose(before.a, after.a, atol=1e-5)
-
-
-def test_a_simulated_arm_follows_it(tmp_path: Path) -> None:
-    out = tmp_path / "motion.yaml"
-    said = typed("two_link", "--out", str(out), "--json", *QUICK)
-    told = json.loads(said.stdout)
-    assert told["parameters"] == 13 and told["duration"] == 3.0
-    sim, motion = Simulator("two_link"), JointTrajectory.load(out).motion(("shoulder", "elbow"))
+    sim = Simulator("two_link")
     sim.reset(motion.sample(0.0).q)
     run = sim.run(3.0, ComputedTorque(sim.dynamics), motion)
     expected = np.array([motion.sample(t).q for t in run.time])

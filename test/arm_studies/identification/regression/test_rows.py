@@ -15,7 +15,7 @@ from arm_studies.identification.regression.friction import (
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
-from arm_studies.identification.signals.decimation import REACH, decimated, spread
+from arm_studies.identification.signals.decimation import REACH, decimated
 
 STRIDE = 10
 
@@ -28,16 +28,6 @@ def test_what_would_fold_is_left_out_and_the_band_is_kept():
         rows = decimated(x, STRIDE)[inside]
         np.testing.assert_allclose(rows, gain * x[::STRIDE][inside], atol=3e-6)
     np.testing.assert_allclose(decimated(t, 1), t, atol=1e-11)
-
-
-def test_weights_give_the_product_with_any_factor(rng):
-    x, f = np.sign(rng.standard_normal(3000)), rng.standard_normal(300)
-    at = np.arange(3000.0) / STRIDE
-    product = decimated(x * np.interp(at, np.arange(300), f), STRIDE)
-    weights = spread(x, STRIDE)
-    for i in (20, 150, 280):
-        near = f[i - REACH : i + REACH + 1]
-        np.testing.assert_allclose(weights[i] @ near, product[i], atol=1e-13)
 
 
 def test_friction_under_load_is_that_of_all_measured_times():
