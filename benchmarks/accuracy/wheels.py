@@ -16,6 +16,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 
 try:
     import mujoco
@@ -220,7 +221,5 @@ def motors() -> Iterator[Row]:
 def closed_form(t: float) -> np.ndarray:
     """Current [A] and speed [rad/s] after ``t`` [s] at ``VOLTS``, from rest."""
     A = np.array([[-R / L, -K / L], [K / ROTOR, -DAMPING / ROTOR]])
-    rates, modes = np.linalg.eig(A)
     settled = np.linalg.solve(A, [-VOLTS / L, 0.0])
-    parts = np.linalg.solve(modes, -settled)
-    return np.asarray(settled + modes @ (np.exp(rates * t) * parts))
+    return np.asarray(settled - expm(A * t) @ settled)
