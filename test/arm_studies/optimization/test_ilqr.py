@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput, load_scene
-from arm_sim import NotDifferentiable, SimulationDiverged, Simulator
+from arm_sim import SimulationDiverged, Simulator
 from arm_studies.optimization import ILQR, Phase, QuadraticCost, Trajectory
 from arm_studies.optimization.backward import Policy
 from arm_studies.optimization.forward import Course, Forward
@@ -196,20 +196,6 @@ def test_a_joint_that_friction_holds_needs_smooth_derivatives() -> None:
     moved = ILQR(phases, cost, smoothing=0.1).solve(sim.arm.x, still)
     assert (held.x == held.x[0]).all() and held.verdict == "stuck"
     assert moved.cost < 0.3 * held.cost
-
-
-def test_derivatives_along_a_motion_are_those_on_its_own_side() -> None:
-    sim, still = dry_arm()
-    x, u, n, h = sim.arm.x[None], still[:1] + [5.0, -3.0], sim.n, 1e-7
-    linearizer = sim.arm.compiled.derivatives.linearizer()
-    with pytest.raises(NotDifferentiable, match="boundary between two modes at its beginning"):
-        linearizer.many(x, u, 1, threads=1, lanes=1)
-    slope = linearizer.jacobians_along(x, u, threads=1)[0]
-    q, v, ends = x[:, :n], x[:, n:], []
-    for push in (0.0, h):  # of the joint that breaks away, ahead
-        ends.append(sim.rollout(q, v + [push, 0.0], u[0], 1, last_only=True)[0])
-    assert ends[0][n] > 0.0
-    assert_close(slope[:, n], (ends[1] - ends[0]) / h, 1e-6)
 
 
 def test_what_is_refused() -> None:

@@ -140,14 +140,6 @@ def test_a_joints_own_friction_goes_before_that_of_all() -> None:
     assert np.ptp(ours["energy"]) > 0.0
 
 
-def test_structure_is_compiled_once_for_each_value() -> None:
-    vary = {"joints.elbow.armature": [0.0, 1.0], "payloads.0.mass": {"uniform": [0.49, 0.51]}}
-    study = STUDY | {"vary": vary, "samples": 3}
-    done = sweep(study, workers=1)
-    assert done.plan.worlds == 2 and len(done.table) == 6
-    assert np.all(done.table["tracking_max"][3:] > done.table["tracking_max"][:3])
-
-
 def test_controllers_and_imperfections_are_varied() -> None:
     study = STUDY | {
         "vary": {"controller": ["computed_torque", "pid"], "sensors.position.noise": [0.0, 0.01]},

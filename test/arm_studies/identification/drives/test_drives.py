@@ -217,6 +217,8 @@ USELESS: dict[str, Callable[[], object]] = {
     "at least 20 samples": lambda: MotorRecord.of("coast", T[:5], speed=T[:5]),
     "friction over inertia": lambda: identify_motor([motor_record("coast")]),
     "no record of a motor": lambda: identify_motor([]),
+    "first guess of sigma0 = -1.0; a positive number":
+        lambda: identify_bristles([SmallMotion.of(T, np.sin(T), np.cos(T))], {"sigma0": -1.0}),
     "torque is missing": lambda: JointTest.of(T, np.full(50, np.nan), T),
     "position is missing in some samples":
         lambda: SmallMotion.of(T, T, np.where(T == T[7], np.nan, np.cos(T))),
