@@ -31,16 +31,6 @@ def test_bodies_are_distinguished_from_impossible_ones():
     assert bodies.consistent(bodies.nearest(plate)) and not bodies.consistent(plate)
 
 
-def test_the_barrier_has_the_derivatives_that_differences_have():
-    value, gradient, hessian = bodies.log_det_barrier(BALL)
-    assert value == pytest.approx(-np.log(np.linalg.det(bodies.pseudo_inertia(BALL))))
-    h = 1e-6
-    for k, step in enumerate(h * np.eye(10)):
-        up, down = bodies.log_det_barrier(BALL + step), bodies.log_det_barrier(BALL - step)
-        assert gradient[k] == pytest.approx((up[0] - down[0]) / (2 * h), rel=1e-5, abs=1e-5)
-        np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-4, atol=1e-3)
-
-
 def test_a_plate_of_less_density_is_believed_to_be_a_body():
     """One that a description has too thin, too: it has no direction to shrink in."""
     plate = bodies.inertial_parameters(np.diag([0.01, 0.01, 1e-7, 2.0]))
