@@ -17,7 +17,6 @@ EXAMPLES = """\b
 Examples:
   ./arm python -m benchmarks.accuracy                   every problem; a minute or two
   ./arm python -m benchmarks.accuracy --only Panda      one problem
-  ./arm python -m benchmarks.accuracy --docs            also renew its figure in docs/laboratory
 """
 
 GATE = runpy.run_path(str(ROOT / "test/tolerances.py"))["TRAJECTORY"]
@@ -30,13 +29,10 @@ PROBLEMS = {problem.name: problem for problem in all_problems(GATE)}
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for accuracy.md, accuracy.json and its figure.")  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew the figure in docs/laboratory.")
-def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
+def main(only: tuple[str, ...], out: Path) -> None:
     """Measure the error of every method, step and tolerance on motions that are known."""
-    if docs and only:
-        raise click.UsageError("--docs takes all problems; leave --only away")
     results = run([PROBLEMS[name] for name in only or PROBLEMS], Console(stderr=True))
-    path = write(results, out, ROOT / "docs/laboratory" if docs else None)
+    path = write(results, out)
     click.echo(at_1_ms(results))
     click.echo(f"report: {path}")
 
@@ -44,8 +40,7 @@ def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
 def run(problems: list[Problem], console: Console) -> dict[str, Any]:
     results: dict[str, list[Any]] = {
         "problems": [
-            {"name": p.name, "truth": p.truth, "duration_s": p.duration, "gate": p.gate,
-             "gated": p.gated} for p in problems
+            {"name": p.name, "duration_s": p.duration, "gate": p.gate} for p in problems
         ],
     }  # fmt: skip
     with Bar(console) as bar:
@@ -57,6 +52,6 @@ def run(problems: list[Problem], console: Console) -> dict[str, Any]:
             bar.stage(name, None)
             for row in rows:
                 results.setdefault(name, []).append(row)
-                bar.advance()
+                bar.done()
     orders = (sweep.orders(problem, results["fixed"]) for problem in problems)
     return results | {"orders": [row for rows in orders for row in rows]}

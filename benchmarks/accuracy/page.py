@@ -2,7 +2,7 @@
 """The report: tables, a figure, and all numbers as JSON."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,47 +17,32 @@ from benchmarks.reporting.markdown import number, table
 from benchmarks.reporting.style import MARKS
 from benchmarks.reporting.style import METHODS as TITLES
 
-ROUNDING = 0.99e-10  # below this tolerance rounding has a say in the error
 Results = dict[str, Any]
 PANELS = "double pendulum", "free top", "four-bar", "Panda", "stiff elbow"
 LOOKS = dict(zip(TITLES, zip(COLORS, MARKS, strict=False), strict=True))
 LONG = "long pendulum"  # is an exception, on the page
 
 
-def write(results: Results, out: Path, docs: Path | None) -> Path:
-    """Write accuracy.json, accuracy.md and the figure; the figure also into ``docs``."""
+def write(results: Results, out: Path) -> Path:
+    """Write accuracy.json, accuracy.md and the figure."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "accuracy.json").write_text(json.dumps(results, indent=1) + "\n")
-    for folder in [out] if docs is None else [out, docs]:
-        draw(results, folder / "figures/accuracy.png")
+    draw(results, out / "figures/accuracy.png")
     (out / "accuracy.md").write_text(page(results))
     return out / "accuracy.md"
 
 
 def page(results: Results) -> str:
     parts = {
-        "Problems": _problems(results),
         "Errors at 1 ms": at_1_ms(results),
         "Orders": _orders(results),
-        "Error delivered ÷ tolerance: least, middle, largest":
-            _controlled(results, lambda r: r["error"] / r["tolerance"]),
-        "Error estimated ÷ delivered: least, middle, largest":
-            _controlled(results, lambda r: r["estimate"] / r["error"]),
         "Errors of DOP853 by tolerance": _by_tolerance(results),
         "Motors": wheels.shown(results["motors"]),
         "Dry friction": wheels.shown([r for r in results["friction"] if r["law"] == "dry"]),
         "LuGre friction": wheels.shown([r for r in results["friction"] if r["law"] == "LuGre"]),
-    }  # fmt: skip
+    }
     tables = (f"## {title}\n\n{part}\n" for title, part in parts.items())
     return "\n".join(["# Accuracy\n", *tables])
-
-
-def _problems(results: Results) -> str:
-    rows = [
-        (p["name"], f"{p['duration_s']:g}", p["truth"], p["gated"], number(p["gate"], 1))
-        for p in results["problems"]
-    ]
-    return table(["problem", "duration [s]", "truth", "method", "gate at 1 ms"], rows)
 
 
 def at_1_ms(results: Results) -> str:
@@ -78,39 +63,12 @@ def _by_method(results: Results, rows: Sequence[Results], *first: Sequence[str])
     return table(["problem", *METHODS], [*first, *lines])
 
 
-def _controlled(results: Results, of: Callable[[Results], float]) -> str:
-    """Ratios by problem where error control, not the tick or rounding, set the sub-steps."""
-    rows: dict[tuple[str, str], list[float]] = {}
-    for r in results["controlled"]:
-        if r["tick_s"] == TICKS[1] and r["error"] and r["tolerance"] >= ROUNDING:
-            rows.setdefault((r["problem"], r["method"]), []).append(of(r))
-    names = [p["name"] for p in results["problems"]]
-    return table(["problem", *CONTROLLED], [
-        [name, *(_span(rows.get((name, method), ())) for method in CONTROLLED)] for name in names
-    ])  # fmt: skip
-
-
 def _by_tolerance(results: Results) -> str:
     cells = {(r["problem"], r["tolerance"]): _error(r["error"]) for r in results["controlled"]
              if (r["method"], r["tick_s"]) == ("dop853", TICKS[1])}  # fmt: skip
     names = [p["name"] for p in results["problems"]]
     rows = [[name, *(cells[name, tolerance] for tolerance in TOLERANCES)] for name in names]
     return table(["problem", *(number(t, 1) for t in TOLERANCES)], rows)
-
-
-def _span(values: Iterable[float]) -> str:
-    numbers = sorted(values)
-    if not numbers:
-        return "—"
-    middle = float(np.median(numbers))
-    return f"{_round(numbers[0])} … **{_round(middle)}** … {_round(numbers[-1])}"
-
-
-def _round(value: float) -> str:
-    """One digit; whole numbers are written out up to a thousand."""
-    if 1.0 <= value < 1000.0:
-        return f"{float(f'{value:.0e}'):.0f}"
-    return number(value, 1) if value < 1.0 else f"{value:.0e}".replace("e+0", "e")
 
 
 def _error(value: float | None) -> str:

@@ -3,7 +3,7 @@
 
 Dry friction against MuJoCo's ``frictionloss``: where a wheel coasts to rest, in closed form, and
 whether a torque below the level moves it. LuGre against the bristles of MuJoCo's ``dcmotor``: the
-courses of ``test/reference/make_lugre.py`` on the wheels whose σ1 is constant, as it is there.
+courses of ``test/reference/lugre.json`` on the wheels whose σ1 is constant, as it is there.
 
 A DC motor, L i' = V - R i - K ω, J ω' = K i - b ω, has a closed form. Compared are current and
 speed after 1, 10 and 50 ms of 12 V; timed is a second in which the voltage changes its sign every
@@ -11,13 +11,12 @@ speed after 1, 10 and 50 ms of 12 V; timed is a second in which the voltage chan
 """
 
 import json
-import sys
 from collections.abc import Callable, Iterator
 from functools import partial
-from importlib.util import module_from_spec, spec_from_file_location
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 
 try:
     import mujoco
@@ -168,9 +167,9 @@ def friction() -> Iterator[Row]:
             law="dry",
             **{"error [rad]": float(error), "creep [rad]": float(creep)},
         )
-    courses = _courses()
-    cases = json.loads((REFERENCE / "lugre.json").read_text())["wheels"]
-    same = [case for case in cases if case["wheel"]["sigma1_velocity"] is None][:WHEELS]
+    known = json.loads((REFERENCE / "lugre.json").read_text())
+    courses = known["courses"]
+    same = [case for case in known["wheels"] if case["wheel"]["sigma1_velocity"] is None][:WHEELS]
     for key in [*(("this suite", name, 1e-3) for name in BRISTLES), *_theirs(STEPS)]:
         bristled = [(_bristled(case["wheel"], key), case["angle"]) for case in same]
         errors = [
@@ -195,16 +194,6 @@ def _bristled(w: dict[str, Any], key: Key) -> Any:
     # A motor without torque: its constant is too small to be felt.
     motor = f'motorconst="1e-9 1e-9" resistance="1" lugre="{" ".join(map(repr, five))}"'
     return Theirs(w["J"], w["viscous"], key, motor=motor)
-
-
-def _courses() -> dict[str, Any]:
-    """Initial speed and steps of torque, from the script that made the reference."""
-    spec = spec_from_file_location("make_lugre", REFERENCE / "make_lugre.py")
-    assert spec is not None and spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules["make_lugre"] = module  # a dataclass looks itself up there
-    spec.loader.exec_module(module)
-    return dict(module.COURSES)
 
 
 # --- motors ------------------------------------------------------------------------------------
@@ -232,7 +221,5 @@ def motors() -> Iterator[Row]:
 def closed_form(t: float) -> np.ndarray:
     """Current [A] and speed [rad/s] after ``t`` [s] at ``VOLTS``, from rest."""
     A = np.array([[-R / L, -K / L], [K / ROTOR, -DAMPING / ROTOR]])
-    rates, modes = np.linalg.eig(A)
     settled = np.linalg.solve(A, [-VOLTS / L, 0.0])
-    parts = np.linalg.solve(modes, -settled)
-    return np.asarray(settled + modes @ (np.exp(rates * t) * parts))
+    return np.asarray(settled - expm(A * t) @ settled)

@@ -47,34 +47,28 @@ def check(results: Record) -> list[Record]:
     return [asdict(c) | {"verdict": c.verdict} for c in claims]
 
 
-# A value, and the same in each round of interleaved measurements. Ratios are taken round by round,
-# as a slow second slows both sides down; None where there is none.
-Rounds = Sequence[float | None]
-Measured = tuple[float, Rounds] | None
+# What was measured in each round of interleaved measurements, as a slow second slows a whole round
+# down; None where there is nothing.
+Rounds = Sequence[float | None] | None
 
 
-def _timed(text: str, measured: Measured, limit: float, unit: str = "×") -> Claim:
+def _timed(text: str, rounds: Rounds, limit: float, unit: str = "×") -> Claim:
     """A claim on times, whose value is the median over the rounds."""
-    if measured is None:
+    known = [x for x in rounds or () if x is not None]
+    if not known:
         return Claim(text, None, limit, unit)
-    value, given = measured
-    rounds = [x for x in given if x is not None]
-    return Claim(text, float(np.median(rounds or value)), limit, unit, of_median(rounds))
+    return Claim(text, float(np.median(known)), limit, unit, of_median(known))
 
 
-def _ratio(mine: Measured, theirs: Measured) -> Measured:
+def _ratio(mine: Rounds, theirs: Rounds) -> Rounds:
     if mine is None or theirs is None:
         return None
-    pairs = zip(mine[1], theirs[1], strict=False)
-    return mine[0] / theirs[0], [a / b if a and b else None for a, b in pairs]
+    return [a / b if a and b else None for a, b in zip(mine, theirs, strict=False)]
 
 
-def _least(rows: Sequence[Record], key: str, rounds: str) -> Measured:
-    """The least of some rows, in all and round by round."""
-    if not rows:
-        return None
-    each = zip(*(row.get(rounds, ()) for row in rows), strict=True)
-    return min(row[key] for row in rows), [min(taken) for taken in each]
+def _least(rows: Sequence[Record], rounds: str) -> Rounds:
+    """The least of some rows, round by round."""
+    return [min(taken) for taken in zip(*(row[rounds] for row in rows), strict=True)] or None
 
 
 def _rows(results: Record, study: str, **wanted: str) -> list[Record]:
@@ -84,9 +78,8 @@ def _rows(results: Record, study: str, **wanted: str) -> list[Record]:
 
 
 def _steps(results: Record) -> list[Claim]:
-    def cost(what: str, who: str) -> Measured:
-        rows = _rows(results, "cost", robot=PANDA, what=what, who=who)
-        return _least(rows[:1], "ns", "rounds_ns")
+    def cost(what: str, who: str) -> Rounds:
+        return _least(_rows(results, "cost", robot=PANDA, what=what, who=who)[:1], "rounds_ns")
 
     rk4 = cost("step", f"{OURS} rk4")
     aba = cost("evaluation", "Pinocchio's ABA from C++")
@@ -121,15 +114,14 @@ def _errors(results: Record) -> list[Claim]:
 
 def _targets(results: Record) -> list[Claim]:
     here = _points(results)
-    count = min((len(p.get("rounds_s", ())) for p in here), default=0)
+    count = min((len(p["rounds_s"]) for p in here), default=0)
 
-    def cost(family: Callable[[str], bool], target: float) -> Measured:
-        """Least time to an error, in all rounds and in each."""
+    def cost(family: Callable[[str], bool], target: float) -> Rounds:
+        """Least time to an error."""
         mine = [p for p in here if family(p["family"])]
         each = [cheapest((p | {"cpu_s": p["rounds_s"][k]} for p in mine), target)
                 for k in range(count)]  # fmt: skip
-        least = cheapest(mine, target)
-        return least and (least[0], [one and one[0] for one in each])
+        return [one and one[0] for one in each]
 
     return [
         _timed(f"1 s of Panda to {target:g} rad ÷ {text}",
@@ -143,12 +135,9 @@ def _targets(results: Record) -> list[Claim]:
 
 
 def _rollouts(results: Record) -> list[Claim]:
-    def step(who: str) -> Measured:
-        rows = [
-            r | {"step": 1.0 / r["arm_steps_per_s_per_core"]}
-            for r in _rows(results, "rollouts", robot=PANDA) if r["who"] == who
-        ]  # fmt: skip
-        return _least(rows, "step", "rounds_s_per_core")
+    def step(who: str) -> Rounds:
+        rows = [r for r in _rows(results, "rollouts", robot=PANDA) if r["who"] == who]
+        return _least(rows, "rounds_s_per_core")
 
     return [
         _timed(f"MuJoCo's RK4 arm-steps/s/core ÷ ours, {text}",
@@ -162,45 +151,36 @@ def _rollouts(results: Record) -> list[Claim]:
 
 def _closed_chain(results: Record) -> list[Claim]:
     study = results.get("closed_chain", {})
-    rows = [
-        r | {"second": r["ns"] / r["step"],
-             "rounds": [ns / r["step"] for ns in r.get("rounds_ns", ())]}
-        for r in study.get("rows", [])
-    ]  # fmt: skip
+    rows = [r | {"rounds": [ns / r["step"] for ns in r["rounds_ns"]]}
+            for r in study.get("rows", [])]  # fmt: skip
     mine = [r for r in rows if r["who"].startswith(OURS)]
     theirs = [r for r in rows if not r["who"].startswith(OURS)]
     error = min((r["error"] for r in theirs), default=0.0)
     fours = [4.0 * ns for ns in study.get("pinocchio_rounds_ns", ())]
-    step = _least([r for r in mine if r["step"] == 1e-3], "ns", "rounds_ns")
-    cheap = _least([r for r in mine if r["error"] <= error], "second", "rounds")
-    best = _least([r for r in theirs if r["error"] <= 2.0 * error], "second", "rounds")
+    step = _least([r for r in mine if r["step"] == 1e-3], "rounds_ns")
+    cheap = _least([r for r in mine if r["error"] <= error], "rounds")
+    best = _least([r for r in theirs if r["error"] <= 2.0 * error], "rounds")
     return [
         _timed("RK4 step of a four-bar ÷ four of Pinocchio's constraintDynamics from C++",
-               _ratio(step, (4.0 * study["pinocchio_ns"], fours) if study else None), 1.0),
+               _ratio(step, fours), 1.0),
         _timed("1 s of a four-bar to MuJoCo's least error ÷ MuJoCo", _ratio(cheap, best), 1.0),
     ]  # fmt: skip
 
 
 def _starts(results: Record) -> list[Claim]:
-    rows = _rows(results, "startup")
-    chains = {r["joints"]: r for r in rows if "Chain" in r["robot"]}
-    starts = {r["robot"]: r for r in reversed(rows)}
+    starts = {r["robot"]: r for r in reversed(_rows(results, "startup"))}
 
     def start(name: str, kind: str, limit: float) -> Claim:
-        row = starts.get(name)
-        value = row and (row[f"{kind}_s"]["total without imports"],
-                         row.get(f"{kind}_rounds_s", ()))  # fmt: skip
-        return _timed(f"{kind} start of {name}", value, limit, "s")
+        rounds = starts[name][f"{kind}_rounds_s"] if name in starts else None
+        return _timed(f"{kind} start of {name}", rounds, limit, "s")
 
-    def growth(of: Callable[[Record], float]) -> float | None:
-        return of(chains[50]) / of(chains[10]) if {10, 50} <= chains.keys() else None
-
-    compiling = growth(lambda r: r["cold_s"]["processor"] - r["cached_s"]["processor"])
-    code = growth(lambda r: r["compiled_bytes"])
+    compiling = [
+        starts[chain]["cold_s"]["processor"] - starts[chain]["cached_s"]["processor"]
+        for chain in ("Chain 50", "Chain 10") if chain in starts
+    ]  # fmt: skip
+    growth = [compiling[0] / compiling[1]] if len(compiling) == 2 else None
     return [
         start("TIAGo", "cold", 30.0), start("TIAGo", "cached", 15.0),
-        start("TIAGo with two arms", "cold", 60.0), start("TIAGo with two arms", "cached", 30.0),
         start(PANDA, "cached", 0.3), start(PANDA, "cold", 5.0),
-        _timed("compile time, 50 joints ÷ 10", compiling and (compiling, ()), 5.0),
-        Claim("code size, 50 joints ÷ 10", code, 5.0, "×"),
+        _timed("compile time, 50 joints ÷ 10", growth, 5.0),
     ]  # fmt: skip

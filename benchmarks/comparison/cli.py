@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from benchmarks.comparison import figures, suite
+from benchmarks.comparison import suite
 from benchmarks.comparison.report import about, summary, write
 from benchmarks.comparison.scoreboard import page
 
@@ -20,7 +20,6 @@ Examples:
   ./arm bench --only cost --only rollouts
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
   ./arm bench --scoreboard             also this suite beside its peers, task by task, in a page
-  ./arm bench --docs                   also renew the figures in docs/laboratory
 """
 
 
@@ -32,15 +31,12 @@ Examples:
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for report.md, report.json and the figures.")  # fmt: skip
 @click.option("--scoreboard", is_flag=True, help="Also write scoreboard.md, task by task.")
-@click.option("--docs", is_flag=True, help="Also renew the figures in docs/laboratory.")
-def main(quick: bool, only: tuple[str, ...], out: Path, scoreboard: bool, docs: bool) -> None:
+def main(quick: bool, only: tuple[str, ...], out: Path, scoreboard: bool) -> None:
     """Measure run time against error, here and in MuJoCo, Drake, Exudyn and others, in one run.
 
     Writes a Markdown report, the same as JSON, and figures. Simulators that are not installed
     are left out by name. Times are processor times; leave the machine alone meanwhile.
     """
-    if docs and (quick or only):
-        raise click.UsageError("--docs wants every study in full: no --quick, no --only")
     console = Console(stderr=True)
     for results in suite.run(quick, only or suite.STUDIES, console):
         out.mkdir(parents=True, exist_ok=True)  # a run that is cut short is not lost
@@ -52,5 +48,3 @@ def main(quick: bool, only: tuple[str, ...], out: Path, scoreboard: bool, docs: 
         path = out / "scoreboard.md"
         path.write_text(page(results, about(results)))
         console.print(f"scoreboard: {path}")
-    if docs:
-        figures.draw(results, ROOT / "docs/laboratory/figures")

@@ -113,7 +113,7 @@ def _features(results: Record, out: Path) -> Iterator[str]:
 
 def _rollouts(results: Record, out: Path) -> Iterator[str]:
     rows = results["rollouts"]["rows"]
-    rows = [r for r in rows if (r["robot"], r["threads"]) == (rows[0]["robot"], 1)]
+    rows = [r for r in rows if r["robot"] == rows[0]["robot"]]
     with figure(out / "rollouts.png", 1, 1, (WIDTH, 3.6)) as axis:
         for who in dict.fromkeys(r["who"] for r in rows):
             line = [(r["arms"], r["arm_steps_per_s_per_core"] / 1e6)

@@ -4,6 +4,7 @@
 import datetime
 import logging
 import platform
+import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,23 +27,13 @@ from benchmarks.studies import (
 )
 from benchmarks.studies.bench import Bench, Record
 
-GENERATED = f"{OURS} generated forward dynamics from C"
-FLEETS = {
-    f"{OURS} {method}{label}": ours.fleet(method, rollouts.STEP, rollouts.STEPS, lanes)
-    for method, label, lanes in (
-        ("euler", "", None),
-        ("rk4", "", None),
-        ("rk4", ", 256 bits", 4),
-        ("rk4", ", without SIMD", 1),
-    )
-}
 RUNNERS: dict[str, Callable[[Bench], Record]] = {
     "model_agreement": model_agreement.run,
     "work_precision": work_precision.run,
-    "cost": lambda bench: cost.run(bench, {GENERATED: ours.evaluation}),
+    "cost": cost.run,
     "features": features.run,
     "closed_chain": closed_chain.run,
-    "rollouts": lambda bench: rollouts.run(bench, FLEETS),
+    "rollouts": rollouts.run,
     "energy": energy.run,
     "startup": startup.run,
 }
@@ -58,13 +49,13 @@ def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
     peers, missing = installed()
     for name, reason in missing.items():
         console.print(f"left out: {name} ({reason})")
+    began, results = time.perf_counter(), Record()
     with Bar(console) as bar:
-        bench = Bench([*ours.contestants(), *peers], quick, progress=bar)
-        results: Record = {}
-        for name in STUDIES:
-            if name in only:
-                results[name] = RUNNERS[name](bench)
-                yield judged({"about": _about(bench, missing, bar.elapsed)} | results)
+        bench = Bench([*ours.contestants(), *peers], bar, quick)
+        for name in (name for name in STUDIES if name in only):
+            results[name] = RUNNERS[name](bench)
+            about = _about(bench, missing, time.perf_counter() - began)
+            yield judged({"about": about} | results)
 
 
 def judged(results: Record) -> Record:

@@ -107,7 +107,7 @@ def print_tables(results: Sequence[Result]) -> None:
         mine = [r for r in results if (r.title, r.task, r.pace) == (title, task, pace)]
         order = list(dict.fromkeys(r.controller for r in mine))
         rows = [_row(r) for r in sorted(mine, key=lambda r: order.index(r.controller))]
-        show(screen, table(_HEADS, _named_once(rows), text=(0, 1)))
+        show(screen, table(_HEADS, rows, text=(0, 1)))
 
 
 _HEADS = (
@@ -122,15 +122,6 @@ def _row(r: Result) -> tuple[str, ...]:
     numbers = f"{r.final:.3f}", f"{r.overshoot:.1f}", settling, f"{r.effort:.1f}"
     ends = f"{r.energy:.2f}", f"{r.saturated:.0f}"
     return r.controller, r.plant, f"{r.error:.3f}", aside, *numbers, *ends
-
-
-def _named_once(rows: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Rows whose first cell is empty where it is that of the row above."""
-    above = ["", *(row[0] for row in rows)]
-    return [
-        ("" if row[0] == name else row[0], *row[1:])
-        for row, name in zip(rows, above[:-1], strict=True)
-    ]
 
 
 def _write(results: Sequence[Result], path: Path) -> Path:

@@ -51,19 +51,13 @@ class Arm:
         q, v = np.tile(self.q[:1], (arms, 1)), np.zeros((arms, self.n))
         tau = np.tile(sim.dynamics.gravity(self.q[0]), (arms, TICKS, 1))
         g = np.random.default_rng(1).normal(size=(arms, TICKS + 1, 2 * self.n))
-        contenders: dict[str, Contender] = {}
-        for name, lanes in (("", 1), (", in SIMD lanes", 8)):
-            contenders |= {
-                f"rollout, a tick{name}": (
-                    lambda k=lanes: sim.rollout(q, v, tau, TICKS, lanes=k, threads=1),
-                    arms * TICKS,
-                ),
-                f"rollout_gradient, a tick{name}": (
-                    lambda k=lanes: sim.rollout_gradient(q, v, tau, TICKS, g, lanes=k, threads=1),
-                    arms * TICKS,
-                ),
-            }
-        return contenders
+        one = {"lanes": 1, "threads": 1}
+        return {
+            "rollout, a tick": (lambda: sim.rollout(q, v, tau, TICKS, **one), arms * TICKS),
+            "rollout_gradient, a tick": (
+                lambda: sim.rollout_gradient(q, v, tau, TICKS, g, **one), arms * TICKS
+            ),
+        }  # fmt: skip
 
     def rough(self) -> dict[str, Contender]:
         """The same arm with dry friction in all joints, in motion; above a table, and on it."""
@@ -71,7 +65,7 @@ class Arm:
         q, v = self.q, np.sign(self.v) * rng.uniform(0.5, 1.5, self.v.shape)
         dry, above = self._with({"friction": {"coulomb": 1.0}}), self._with({}, table=-3.0)
         tau = dry.dynamics.inverse(q, v, 0.0 * q)  # no joint comes to rest
-        state, arms, ticks = dry.reset(q[0], v[0]), 8, TICKS // 5
+        arms, ticks = 8, TICKS // 5
         way = q[0] + DT * np.arange(ticks)[:, None] * v[0]
         along = dry.dynamics.inverse(way, np.tile(v[0], (ticks, 1)), 0.0 * way)
         start = (
@@ -84,9 +78,6 @@ class Arm:
         one = {"lanes": 1, "threads": 1}
         contenders: dict[str, Contender] = {
             "linearize_many, dry friction": (lambda: dry.linearize_many(q, v, tau, **one), MANY),
-            "linearize, dry friction, one call from Python": (
-                lambda: dry.linearize(state, tau[0]), 1
-            ),
             "linearize_many, above a table": (
                 lambda: above.linearize_many(q, v, self.tau, **one), MANY
             ),
@@ -181,29 +172,21 @@ class Arm:
         }  # fmt: skip
 
     def mujoco(self) -> dict[str, Contender]:
-        """Finite differences: 3n + 1 steps, and ``mjd_transitionFD``, which does not support RK4.
-
-        Nothing if it is not installed.
-        """
+        """``mjd_transitionFD``, which does not support RK4; nothing if it is not installed."""
         try:
             import mujoco
 
             from benchmarks.peers.mujoco import compile_model
         except ImportError:
             return {}
-        model, euler = (compile_model(self.robot, method, DT) for method in ("RK4", "Euler"))
-        data, other = mujoco.MjData(model), mujoco.MjData(euler)
-        for place in (data, other):
-            place.qpos[:], place.qvel[:] = self.q[0], self.v[0]
-        dry = compile_model(self.robot, "Euler", DT)
+        euler, dry = (compile_model(self.robot, "Euler", DT) for _ in range(2))
         dry.dof_frictionloss[:] = 1.0
         dry.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
-        rough = mujoco.MjData(dry)
-        rough.qpos[:], rough.qvel[:] = self.q[0], self.v[0]
+        other, rough = mujoco.MjData(euler), mujoco.MjData(dry)
+        for place in (other, rough):
+            place.qpos[:], place.qvel[:] = self.q[0], self.v[0]
         A = np.zeros((2 * self.n, 2 * self.n))
-        steps = 3 * self.n + 1
         return {
-            "MuJoCo, 3n + 1 RK4 steps": (lambda: mujoco.mj_step(model, data, nstep=steps), 1),
             "MuJoCo, mjd_transitionFD of Euler's step": (
                 lambda: mujoco.mjd_transitionFD(euler, other, EPSILON, 0, A, None, None, None), 1
             ),

@@ -103,10 +103,8 @@ class LagrangeArm:
     @property
     def scene(self) -> dict[str, Any]:
         """The scene of the arm with its rotors and friction."""
-        numbers = zip(
-            self.names, self.armature.tolist(), self.viscous.tolist(), self.coulomb.tolist(),
-            strict=True,
-        )  # fmt: skip
+        columns = (x.tolist() for x in (self.armature, self.viscous, self.coulomb))
+        numbers = zip(self.names, *columns, strict=True)
         joints = {
             name: {"armature": armature, "friction": {"viscous": viscous, "coulomb": coulomb}}
             for name, armature, viscous, coulomb in numbers

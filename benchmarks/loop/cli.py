@@ -22,7 +22,6 @@ Examples:
   ./arm bench loop --quick             under a minute
   ./arm bench loop --seconds 600       ten minutes of closed loop
   ./arm bench loop --priority 50       sim and controller with real-time priority, where allowed
-  ./arm bench loop --docs              also renew its figure in docs/laboratory
 """
 
 
@@ -38,8 +37,7 @@ Examples:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for loop.md, loop.json and figures/loop.png.")  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew the figure in docs/laboratory.")
-def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: bool) -> None:
+def main(seconds: float | None, priority: int, quick: bool, out: Path) -> None:
     """Measure the loop over ROS on a Panda, next to bare rclpy and a bare thread in the same run.
 
     Rate, missed ticks, lateness, round trip, latency of the service, points per second of batches,
@@ -61,7 +59,7 @@ def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: boo
             raise click.ClickException("interrupted; all processes have been ended") from None
         except DemoFailed as error:
             raise click.ClickException(error.message) from None
-    path = write(record, out, ROOT / "docs/laboratory" if docs else None)
+    path = write(record, out)
     shown = Table("requirement", "limit", "measured", "met")
     for text, bound, got, holds in promises(record):
         shown.add_row(text, bound, got, "yes" if holds else "[red]no[/red]")
@@ -88,7 +86,8 @@ def _measured(
     trips += stages.ping_pong(bare_seconds)
     record["ping"] = {"count": len(trips), **spread(np.array(trips))}
     say("timer of rclpy")
-    record["timer"] = stages.timer(bare_seconds)
+    with stages.Baseline("timer", bare_seconds) as bare:
+        record["timer"] = bare.result()
     say("services and batches")
     record["services"] = stages.services(SCENE, domain, 300 if quick else 2000, logs)
     record["core"] = stages.core(SCENE)

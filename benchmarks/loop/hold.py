@@ -24,11 +24,10 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import Dynamics
-from arm_dynamics.ros.common.executor import make_executor
+from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.common.transport import as_usual
 from arm_sim.cli.demo.processes import free_domain
 from arm_sim.cli.interrupts import interruptible
@@ -145,13 +144,14 @@ def measure(
         for number, tree in enumerate(trees):
             leader = stack.enter_context(leader_node())
             domain, place = leader.context.get_domain_id(), folder / str(number)
-            loops.append((leader, stack.enter_context(closed_loop(tree, domain, place, *more))))
+            ids = stack.enter_context(closed_loop(tree, domain, place, *more))
+            loops.append((stack.enter_context(ArmClient(timeout=30.0, domain=domain)), ids))
             watchers.append(stack.enter_context(closing(Watcher(domain))))
             lead(leader, seconds + 2.0 * WARM)
         time.sleep(WARM)
         bare = stack.enter_context(Baseline("thread", seconds, str(period)))
-        for number, (leader, _) in enumerate(loops):
-            _reset_counters(leader, folder / str(number) / "sim.log")
+        for client, _ in loops:
+            client.reset_counters()
         before, began = [[*map(processor_time, ids)] for _, ids in loops], time.monotonic()
         while (left := began + seconds - time.monotonic()) > 0.0:
             time.sleep(min(HEARD, left))
@@ -226,19 +226,6 @@ def lead(node: Node, seconds: float) -> None:
         time.sleep(0.1)
     time.sleep(SEEN)
     publisher.publish(JointTrajectory(joint_names=list(dynamics.joint_names), points=points))
-
-
-def _reset_counters(leader: Node, log: Path) -> None:
-    client, executor = leader.create_client(Trigger, "sim/reset_counters"), make_executor(leader)
-    try:
-        if not client.wait_for_service(20.0):
-            raise click.ClickException(f"a sim does not run: {log.read_text()[-2000:]}")
-        done = client.call_async(Trigger.Request())
-        while not done.done():
-            executor.spin_once(timeout_sec=1.0)
-    finally:
-        executor.remove_node(leader)
-        executor.shutdown()
 
 
 def surroundings(tree: str, domain: int) -> dict[str, str]:

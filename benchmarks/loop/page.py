@@ -29,7 +29,7 @@ def promises(r: Record) -> list[tuple[str, str, str, bool]]:
     share = loop["share"]["sim"]
     empty = service["bare"]["p50"]
     asked = service["p50"] / empty
-    core = min(r["core"][name]["compiled"] for name in ("inverse", "forward"))
+    core = min(r["core"][name] for name in ("inverse", "forward"))
     shown = f"{1e3 * trip:.3f} ms, {trip / ping:.2f} of {1e3 * ping:.2f} ms"
     return [
         ("Rate of the closed loop of three processes", "1000.0 ± 0.1 Hz", f"{rate:.3f} Hz",
@@ -88,18 +88,14 @@ def _batches(r: Record) -> list[tuple[str, ...]]:
     rows = [(f"through the service, {int(points):,} points a call",
              *(_count(served[name].get(points)) for name in KINDS))
             for points in served["inverse"]]  # fmt: skip
-    for key, text in (("compiled", "in Python, as many points as the largest request"),
-                      ("one by one", "in Python, point by point (Pinocchio)")):  # fmt: skip
-        rows.append((text, *(_count(core[name][key]) for name in KINDS)))
-    return rows
+    return [*rows, ("in Python", *(_count(core[name]) for name in KINDS))]
 
 
-def write(r: Record, out: Path, docs: Path | None) -> Path:
-    """Write loop.json, loop.md and the figure; the figure also into ``docs``."""
+def write(r: Record, out: Path) -> Path:
+    """Write loop.json, loop.md and the figure."""
     (out / "figures").mkdir(parents=True, exist_ok=True)
     (out / "loop.json").write_text(json.dumps(r, indent=1) + "\n")
-    for folder in [out] if docs is None else [out, docs]:
-        draw(r, folder / "figures/loop.png")
+    draw(r, out / "figures/loop.png")
     path = out / "loop.md"
     path.write_text("# The loop over ROS\n\n" + page(r))
     return path

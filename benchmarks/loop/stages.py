@@ -19,7 +19,7 @@ from arm_dynamics.ros.common.caller import Caller
 from arm_dynamics.ros.interfaces import INVERSE_DYNAMICS, MAX_POINTS, MAX_TERMS_POINTS
 from arm_sim.cli.demo.processes import Processes
 from benchmarks.loop.baseline import Client, spread
-from benchmarks.measurement.watcher import Watcher, processor_time
+from benchmarks.measurement.watcher import processor_time
 
 WARM = 3.0  # [s]
 WARM_CALLS = 300  # of a service, whose answer is compiled meanwhile
@@ -64,37 +64,27 @@ def closed_loop(
         processes.start("sim", "sim", scene, "--with-parent", "--report", str(report), *wanted)
         client = stack.enter_context(ArmClient(timeout=30.0, domain=domain))
         client.model_info()
-        # Whoever joins may hold everybody up for a third of a second: not while this is measured.
-        watcher = stack.enter_context(closing(Watcher(domain)))
         time.sleep(WARM)
         bare = stack.enter_context(Baseline("thread", seconds))
         ids = processes.ids
         client.reset_counters()
         used = lambda name: sum(processor_time(ids[name]).values())  # noqa: E731
         before = {name: used(name) for name in ids}
+        say(f"closed loop, {seconds:.0f} s")
         began = time.monotonic()
-        while (over := time.monotonic() - began) < seconds:
-            time.sleep(min(10.0, seconds - over))
-            say(f"closed loop, {time.monotonic() - began:.0f} of {seconds:.0f} s")
+        time.sleep(seconds)
         passed = time.monotonic() - began
         share = {name: (used(name) - start) / passed for name, start in before.items()}
         processes.stop("sim")
         beside = bare.result()
-        watcher.listen(1.0)
     result: Record = json.loads(report.read_text())
     return {
         "seconds": seconds,
         "priority": priority,
         "share": share,
         "thread": beside,
-        "told": watcher.latest["sim: loop"],
         **result,
     }
-
-
-def timer(seconds: float) -> Record:
-    with Baseline("timer", seconds) as bare:
-        return bare.result()
 
 
 def ping_pong(seconds: float) -> list[int]:
@@ -123,8 +113,6 @@ def services(scene: str, domain: int, calls: int, logs: Path) -> Record:
                    for points in (100, 1000, 10_000, MAX_POINTS) if points <= most}
             for name, (ask, most) in asked.items()
         }  # fmt: skip
-        check = Dynamics(scene).inverse(q[:500], v[:500], a[:500])
-        result["difference"] = float(np.abs(client.inverse_dynamics(q, v, a)[:500] - check).max())
     return result
 
 
@@ -157,38 +145,23 @@ def one_point(domain: int, calls: int, *point: Array) -> Record:
 
 
 def core(scene: str) -> Record:
-    """Points per second of the core, compiled and by Pinocchio in a loop of Python."""
+    """Points per second of batches in Python."""
     dynamics, rng = Dynamics(scene), np.random.default_rng(0)
     q, v, a = rng.uniform(-1.0, 1.0, (3, MAX_POINTS, dynamics.n))
+    few = q[:MAX_TERMS_POINTS], v[:MAX_TERMS_POINTS]
     return {
-        "inverse": _by_batch(dynamics.inverse, q, v, a),
-        "forward": _by_batch(dynamics.forward, q, v, a),
-        "terms": _by_batch(
-            lambda *state: _terms(dynamics, *state),
-            *(x[:MAX_TERMS_POINTS] for x in (q, v)),
-        ),
+        "inverse": _rate(dynamics.inverse, q, v, a),
+        "forward": _rate(dynamics.forward, q, v, a),
+        "terms": _rate(lambda *state: _terms(dynamics, *state), *few),
     }
 
 
-def _terms(dynamics: Dynamics, q: Array, v: Array) -> Array:
-    """What ``~/dynamics_terms`` answers with, each state in a row."""
-    shape = (*q.shape[:-1], -1)
-    parts = (
+def _terms(dynamics: Dynamics, q: Array, v: Array) -> tuple[Array, ...]:
+    """What ``~/dynamics_terms`` answers with."""
+    return (
         dynamics.mass_matrix(q), dynamics.coriolis_matrix(q, v), dynamics.gravity(q),
         dynamics.friction(v, q=q), *dynamics.energy(q, v),
     )  # fmt: skip
-    return np.concatenate([np.reshape(part, shape) for part in parts], axis=-1)
-
-
-def _by_batch(answer: Callable[..., Array], *vectors: Array) -> Record:
-    some = [x[:2000] for x in vectors]
-    rows = np.array([answer(*row) for row in zip(*some, strict=True)])
-    alone = _timed(lambda: [answer(*row) for row in zip(*some, strict=True)])
-    difference = np.abs(answer(*some) - rows).max() / np.abs(rows).max()
-    return {
-        "compiled": _rate(answer, *vectors), "one by one": 2000 / alone,
-        "difference": float(difference),
-    }  # fmt: skip
 
 
 def _rate(answer: Callable[..., object], *vectors: Array) -> float:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 
 import mujoco
 import numpy as np
@@ -85,27 +85,24 @@ class MujocoTrial:
         return self.data.qacc.copy()
 
 
-def fleet(method: str, step: float, steps: int) -> Callable[[Robot, int], MujocoFleet]:
+def fleet(method: str, step: float, steps: int) -> Callable[[Robot], MujocoFleet]:
     """A maker of fleets with one integrator."""
-    return lambda robot, threads: MujocoFleet(robot, method, step, steps, threads)
+    return lambda robot: MujocoFleet(robot, method, step, steps)
 
 
 class MujocoFleet:
-    """MuJoCo's threaded ``rollout``, one thread of the pool for each core that is used.
+    """MuJoCo's ``rollout`` on one core; every buffer is made beforehand."""
 
-    The pool is kept, and every buffer is made beforehand.
-    """
-
-    def __init__(self, robot: Robot, method: str, step: float, steps: int, threads: int) -> None:
+    def __init__(self, robot: Robot, method: str, step: float, steps: int) -> None:
         self.model = compile_model(robot, method, step)
-        self.data = [mujoco.MjData(self.model) for _ in range(threads)]
-        self.pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
+        self.data = [mujoco.MjData(self.model)]
+        self.pool = rollout.Rollout(nthread=0)
         self.steps, self.n = steps, robot.n
-        self.buffers: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self.memory = lru_cache(maxsize=1)(self._memory)
 
     def __call__(self, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """States after every step, (arms, steps, 1 + 2n): time, q, v."""
-        initial, control, states = self._memory(len(q0))
+        initial, control, states = self.memory(len(q0))
         initial[:, 1 : 1 + self.n], initial[:, 1 + self.n :] = q0, v0
         control[:] = tau[:, None]
         self.pool.rollout(
@@ -115,11 +112,6 @@ class MujocoFleet:
         return states
 
     def _memory(self, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if arms not in self.buffers:
-            size = mujoco.mj_stateSize(self.model, STATE)
-            self.buffers[arms] = (
-                np.zeros((arms, size)),
-                np.zeros((arms, self.steps, self.n)),
-                np.zeros((arms, self.steps, size)),
-            )
-        return self.buffers[arms]
+        size = mujoco.mj_stateSize(self.model, STATE)
+        held = np.zeros((arms, self.steps, self.n))
+        return np.zeros((arms, size)), held, np.zeros((arms, self.steps, size))

@@ -151,16 +151,12 @@ def evaluation(robot: Robot) -> Job:
 
 def fleet(
     method: str, step: float, steps: int, lanes: int | None = None
-) -> Callable[[Robot, int], Callable[..., object]]:
-    """A maker of fleets with one integrator: ``Simulator.rollout`` on a number of threads."""
+) -> Callable[[Robot], Callable[..., object]]:
+    """A maker of fleets with one integrator: ``Simulator.rollout`` on one core."""
 
-    def build(robot: Robot, threads: int) -> Callable[..., object]:
+    def build(robot: Robot) -> Callable[..., object]:
         simulator = Simulator(robot.urdf, integrator=method, dt=step)
-
-        def roll(q0: np.ndarray, v0: np.ndarray, tau: np.ndarray) -> np.ndarray:
-            return simulator.rollout(q0, v0, tau, steps, threads=threads, lanes=lanes)
-
-        return roll
+        return lambda q0, v0, tau: simulator.rollout(q0, v0, tau, steps, threads=1, lanes=lanes)
 
     return build
 

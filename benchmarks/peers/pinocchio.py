@@ -11,23 +11,14 @@ BATCH = 1000
 
 
 def compiled(robot: Robot) -> Job:
-    """Seconds for one ``aba`` called from C++: a batch in one thread by ``abaInParallel``."""
-    pool = pin.ModelPool(robot.pin, 1)
-    q, v, tau = states(robot)
-    out = np.zeros_like(q)
-    return lambda: cpu(lambda: pin.abaInParallel(1, pool, q, v, tau, out)) / BATCH
+    """Seconds for one ``aba`` called from C++."""
+    return in_one_thread(robot.pin, *states(robot))
 
 
-def interpreted(robot: Robot) -> Job:
-    """Seconds for one ``aba`` called from Python, with the faster of its two conventions."""
-    model, data, world = robot.pin, robot.pin.createData(), pin.Convention.WORLD
-    some = [tuple(x[:, k].copy() for x in states(robot)) for k in range(BATCH)]
-
-    def calls() -> None:
-        for q, v, tau in some:
-            pin.aba(model, data, q, v, tau, world)
-
-    return lambda: cpu(calls) / BATCH
+def in_one_thread(model: pin.Model, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> Job:
+    """The same for a batch of states, each a column, by ``abaInParallel``."""
+    pool, out = pin.ModelPool(model, 1), np.zeros_like(v)
+    return lambda: cpu(lambda: pin.abaInParallel(1, pool, q, v, tau, out)) / v.shape[1]
 
 
 def states(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,14 +19,8 @@ Each = list[Vector]  # one for each link
 
 def torque_free(model: pin.Model) -> Callable[[Vector], Vector]:
     """The right-hand side x' = f(x), x = (q, v) of shape (2n,), with no torque on any joint."""
-    n = model.nv
-    arm = ExtendedArm(model)
-    zero = np.zeros(n, REAL)
-
-    def rhs(x: Vector) -> Vector:
-        return np.concatenate([x[n:], arm.forward(x[:n], x[n:], zero)])
-
-    return rhs
+    n, arm = model.nv, ExtendedArm(model)
+    return lambda x: np.concatenate([x[n:], arm.free(x[:n], x[n:])])
 
 
 class ExtendedArm:
@@ -42,53 +36,41 @@ class ExtendedArm:
         self.inertias = [_spatial_inertia(model.inertias[i]) for i in joints]
         self.base = np.concatenate([np.zeros(3), -model.gravity.linear]).astype(REAL)
 
-    def forward(self, q: Vector, v: Vector, tau: Vector) -> Vector:
-        """Joint accelerations [rad/s²]; every argument has shape (n,)."""
-        n = len(self.parents)
-        x, bias, inertia, force = self._outward(q, v)
-        u: dict[int, Vector] = {}
-        d: dict[int, REAL] = {}
-        rest: dict[int, REAL] = {}
-        for i in reversed(range(n)):
-            k = self.axes[i]
-            u[i] = inertia[i][:, k].copy()
-            d[i] = u[i][k]
-            rest[i] = tau[i] - force[i][k]
-            parent = self.parents[i]
+    def free(self, q: Vector, v: Vector) -> Vector:
+        """Joint accelerations without torque [rad/s²]; every argument has shape (n,)."""
+        x, bias, force = self._outward(q, v)
+        inertia, joints = list(self.inertias), list(zip(self.parents, self.axes, strict=True))
+        for i, (parent, k) in reversed(list(enumerate(joints))):
             if parent >= 0:
-                articulated = inertia[i] - np.outer(u[i], u[i] / d[i])
-                load = force[i] + articulated @ bias[i] + u[i] * (rest[i] / d[i])
+                u = inertia[i][:, k]
+                articulated = inertia[i] - np.outer(u, u / u[k])
+                load = force[i] + articulated @ bias[i] - u * (force[i][k] / u[k])
                 inertia[parent] = inertia[parent] + x[i].T @ articulated @ x[i]
                 force[parent] = force[parent] + x[i].T @ load
-        return self._accelerations(x, bias, u, d, rest)
+        acceleration: Each = []
+        out = np.zeros_like(q)
+        for i, (parent, k) in enumerate(joints):
+            a = x[i] @ (acceleration[parent] if parent >= 0 else self.base) + bias[i]
+            u = inertia[i][:, k]
+            out[i] = -(force[i][k] + u @ a) / u[k]
+            a[k] += out[i]
+            acceleration.append(a)
+        return out
 
-    def _outward(self, q: Vector, v: Vector) -> tuple[Each, Each, Each, Each]:
+    def _outward(self, q: Vector, v: Vector) -> tuple[Each, Each, Each]:
+        """Transforms from each parent, velocity-dependent accelerations and forces."""
         x: Each = []
-        vel: Each = []
+        velocity: Each = []
         bias: Each = []
         force: Each = []
-        for i, parent in enumerate(self.parents):
-            k = self.axes[i]
+        for i, (parent, k) in enumerate(zip(self.parents, self.axes, strict=True)):
             x.append(_transform(self.rotations[i], self.shifts[i], k, q[i]))
-            carried = x[i] @ vel[parent] if parent >= 0 else np.zeros(6, REAL)
-            here = carried.copy()
-            here[k] += v[i]
-            vel.append(here)
-            bias.append(_cross_axis(here, k) * v[i])
-            force.append(_cross_force(here, self.inertias[i] @ here))
-        return x, bias, list(self.inertias), force
-
-    def _accelerations(
-        self, x: Each, bias: Each, u: dict[int, Vector], d: dict[int, REAL], rest: dict[int, REAL]
-    ) -> Vector:
-        acc: Each = []
-        out = np.zeros(len(x), REAL)
-        for i, parent in enumerate(self.parents):
-            a = x[i] @ (acc[parent] if parent >= 0 else self.base) + bias[i]
-            out[i] = (rest[i] - u[i] @ a) / d[i]
-            a[self.axes[i]] += out[i]
-            acc.append(a)
-        return out
+            spin = v[i] * np.eye(6, dtype=REAL)[k]
+            velocity.append(spin + (x[i] @ velocity[parent] if parent >= 0 else 0))
+            cross = _cross(velocity[i])
+            bias.append(cross @ spin)
+            force.append(-cross.T @ (self.inertias[i] @ velocity[i]))
+        return x, bias, force
 
 
 def _transform(rotation: Vector, shift: Vector, axis: int, angle: REAL) -> Vector:
@@ -104,18 +86,12 @@ def _transform(rotation: Vector, shift: Vector, axis: int, angle: REAL) -> Vecto
     return x
 
 
-def _cross_axis(m: Vector, k: int) -> Vector:
-    """The motion vector ``m`` crossed with the unit rotation about axis ``k``."""
-    a, b = (k + 1) % 3, (k + 2) % 3
-    out = np.zeros(6, REAL)
-    out[a], out[b] = m[b], -m[a]
-    out[3 + a], out[3 + b] = m[3 + b], -m[3 + a]
+def _cross(m: Vector) -> Vector:
+    """What a motion vector ``m`` crosses others with; of forces, minus its transpose."""
+    out = np.zeros((6, 6), REAL)
+    out[:3, :3] = out[3:, 3:] = _skew(m[:3])
+    out[3:, :3] = _skew(m[3:])
     return out
-
-
-def _cross_force(m: Vector, f: Vector) -> Vector:
-    w, s = _skew(m[:3]), _skew(m[3:])
-    return np.concatenate([w @ f[:3] + s @ f[3:], w @ f[3:]])
 
 
 def _skew(p: Vector) -> Vector:

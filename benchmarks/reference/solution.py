@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.integrate import solve_ivp
 
 from benchmarks.peers.base import TICK
 from benchmarks.reference.closed_loop import Loop
@@ -24,9 +25,7 @@ class Truth:
 
     q: Vector  # positions; (n,) at the end of a free motion, (ticks + 1, n) of a closed loop [rad]
     halving: float  # largest change of q when the step is halved [rad]
-    # largest difference to another method on Pinocchio in double precision [rad]; None for a free
-    # motion without SciPy
-    other: float | None
+    other: float  # largest difference to another method on Pinocchio in double precision [rad]
 
 
 def free_motion(robot: Robot, doublings: int = 4) -> Truth:
@@ -43,8 +42,10 @@ def free_motion(robot: Robot, doublings: int = 4) -> Truth:
         if halving < AGREED:
             break
     q = x[: robot.n].astype(float)
-    other = _dop853(robot)
-    return Truth(q, halving, None if other is None else float(np.abs(other - q).max()))
+    f = _right_hand_side(robot, np.zeros(robot.n))
+    tight = {"method": "DOP853", "rtol": 3e-14, "atol": 3e-14}
+    end = solve_ivp(lambda _t, x: f(x), (0.0, robot.duration), x0.astype(float), **tight).y[:, -1]
+    return Truth(q, halving, float(np.abs(end[: robot.n] - q).max()))
 
 
 def closed_loop(robot: Robot, loop: Loop) -> Truth:
@@ -64,17 +65,6 @@ def _held(robot: Robot, loop: Loop, steps: int, columns: int) -> Vector:
         x = integrate(f, x, TICK, steps, columns)
         history.append(x[:n])
     return np.array(history)
-
-
-def _dop853(robot: Robot) -> Vector | None:
-    try:
-        from scipy.integrate import solve_ivp
-    except ImportError:
-        return None
-    f = _right_hand_side(robot, np.zeros(robot.n))
-    x0 = np.concatenate([robot.q0, np.zeros(robot.n)])
-    tight = {"method": "DOP853", "rtol": 3e-14, "atol": 3e-14}
-    return solve_ivp(lambda _t, x: f(x), (0.0, robot.duration), x0, **tight).y[: robot.n, -1]
 
 
 def _right_hand_side(robot: Robot, tau: Vector) -> Callable[[Vector], Vector]:

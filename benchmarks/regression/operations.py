@@ -7,7 +7,7 @@ fails where a change makes one larger. ``./arm python -m benchmarks.regression.o
 what has changed, ``--renew`` writes the file, for changes that are worth it.
 """
 
-import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -41,15 +41,12 @@ def recorded() -> dict[str, int]:
 
 def main() -> None:
     """Print the differences from the file, and update it on request."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--renew", action="store_true", help="update the file")
-    renew = parser.parse_args().renew
     before = recorded() if FILE.exists() else {}
     now = {name: count(scene) for name, scene in scenes().items()}
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):
             print(f"{name}: {before.get(name)} -> {now.get(name)}")
-    if renew:
+    if "--renew" in sys.argv:
         head = "# By `python -m benchmarks.regression.operations --renew`.\n"
         FILE.write_text(head + yaml.safe_dump(now, allow_unicode=True, sort_keys=True))
 

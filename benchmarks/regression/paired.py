@@ -100,7 +100,7 @@ def pair(trees: tuple[Path, Path], folder: Path, task: Path, names: list[str], s
     ):
         for name in names:
             ratios[name] = _least(new, old, name, samples)
-            bar.advance()
+            bar.done()
     return ratios
 
 

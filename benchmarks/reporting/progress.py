@@ -2,8 +2,6 @@
 """A progress bar that draws only between measurements, never during one."""
 
 import time
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -11,41 +9,24 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 DRAW_EVERY = 0.1  # [s]
 
 
-class Bar:
+class Bar(Progress):
     """One line for the stage that runs, one bar; no refresh thread, which would cost time."""
 
     def __init__(self, console: Console) -> None:
-        self._rich = Progress(
-            TextColumn("{task.description:<38}"), BarColumn(), MofNCompleteColumn(),
-            TimeElapsedColumn(), console=console, auto_refresh=False,
-        )  # fmt: skip
-        self._task = self._rich.add_task("starting", total=None)
-        self._began = time.perf_counter()
+        columns = BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        text = TextColumn("{task.description:<38}")
+        super().__init__(text, *columns, console=console, auto_refresh=False)
+        self._task = self.add_task("starting", total=None)
         self._drawn = 0.0
 
-    @property
-    def elapsed(self) -> float:
-        return time.perf_counter() - self._began
-
-    def __enter__(self) -> Self:
-        self._rich.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._rich.stop()
-
     def stage(self, text: str, total: int | None) -> None:
-        self._rich.reset(self._task, description=text, total=total)
-        self._rich.refresh()
+        self.reset(self._task, description=text, total=total)
+        self.refresh()
 
-    def advance(self) -> None:
-        self._rich.advance(self._task)
+    def done(self) -> None:
+        """One job of the stage is done."""
+        self.advance(self._task)
         now = time.perf_counter()
         if now - self._drawn > DRAW_EVERY:
             self._drawn = now
-            self._rich.refresh()
+            self.refresh()

@@ -5,25 +5,13 @@ No meshes, no collision bodies, no limits, no friction: every simulator that rea
 same differential equation.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 AXES = {"RX": (1, 0, 0), "RY": (0, 1, 0), "RZ": (0, 0, 1)}
-
-
-@contextmanager
-def in_file(urdf: str) -> Iterator[str]:
-    """The path of a temporary file with this text, for readers that want a file."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(urdf)
-        yield str(path)
 
 
 def plain_urdf(model: pin.Model) -> str:

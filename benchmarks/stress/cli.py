@@ -21,13 +21,13 @@ from benchmarks.stress.survey import survey
 ROOT = Path(__file__).parents[2]
 QUICK_JOINTS = 6
 SCENES, QUICK_SCENES = 40, 4
+SHARE = 0.1  # of the scenes with features that the independent simulator solves, too
 EXAMPLES = """\b
 Examples:
   ./arm stress                       over two thousand runs, in an hour
   ./arm stress --quick               arms of few joints, some 200 runs; some minutes
   ./arm stress --seed 1000           others
   ./arm stress --only features --seed 17 --scenes 1    one scene again, in all its ways
-  ./arm stress --docs                also renews its figure in docs/laboratory
 """
 
 
@@ -45,18 +45,14 @@ Examples:
 @click.option(
     "--quick", is_flag=True, help=f"Arms of at most {QUICK_JOINTS} joints, fewer scenes."
 )
-@click.option("--share", type=click.FloatRange(0.0, 1.0), default=0.1, show_default=True,
-              help="Of the scenes that the independent simulator solves, too.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), default=os.cpu_count(),
               show_default="one for each core", help="Number of processes.")  # fmt: skip
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), default=ROOT / "benchmarks/results",
     show_default="benchmarks/results", help="Folder for stability.md and its figure and data.",
 )  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew the figure in docs/laboratory.")
 def main(
-    wanted: int | None, only: str | None, seed: int, quick: bool, share: float, workers: int,
-    out: Path, docs: bool,
+    wanted: int | None, only: str | None, seed: int, quick: bool, workers: int, out: Path
 ) -> None:  # fmt: skip
     """Does anything fail without saying so? Random scenes at their worst, by all methods.
 
@@ -66,12 +62,10 @@ def main(
     control, some with an independent simulator, loads with linear programs. Ends with an error if
     a run is wrong without saying so.
     """
-    if docs and (only or quick):
-        raise click.UsageError("--docs wants everything in full: no --only, no --quick")
     scenes = wanted or (QUICK_SCENES if quick else SCENES)
     joints = QUICK_JOINTS if quick else MOST_JOINTS
     work = [
-        (kind, k, joints, share if kind == "features" else 0.0)
+        (kind, k, joints, SHARE if kind == "features" else 0.0)
         for kind in KINDS
         if only in (None, kind)
         for k in range(seed, seed + scenes)
@@ -81,12 +75,12 @@ def main(
         bar.stage("random scenes", len(work))
         for results in survey(work, min(workers, scenes)):
             every += results
-            bar.advance()
+            bar.done()
         if only in (None, "held"):
             bar.stage("sets that hold together", scenes)
             for one in islice(measured(seed), scenes):
                 held.append(one)
-                bar.advance()
+                bar.done()
     every.sort(key=lambda r: (r.kind, r.seed))
     if held:
         Console().print(summary(held))
@@ -96,6 +90,6 @@ def main(
         table.add_row(str(len(every)), *(str(count[name]) for name in OUTCOMES))
         Console().print(table)
         Console().print(wrong(every))
-        path = write(every, held, out, ROOT / "docs/laboratory" if docs else None)
+        path = write(every, held, out)
         click.echo(f"report: {path}")
     sys.exit(any(r.outcome in FORBIDDEN for r in every) or not all(one.good for one in held))

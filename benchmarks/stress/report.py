@@ -2,7 +2,7 @@
 """The report: tables, a figure, and all runs as JSON."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -33,13 +33,12 @@ FEWEST = 4  # runs that make a point
 ROUNDING = 1e-16  # nothing below it is drawn
 
 
-def write(results: Sequence[Result], held: Sequence[Held], out: Path, docs: Path | None) -> Path:
-    """Write stability.json, stability.md and the figure; the figure also into ``docs``."""
+def write(results: Sequence[Result], held: Sequence[Held], out: Path) -> Path:
+    """Write stability.json, stability.md and the figure."""
     out.mkdir(parents=True, exist_ok=True)
     kept = {"runs": [asdict(r) for r in results], "held": [asdict(one) for one in held]}
     (out / "stability.json").write_text(json.dumps(kept, indent=1) + "\n")
-    for folder in [out] if docs is None else [out, docs]:
-        draw(results, folder / "figures/stability.png")
+    draw(results, out / "figures/stability.png")
     (out / "stability.md").write_text(page(results, held))
     return out / "stability.md"
 
@@ -47,10 +46,8 @@ def write(results: Sequence[Result], held: Sequence[Held], out: Path, docs: Path
 def page(results: Sequence[Result], held: Sequence[Held]) -> str:
     parts = {
         "Outcomes": f"{outcomes(results)}\n\n{wrong(results)}",
-        "Survival by length of the tick": survival(results),
-        "Errors of the runs that survive, relative to 1 + |q|: median, worst":
-            errors(results),
-        "Errors under error control: median, worst": delivered(results),
+        "Survival by length of the tick, with errors relative to 1 + |q|: median, worst":
+            _by_step(runs(results)),
         "Sets that hold together": summary(held) if held else "Not run.",
     }  # fmt: skip
     sections = (f"## {title}\n\n{part}\n" for title, part in parts.items())
@@ -77,31 +74,11 @@ def _row(name: str, mine: Sequence[Result]) -> list[object]:
     return [name, len(mine), *number_of, sum(r.false_alarm for r in mine)]
 
 
-def survival(results: Sequence[Result]) -> str:
-    return _by_step(runs(results), _percent)
-
-
-def errors(results: Sequence[Result]) -> str:
-    survived = [r for r in runs(results) if r.outcome == SURVIVED]
-    return _by_step(survived, lambda some: _spread(r.error for r in some))
-
-
 def fixed(results: Sequence[Result]) -> list[Point]:
     """Runs with fixed steps of arms without dry friction."""
     return [(r.dt * r.rate, r) for r in runs(results)
             if r.kind == "arms" and r.tolerance is None and r.rate > 0
             and "dry friction" not in r.traits]  # fmt: skip
-
-
-def delivered(results: Sequence[Result]) -> str:
-    """Error over the tolerance asked for, and over the error that the recording states."""
-    controlled, rows = [r for r in runs(results) if r.tolerance and r.error is not None], []
-    for name in names_of(controlled):
-        mine = [r for r in controlled if r.name == name]
-        asked = [r.error / r.tolerance for r in mine if r.error and r.tolerance]
-        stated = [r.error / r.stated for r in mine if r.error and r.stated]
-        rows.append([name, len(mine), _spread(asked), _spread(stated)])
-    return table(["method", "runs", "error / tolerance", "error / stated error"], rows)
 
 
 def wrong(results: Sequence[Result]) -> str:
@@ -137,23 +114,21 @@ def names_of(results: Sequence[Result]) -> list[str]:
     return sorted({r.name for r in results}, key=lambda name: (" " in name, name))
 
 
-def _by_step(results: Sequence[Result], cell: Callable[[Sequence[Result]], str]) -> str:
+def _by_step(results: Sequence[Result]) -> str:
     steps = sorted({r.dt for r in results}, reverse=True)
     rows = [
-        [name, *(cell([r for r in results if (r.name, r.dt) == (name, dt)]) for dt in steps)]
+        [name, *(_cell([r for r in results if (r.name, r.dt) == (name, dt)]) for dt in steps)]
         for name in names_of(results)
     ]
     return table(["method", *(f"{dt:g} s" for dt in steps)], rows)
 
 
-def _percent(some: Sequence[Result]) -> str:
-    good = sum(r.outcome == SURVIVED for r in some)
-    return f"{good / len(some):.0%}" if some else "—"
-
-
-def _spread(values: Iterable[float | None]) -> str:
-    known = [value for value in values if value is not None]
-    return f"{number(float(np.median(known)), 2)}, {number(max(known), 2)}" if known else "—"
+def _cell(some: Sequence[Result]) -> str:
+    errors = [r.error for r in some if r.outcome == SURVIVED and r.error is not None]
+    if not errors:
+        return "—"
+    worst = f"{number(float(np.median(errors)), 2)}, {number(max(errors), 2)}"
+    return f"{_survival(some):.0%} ({worst})"
 
 
 def draw(results: Sequence[Result], path: Path) -> None:

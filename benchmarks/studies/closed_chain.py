@@ -3,7 +3,7 @@
 
 The peers are Pinocchio's ``constraintDynamics``, which integrates nothing, and MuJoCo's
 ``equality``. Error is that of the crank angle after one second, against the linkage's equation in
-its one coordinate (test/reference/make_linkages.py).
+its one coordinate (test/reference/linkages.json).
 """
 
 import json
@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measurement.timing import Cost, Job, cpu, steady
-from benchmarks.peers import pinocchio as pinocchio_peer
+from benchmarks.measurement.timing import Cost, Job, steady
 from benchmarks.peers.base import OURS
+from benchmarks.peers.pinocchio import BATCH, in_one_thread
 from benchmarks.studies.bench import Bench, Record
 from benchmarks.studies.cost import repeated
 
@@ -50,7 +50,6 @@ def run(bench: Bench) -> Record:
     costs = bench.time("closed chain", jobs)
     return {
         "rows": [_row(name, costs[name], *errors[name]) for name in errors],
-        "pinocchio_ns": _from_cpp({name: cost.median for name, cost in costs.items()}) * 1e9,
         "pinocchio_rounds_ns": [
             _from_cpp({name: cost.samples[k] for name, cost in costs.items()}) * 1e9
             for k in range(bench.repeats)
@@ -160,14 +159,5 @@ def _pinocchio(start: Any) -> tuple[Job, Job, Job]:
 
     world = pin.Convention.WORLD
     plain = repeated(lambda: pin.aba(model, data, q, v, tau, world))
-    return repeated(constrained), plain, _aba_from_cpp(model, q, v)
-
-
-def _aba_from_cpp(model: Any, q: np.ndarray, v: np.ndarray) -> Job:
-    import pinocchio as pin
-
-    count = pinocchio_peer.BATCH
-    pool = pin.ModelPool(model, 1)
-    many = [np.asfortranarray(np.tile(x[:, None], count)) for x in (q, v, 0 * v)]
-    out = np.zeros_like(many[1])
-    return lambda: cpu(lambda: pin.abaInParallel(1, pool, *many, out)) / count
+    columns = (np.asfortranarray(np.tile(x[:, None], BATCH)) for x in (q, v, tau))
+    return repeated(constrained), plain, in_one_thread(model, *columns)

@@ -7,8 +7,9 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks.measurement.timing import Cost, Job, cpu, steady
+from benchmarks.peers import ours
 from benchmarks.peers import pinocchio as pinocchio_peer
-from benchmarks.peers.base import Contestant
+from benchmarks.peers.base import OURS, Contestant
 from benchmarks.robots.models import Robot, chain
 from benchmarks.studies.bench import Bench, Record
 
@@ -20,14 +21,14 @@ QUICK_LINKS = (2, 7, 20)
 GROWTH = ("euler", "rk4", "Euler", "RK4")
 
 
-def run(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> Record:
+def run(bench: Bench) -> Record:
     rows: list[Record] = []
     for robot in bench.robots():
-        jobs = _steps(bench, robot) | _evaluations(robot, extra)
+        jobs = _steps(bench, robot) | _evaluations(robot)
         costs = bench.time(f"cost of a step: {robot.name}", jobs, max(bench.repeats, ROUNDS))
         rows += [{"robot": robot.name, "what": what, "who": who} | _ns(costs[what, who])
                  for what, who in jobs]  # fmt: skip
-    return {"rows": rows, "growth": _growth(bench, extra)}
+    return {"rows": rows, "growth": _growth(bench)}
 
 
 def _steps(bench: Bench, robot: Robot) -> dict[tuple[str, str], Job]:
@@ -35,13 +36,11 @@ def _steps(bench: Bench, robot: Robot) -> dict[tuple[str, str], Job]:
     return {("step", c.name): step_job(c, robot) for c in stepping}
 
 
-def _evaluations(
-    robot: Robot, extra: dict[str, Callable[[Robot], Job]]
-) -> dict[tuple[str, str], Job]:
+def _evaluations(robot: Robot) -> dict[tuple[str, str], Job]:
     ways = {
         "Pinocchio's ABA from C++ (abaInParallel, one thread)": pinocchio_peer.compiled,
-        "Pinocchio's ABA from Python": pinocchio_peer.interpreted,
-    } | extra
+        f"{OURS} generated forward dynamics from C": ours.evaluation,
+    }
     if find_spec("dynibo"):
         from benchmarks.peers import dynibo as dynibo_peer
 
@@ -57,18 +56,16 @@ def step_job(who: Contestant, robot: Robot) -> Job:
     return lambda: job() / STEPS
 
 
-def _growth(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> list[Record]:
-    rows: list[Record] = []
+def _growth(bench: Bench) -> list[Record]:
     links = QUICK_LINKS if bench.quick else LINKS
     chosen = [c for c in bench.contestants if c.method in GROWTH]
     jobs: dict[tuple[int, str], Job] = {}
     for n in bench.each("building chains", list(links)):
         robot = chain(n)
         jobs |= {(n, c.name): step_job(c, robot) for c in chosen}
-        jobs |= {(n, key[1]): job for key, job in _evaluations(robot, extra).items()}
+        jobs |= {(n, key[1]): job for key, job in _evaluations(robot).items()}
     costs = bench.time("cost against number of joints", jobs)
-    rows += [{"joints": n, "who": who} | _ns(costs[n, who]) for n, who in jobs]
-    return rows
+    return [{"joints": n, "who": who} | _ns(costs[n, who]) for n, who in jobs]
 
 
 def _ns(cost: Cost) -> Record:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many arms at once: arm-steps per second and core, against MuJoCo."""
 
-import os
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import Protocol
 
 import numpy as np
 
+from benchmarks.measurement.timing import Job, cpu
+from benchmarks.peers import ours
+from benchmarks.peers.base import OURS
 from benchmarks.robots.models import Robot
 from benchmarks.studies.bench import Bench, Record
 
@@ -26,12 +26,18 @@ class Fleet(Protocol):
         """Each argument has shape (arms, n); ``STEPS`` steps of ``STEP`` are made."""
 
 
-Fleets = dict[str, Callable[[Robot, int], Fleet]]  # label -> (robot, threads) -> fleet
+Fleets = dict[str, Callable[[Robot], Fleet]]  # by label
 
 
-def peers() -> Fleets:
-    """MuJoCo's rollout with its Euler and RK4 steps, where it is installed."""
-    fleets: Fleets = {}
+def fleets() -> Fleets:
+    """Ours, and MuJoCo's rollout with its Euler and RK4 steps, where it is installed."""
+    fleets: Fleets = {
+        f"{OURS} {method}{label}": ours.fleet(method, STEP, STEPS, lanes)
+        for method, label, lanes in (
+            ("euler", "", None), ("rk4", "", None), ("rk4", ", 256 bits", 4),
+            ("rk4", ", without SIMD", 1),
+        )
+    }  # fmt: skip
     if find_spec("mujoco"):
         from benchmarks.peers import mujoco as mujoco_peer
 
@@ -39,65 +45,40 @@ def peers() -> Fleets:
     return fleets
 
 
-@dataclass
-class Sample:
-    """Calls of one fleet: processor time of all its threads, and wall time beside it."""
-
-    fleet: Fleet  # to be timed
-    starts: tuple[np.ndarray, np.ndarray, np.ndarray]  # its arguments
-    calls: int  # per sample
-    # wall time of one arm-step [s], one entry a sample
-    walls: list[float] = field(default_factory=list)
-
-    def __call__(self) -> float:
-        """Processor time of one arm-step [s]."""
-        steps = self.calls * len(self.starts[0]) * STEPS
-        wall, processor = time.perf_counter(), time.process_time()
-        for _ in range(self.calls):
-            self.fleet(*self.starts)
-        self.walls.append((time.perf_counter() - wall) / steps)
-        return (time.process_time() - processor) / steps
-
-
-def run(bench: Bench, ours: Fleets) -> Record:
-    """Arm-steps per second of processor time, which is one core's, and of wall time."""
-    cores = len(os.sched_getaffinity(0))
+def run(bench: Bench) -> Record:
+    """Arm-steps per second of one core, by processor time."""
     rows: list[Record] = []
     for robot in bench.robots():
-        samples = _samples(bench, robot, ours | peers(), cores)
-        costs = bench.time(f"rollouts: {robot.name}", samples)
+        jobs = {
+            (who, arms): _job(build(robot), robot, arms)
+            for who, build in fleets().items()
+            for arms in (QUICK_ARMS if bench.quick else ARMS)
+        }
+        costs = bench.time(f"rollouts: {robot.name}", jobs)
         rows += [
             {
                 "robot": robot.name,
                 "who": who,
-                "threads": threads,
                 "arms": arms,
-                "steps": STEPS,
-                "arm_steps_per_s": 1 / float(np.median(samples[who, threads, arms].walls)),
-                "arm_steps_per_s_per_core": 1 / costs[who, threads, arms].median,
-                "rounds_s_per_core": list(costs[who, threads, arms].samples),
+                "arm_steps_per_s_per_core": 1 / cost.median,
+                "rounds_s_per_core": list(cost.samples),
             }
-            for who, threads, arms in samples
+            for (who, arms), cost in costs.items()
         ]
-    return {"cores": cores, "rows": rows}
+    return {"rows": rows}
 
 
-def _samples(
-    bench: Bench, robot: Robot, fleets: Fleets, cores: int
-) -> dict[tuple[str, int, int], Sample]:
-    samples: dict[tuple[str, int, int], Sample] = {}
-    for who, build in fleets.items():
-        for threads in sorted({1, cores}):
-            fleet = build(robot, threads)
-            for arms in QUICK_ARMS if bench.quick else ARMS:
-                samples[who, threads, arms] = _sample(fleet, robot, arms)
-    return samples
-
-
-def _sample(fleet: Fleet, robot: Robot, arms: int) -> Sample:
+def _job(fleet: Fleet, robot: Robot, arms: int) -> Job:
+    """Processor time of one step of one arm [s]."""
     some = starts(robot, arms)
+    calls = max(1, round(20_000 / (arms * STEPS)))
     fleet(*some)
-    return Sample(fleet, some, max(1, round(20_000 / (arms * STEPS))))
+
+    def roll() -> None:
+        for _ in range(calls):
+            fleet(*some)
+
+    return lambda: cpu(roll) / (calls * arms * STEPS)
 
 
 def starts(robot: Robot, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

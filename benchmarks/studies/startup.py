@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,59 +18,37 @@ from benchmarks.studies.bench import Bench, Record
 CHILD = Path(__file__).with_name("startup_child.py")
 LINKS = (2, 5, 10, 20, 30, 40, 50)
 QUICK_LINKS = (2, 20)
-TIAGO = "package://example-robot-data/robots/tiago_description/robots"
-# Mobile robots with hands: a stiff scene, dry friction in some joints, or in all of them.
-LARGE = {
-    "TIAGo": f"robot: {{urdf: {TIAGO}/tiago.urdf}}",
-    "TIAGo with two arms": f"robot: {{urdf: {TIAGO}/tiago_dual.urdf}}",
-    "TIAGo with two arms, dry": (
-        f"robot: {{urdf: {TIAGO}/tiago_dual.urdf}}\n"
-        "joints: {'*': {friction: {coulomb: 0.1, viscous: 0.1}}}"
-    ),
-}
-
-
-@dataclass(frozen=True)
-class _Case:
-    """A robot's name, joints, scene file with its ending, and method."""
-
-    name: str
-    joints: int
-    text: str
-    ending: str = ".urdf"
-    method: str = "rk4"
+TIAGO = "robot: {urdf: package://example-robot-data/robots/tiago_description/robots/tiago.urdf}"
 
 
 def run(bench: Bench) -> Record:
     """Wall time [s] of the parts of a start, every start in a process of its own."""
     growth = [chain(n) for n in (QUICK_LINKS if bench.quick else LINKS)]
-    cases = [_Case(robot.name, robot.n, robot.urdf) for robot in (*bench.robots(), *growth)]
-    cases += [] if bench.quick else [_large(name, text) for name, text in LARGE.items()]
-    rows = [_start(case, bench) for case in bench.each("start-up", cases)]
-    return {"rows": rows}
+    robots = [*bench.robots(), *growth]
+    cases = [(robot.name, robot.n, robot.urdf, ".urdf", "rk4") for robot in robots]
+    if not bench.quick:
+        joints = ArmModel(load_scene(yaml.safe_load(TIAGO))).n
+        cases.append(("TIAGo", joints, TIAGO, ".yaml", "auto"))
+    return {"rows": [_start(bench, *case) for case in bench.each("start-up", cases)]}
 
 
-def _large(name: str, text: str) -> _Case:
-    joints = ArmModel(load_scene(yaml.safe_load(text))).n
-    return _Case(name, joints, text, ".yaml", "auto")
-
-
-def _start(case: _Case, bench: Bench) -> Record:
+def _start(
+    bench: Bench, name: str, joints: int, text: str, ending: str, method: str
+) -> Record:  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        scene = Path(folder) / f"robot{case.ending}"
-        scene.write_text(case.text)
+        scene = Path(folder) / f"robot{ending}"
+        scene.write_text(text)
         cache = Path(folder) / "cache"
-        cold = _child(scene, cache, case.method)
-        warm = [_child(scene, cache, case.method) for _ in range(bench.repeats)]
-        size = sum(f.stat().st_size for f in cache.rglob("*") if f.is_file())
+        cold = _child(scene, cache, method)
+        warm = [_child(scene, cache, method) for _ in range(bench.repeats)]
     cached = {key: float(np.median([w[key] for w in warm])) for key in cold}
     return {
-        "robot": case.name,
-        "joints": case.joints,
+        "robot": name,
+        "joints": joints,
         "cold_s": cold,
         "cached_s": cached,
+        "cold_rounds_s": [cold["total without imports"]],
         "cached_rounds_s": [w["total without imports"] for w in warm],
-        "compiled_bytes": size,
     }
 
 

@@ -24,12 +24,11 @@ def run(bench: Bench) -> Record:
         loop = Loop(robot, ticks=1000 if bench.quick else 2000)
         free = partial(solution.free_motion, robot)
         held = partial(solution.closed_loop, robot, loop)
-        for scenario, duration, solve, closed in (
-            (FREE, robot.duration, free, None),
-            (CONTROLLED, loop.ticks * TICK, held, loop),
-        ):
+        cases = (FREE, robot.duration, free, None), (CONTROLLED, loop.ticks * TICK, held, loop)
+        for scenario, duration, solve, closed in cases:
             about = {"robot": robot.name, "scenario": scenario, "duration_s": duration}
-            truth = bench.once(f"truth: {robot.name}, {scenario}", solve)
+            bench.progress.stage(f"truth: {robot.name}, {scenario}", 1)
+            truth = solve()
             truths.append(about | {"halving_rad": truth.halving, "other_method_rad": truth.other})
             points += _points(bench, robot, about, truth.q, closed)
     return {"truth": truths, "points": points}

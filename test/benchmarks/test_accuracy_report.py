@@ -10,7 +10,6 @@ from typing import Any
 from unittest.mock import patch
 
 import pytest
-from click.testing import CliRunner
 from rich.console import Console
 
 import tolerances
@@ -48,20 +47,8 @@ def test_orders(name: str) -> None:
 
 
 def test_page_json_and_figure(tmp_path: Path) -> None:
-    path = page.write(results(), tmp_path, None)
+    path = page.write(results(), tmp_path)
     text = path.read_text()
     assert "## Orders" in text and "{" not in text
     assert json.loads((tmp_path / "accuracy.json").read_text())["fixed"] == results()["fixed"]
     assert (tmp_path / "figures/accuracy.png").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--docs", "--only", "Panda"], ("--only",)),  # a part is no page
-        (["--only", "perpetuum mobile"], ("perpetuum mobile", "Panda")),
-    ],
-)
-def test_what_is_refused(words: list[str], said: tuple[str, ...]) -> None:
-    outcome = CliRunner().invoke(cli.main, words)
-    assert outcome.exit_code == 2 and all(word in outcome.output for word in said)

@@ -1,78 +1,48 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inverse dynamics of a robot description, independent of the suite and of Pinocchio.
 
-The XML is read by the standard library's reader of HTML, which takes nothing amiss, and the
-numbers as the specification of URDF means them. The torque of a joint is the moment, about its
-axis, of the inertial forces of all links behind it, each from the acceleration of its own centre
-of mass in the world: no recursion of forces, and no spatial algebra.
+Numbers are read as the specification of URDF means them. The torque of a joint is the moment,
+about its axis, of the inertial forces of all links behind it, each from the acceleration of its
+own centre of mass in the world: no recursion of forces, and no spatial algebra.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from html.parser import HTMLParser
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.dom.expatbuilder import parseString
+from xml.dom.minidom import Element
 
 import numpy as np
 
 Array = np.ndarray
 DOWN = np.array([0.0, 0.0, -9.81])
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
-_DOCTYPE = re.compile(r"<!DOCTYPE[^\[>]*(\[.*?\])?\s*>", re.DOTALL)
-_ENTITY = re.compile(r"""<!ENTITY\s+(\w+)\s+["']([^"']*)["']\s*>""")
+_DECLARATION = re.compile(r"<\?xml.*?\?>", re.DOTALL)
 
 
-@dataclass
-class Element:
-    """An element of XML, without its text."""
-
-    tag: str
-    attributes: dict[str, str] = field(default_factory=dict)
-    children: list[Element] = field(default_factory=list)
-
-    def first(self, tag: str) -> Element:
-        """The first child of a tag, or an empty element."""
-        return next(self.all(tag), Element(tag))
-
-    def all(self, tag: str) -> Iterator[Element]:
-        """The children of a tag."""
-        return (child for child in self.children if child.tag == tag)
-
-    def numbers(self, key: str, default: str) -> Array:
-        """The numbers of an attribute."""
-        words = self.attributes.get(key, default).split()
-        assert words and all(map(_NUMBER.fullmatch, words)), (self.tag, key, words)
-        return np.array([float(word) for word in words])
-
-    def number(self, key: str, default: str = "0") -> float:
-        """The number of an attribute."""
-        (one,) = self.numbers(key, default)
-        return float(one)
+def children(element: Element, tag: str) -> list[Element]:
+    """The children of a tag."""
+    return [child for child in element.childNodes if child.nodeName == tag]
 
 
-class _Reader(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__()
-        self.top = Element("")
-        self._open = [self.top]
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        element = Element(tag, {key: value or "" for key, value in reversed(attrs)})
-        self._open[-1].children.append(element)
-        self._open.append(element)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop().tag == tag
+def first(element: Element, tag: str) -> Element:
+    """The first child of a tag, or an empty element."""
+    return next(iter(children(element, tag)), Element(tag))
 
 
-def _tree(text: str) -> Element:
-    head = _DOCTYPE.search(text)
-    for name, value in _ENTITY.findall(head[0] if head else ""):
-        text = text.replace(f"&{name};", value)
-    reader = _Reader()
-    reader.feed(_DOCTYPE.sub("", text))
-    return reader.top.first("robot")
+def numbers(element: Element, key: str, default: str) -> Array:
+    """The numbers of an attribute."""
+    words = (element.getAttribute(key) if element.hasAttribute(key) else default).split()
+    assert words and all(map(_NUMBER.fullmatch, words)), (element.tagName, key, words)
+    return np.array([float(word) for word in words])
+
+
+def number(element: Element, key: str, default: str = "0") -> float:
+    """The number of an attribute."""
+    (one,) = numbers(element, key, default)
+    return float(one)
 
 
 def _turn(rpy: Array) -> Array:
@@ -101,13 +71,13 @@ class Body:
     @classmethod
     def of(cls, link: Element) -> Body:
         """That of a <link>."""
-        inertial = link.first("inertial")
-        place, tensor = inertial.first("origin"), inertial.first("inertia")
-        i = [[tensor.number(key) for key in row] for row in
+        inertial = first(link, "inertial")
+        place, tensor = first(inertial, "origin"), first(inertial, "inertia")
+        i = [[number(tensor, key) for key in row] for row in
              (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))]  # fmt: skip
-        R = _turn(place.numbers("rpy", "0 0 0"))
-        mass = inertial.first("mass").number("value")
-        return cls(mass, place.numbers("xyz", "0 0 0"), R @ np.array(i) @ R.T)
+        R = _turn(numbers(place, "rpy", "0 0 0"))
+        mass = number(first(inertial, "mass"), "value")
+        return cls(mass, numbers(place, "xyz", "0 0 0"), R @ np.array(i) @ R.T)
 
 
 @dataclass
@@ -129,19 +99,19 @@ class Joint:
     @classmethod
     def of(cls, joint: Element) -> Joint:
         """That of a <joint>."""
-        place, loss, mimic = (joint.first(tag) for tag in ("origin", "dynamics", "mimic"))
-        axis = joint.first("axis").numbers("xyz", "1 0 0")
-        limit = joint.first("limit")
+        place, loss, mimic = (first(joint, tag) for tag in ("origin", "dynamics", "mimic"))
+        axis = numbers(first(joint, "axis"), "xyz", "1 0 0")
+        limit = first(joint, "limit")
         lower, upper, effort, velocity = (
-            limit.number(key) for key in ("lower", "upper", "effort", "velocity")
+            number(limit, key) for key in ("lower", "upper", "effort", "velocity")
         )
         return cls(
-            joint.attributes["type"], joint.first("parent").attributes["link"],
-            joint.first("child").attributes["link"], place.numbers("xyz", "0 0 0"),
-            _turn(place.numbers("rpy", "0 0 0")), axis / (np.linalg.norm(axis) or 1.0),
-            loss.number("damping"), loss.number("friction"), (lower, upper, effort, velocity),
-            mimic.attributes.get("joint"),
-            (mimic.number("multiplier", "1"), mimic.number("offset")),
+            joint.getAttribute("type"), first(joint, "parent").getAttribute("link"),
+            first(joint, "child").getAttribute("link"), numbers(place, "xyz", "0 0 0"),
+            _turn(numbers(place, "rpy", "0 0 0")), axis / (np.linalg.norm(axis) or 1.0),
+            number(loss, "damping"), number(loss, "friction"), (lower, upper, effort, velocity),
+            mimic.getAttribute("joint") or None,
+            (number(mimic, "multiplier", "1"), number(mimic, "offset")),
         )  # fmt: skip
 
     @property
@@ -154,9 +124,10 @@ class Robot:
     """A robot description as read here."""
 
     def __init__(self, text: str) -> None:
-        root = _tree(text)
-        self.bodies = {link.attributes["name"]: Body.of(link) for link in root.all("link")}
-        self.joints = {joint.attributes["name"]: Joint.of(joint) for joint in root.all("joint")}
+        root = parseString(_DECLARATION.sub("", text), namespaces=False).documentElement
+        links, joints = children(root, "link"), children(root, "joint")
+        self.bodies = {link.getAttribute("name"): Body.of(link) for link in links}
+        self.joints = {joint.getAttribute("name"): Joint.of(joint) for joint in joints}
         self._above = {joint.child: name for name, joint in self.joints.items()}
 
     def torques(

@@ -50,7 +50,7 @@ def files(folder: Path) -> set[Path]:
     return set(folder.rglob("*"))
 
 
-ASK = ("demo --view --help", "test -h", "completion bash")
+ASK = ("test -h", "completion bash")
 
 
 @pytest.mark.parametrize("line", ASK)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dockerfile and workflow work: what needs neither root nor network is run."""
+"""Dockerfile and workflow: what they start is there, and the pages say the same."""
 
 import os
 import re
@@ -18,22 +18,8 @@ def everywhere() -> list[str]:
     return [*of_images, *(command for job in WORKFLOW["jobs"] for command in steps(job))]
 
 
-# Commands that are not run here: how they begin, and why, or what runs the same.
-ELSEWHERE = {
-    "apt-get ": "needs root",
-    "rosdep ": "needs root",
-    "python -m pip install ": "test_installed.py runs that of the workflow's job",
-    "arm describe pendulum": "likewise",
-    "pip install --target install/": "tools/noble.py runs it",
-    ".ci/run": "runs these tests",
-    ". /opt/ros/jazzy/setup.sh": "needs an installed ROS 2; ./arm sets up what runs these tests",
-    "source /opt/ros/": "needs an installed ROS 2; tools/noble.py runs colcon",
-}
-
-
-def test_every_command_is_run_or_said_not_to_be() -> None:
+def test_every_command_can_be_read_by_the_shell() -> None:
     for command in everywhere():
-        assert command.startswith(tuple(ELSEWHERE)), command
         subprocess.run(["bash", "-n"], input=command, text=True, check=True)
 
 

@@ -3,36 +3,17 @@
 elliptic functions, or by Taylor series of high order.
 """
 
-from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.special import ellipkm1
 
-from arm_sim import Simulator
-from benchmarks.accuracy.problems import REFERENCE, all_problems, numbers, reference, ring_rates
+from arm_sim import SimulationDiverged, Simulator
+from benchmarks.accuracy.problems import REFERENCE, all_problems
 from tolerances import CLOSED_FORM, TRAJECTORY, assert_close
 
 PROBLEMS = {problem.name: problem for problem in all_problems(TRAJECTORY)}
-
-
-@cache
-def speeds() -> dict[str, dict[float, np.ndarray]]:
-    """Where the references have them, of the joints; of a top, its body's rates."""
-    double, four, top = (reference(x) for x in ("double_pendulum", "four_bar", "free_top"))
-
-    def elbow(motion: dict[str, list[str]]) -> dict[float, np.ndarray]:
-        rates = {float(t): numbers(x[2:]) for t, x in motion.items()}
-        return {t: np.array([first, second - first]) for t, (first, second) in rates.items()}
-
-    return {
-        "double pendulum": elbow(double["pi6_pi4"]),
-        "double pendulum, wild": elbow(double["pi2_pi2"]),
-        "stiff elbow": elbow(reference("stiff_elbow")["motion"]),
-        "four-bar": {float(t): numbers(x[1:]) for t, x in four["1"].items()},
-        "two four-bars": {float(t): numbers(x[1:]) for t, x in four["2"].items()},
-        "free top": {float(t): numbers(x) for t, x in top["rates"].items()},
-    }
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -47,9 +28,6 @@ def test_motion_at_1_ms(name: str) -> None:
             sim.run(min(100.0, time - sim.state.time))
         found = problem.observe(sim.state.q)
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=problem.gate)
-        if name in speeds():
-            rates = ring_rates(sim.state.q) if name == "free top" else np.eye(sim.n)
-            assert_close(rates @ sim.state.v, speeds()[name][time], TRAJECTORY)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 0.25])
@@ -89,3 +67,25 @@ def test_period_of_a_pendulum(degrees: int) -> None:
     assert run.v[-1, 0] < 0.0, "a fifth quarter ends on the way down"
     late = run.q[-1, 0] / -run.v[-1, 0]
     assert_close(wanted * (1 + late / (5 * quarter)), wanted, TRAJECTORY)
+
+
+# A double pendulum whose elbow hardly gives: explicit methods need steps far below what the motion
+# asks for, the implicit one does not.
+STIFF = PROBLEMS["stiff elbow"]
+
+
+@pytest.mark.parametrize(
+    ("options", "error"), [({}, TRAJECTORY), ({"integrator": "dop853", "tolerance": 1e-9}, 1e-8)]
+)
+def test_a_stiff_elbow_in_steps_of_10_ms(options: dict[str, Any], error: float) -> None:
+    sim = Simulator(STIFF.scene, dt=1e-2, **options)
+    assert options or sim.plan.integrator == "implicit"
+    for time, wanted in STIFF.expected.items():
+        sim.run(time - sim.state.time)
+        np.testing.assert_allclose(sim.state.q, wanted, rtol=0.0, atol=error)
+
+
+def test_rk4_at_1_ms_is_beyond_its_stability() -> None:
+    """And says so: no numbers that look like a motion."""
+    with pytest.raises(SimulationDiverged):
+        Simulator(STIFF.scene, integrator="rk4", dt=1e-3).run(1.0)

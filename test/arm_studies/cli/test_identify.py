@@ -25,16 +25,10 @@ TRUE = {
 @pytest.fixture(scope="module")
 def table(tmp_path_factory) -> Path:
     """Positions and torques of a robot under other names, without velocities."""
-    t = np.arange(0.0, 10.0, 0.01)
-    q = np.column_stack([np.sin(2.1 * t) + 0.4 * np.cos(5.0 * t), 0.8 * np.sin(3.3 * t + 1.0)])
-    w = np.array([2.1, 5.0, 3.3])
-    v = np.column_stack([
-        w[0] * np.cos(w[0] * t) - 0.4 * w[1] * np.sin(w[1] * t), 0.8 * w[2] * np.cos(w[2] * t + 1)
-    ])  # fmt: skip
-    a = np.column_stack([
-        -(w[0] ** 2) * np.sin(w[0] * t) - 0.4 * w[1] ** 2 * np.cos(w[1] * t),
-        -0.8 * w[2] ** 2 * np.sin(w[2] * t + 1),
-    ])  # fmt: skip
+    t, w, phase = np.arange(0.0, 10.0, 0.01)[:, None], np.array([2.1, 3.3]), np.array([0.0, 1.0])
+    q = 0.9 * np.sin(w * t + phase) + 0.3 * np.cos(5.0 * t)
+    v = 0.9 * w * np.cos(w * t + phase) - 1.5 * np.sin(5.0 * t)
+    a = -0.9 * w**2 * np.sin(w * t + phase) - 7.5 * np.cos(5.0 * t)
     tau = Dynamics(TRUE).inverse(q, v, a)
     path = tmp_path_factory.mktemp("robot") / "robot.csv"
     names = ["left_shoulder", "left_elbow"]
@@ -114,32 +108,16 @@ def test_refusals_leave_nothing_behind(table, tmp_path):
         ((table, "--scene", "panda", "--out", out), "no joint matches panda_joint1"),
         ((table, "--scene", "two_link", "--out", tmp_path / "a.txt"), "allowed: .yaml"),
         ((table, "--scene", "two_link", "--out", out, "--mass", "elbow"), "JOINT=KG"),
-        ((table, "--scene", "two_link", "--out", out, "--mass", "elbow=x"), "a number"),
         ((table, "--scene", "two_link", "--out", out, "--map", "hip=y"), "no joint 'hip'"),
-        ((table, "--scene", "two_link", "--out", out, "--payload", "tipp"), "did you mean 'tip'"),
         (
             (table, "--scene", "two_link", "--out", out, "--payload", "tip", "--total-mass", "3"),
             "not allowed with it",
         ),
-        ((tmp_path / "no.csv", "--scene", "two_link", "--out", out), "no.csv"),
         ((table, "--out", out), "Missing option '--scene'"),
     ):
         done = typed(*arguments)
         assert done.exit_code and said in done.output + str(done.exception), done.output
         assert not out.exists()
-
-
-def test_an_arm_at_rest_at_the_end_has_no_error(table, tmp_path):
-    """Whether its scene is better than the nominal one is unknown: it is written, and told."""
-    record = np.loadtxt(table, delimiter=",", skiprows=1)
-    record[600:, 1:] = record[599, 1:]
-    rests = changed(table, record, "rests.csv")
-    done = typed(rests, "--scene", "two_link", "--out", tmp_path / "a.yaml", "--json")
-    told = json.loads(done.stdout)
-    assert told["error"] is None and told["torque_error"] == {"shoulder": None, "elbow": None}
-    assert any("no error is known of 'shoulder', 'elbow'" in note for note in told["notes"])
-    low, high = told["intervals"]["elbow.coulomb"]
-    assert low < 0.6 < high
 
 
 def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked(table, tmp_path):

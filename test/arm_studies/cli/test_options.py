@@ -4,7 +4,6 @@
 import re
 import shlex
 from collections.abc import Iterator
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -126,18 +125,13 @@ def test_identification_is_asked_for_what_was_typed(
     asked: dict[str, Any], table: Path, tmp_path: Path
 ) -> None:
     out = "--out", tmp_path / "a.yaml"
-    typed("identify", table, "--scene", "two_link", *out)
+    typed("identify", table, "--scene", "two_link", *out, "--band", 7.5, "--effort", "scale",
+          "--map", "elbow=a", "--map", "shoulder=b", "--total-mass", 12.5, "--mass", "tip=2",
+          "--accept-worse")  # fmt: skip
     assert asked.pop("on_progress") is not None
     scene, records = asked.pop("given")
     assert scene == "two_link" and records[0].effort.tolist() == [[1.0], [2.0], [3.0]]
     assert asked == {
-        "band": None, "effort": "torque", "names": {}, "total_mass": None, "masses": {},
-        "accept_worse": False,
-    }  # fmt: skip
-    typed("identify", table, "--scene", "two_link", *out, "--band", 7.5, "--effort", "scale",
-          "--map", "elbow=a", "--map", "shoulder=b", "--total-mass", 12.5, "--mass", "tip=2",
-          "--accept-worse")  # fmt: skip
-    assert {name: asked[name] for name in asked if name not in ("given", "on_progress")} == {
         "band": 7.5, "effort": "scale", "names": {"elbow": "a", "shoulder": "b"},
         "total_mass": 12.5, "masses": {"tip": 2.0}, "accept_worse": True,
     }  # fmt: skip
@@ -156,30 +150,20 @@ def test_a_payload_is_asked_for_with_names_and_band(
 
 
 def test_a_comparison_is_asked_for_what_was_typed(asked: dict[str, Any], table: Path) -> None:
-    typed("compare", "two_link", table)
-    scene, record = asked.pop("given")
-    assert scene == "two_link" and record.joint_names == ("a",)
-    assert asked == {"band": None, "window": 0.25, "last": 1.0, "names": {}}
     typed("compare", "two_link", table, "--band", 9.0, "--window", 0.5, "--last", 0.75, "--map",
           "elbow=a")  # fmt: skip
-    asked.pop("given")
+    scene, record = asked.pop("given")
+    assert scene == "two_link" and record.joint_names == ("a",)
     assert asked == {"band": 9.0, "window": 0.5, "last": 0.75, "names": {"elbow": "a"}}
 
 
 def test_an_exciting_motion_is_asked_for_as_it_was_typed(
     asked: dict[str, Any], tmp_path: Path
 ) -> None:
-    out = "--out", tmp_path / "a.yaml"
-    typed("excite", "two_link", *out)
-    (room,) = asked.pop("given")
-    asked.pop("on_progress")
-    assert asked == {"period": 10.0, "harmonics": 5, "aim": "all", "attempts": 3, "seed": 0}
-    assert (room.share, room.margin, room.acceleration, room.clearance) == (0.8, 0.05, inf, 0.05)
-    assert room.box is None and room.given_start is None
-    typed("excite", "two_link", *out, "--period", 4, "--harmonics", 7, "--aim", "masses",
-          "--attempts", 2, "--seed", 9, "--share", 0.5, "--margin", 0.1, "--acceleration", 30,
-          "--clearance", 0.2, "--start", "0.1 0.2", "--frame", "tip", "--frame", "elbow",
-          "--box", "-1 -2 -3 1 2 3")  # fmt: skip
+    typed("excite", "two_link", "--out", tmp_path / "a.yaml", "--period", 4, "--harmonics", 7,
+          "--aim", "masses", "--attempts", 2, "--seed", 9, "--share", 0.5, "--margin", 0.1,
+          "--acceleration", 30, "--clearance", 0.2, "--start", "0.1 0.2", "--frame", "tip",
+          "--frame", "elbow", "--box", "-1 -2 -3 1 2 3")  # fmt: skip
     (room,) = asked.pop("given")
     asked.pop("on_progress")
     assert asked == {"period": 4.0, "harmonics": 7, "aim": "masses", "attempts": 2, "seed": 9}
@@ -192,13 +176,8 @@ def test_a_sweep_is_asked_for_as_it_was_typed(
     asked: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    typed("sweep", "my.yaml")
-    assert asked.pop("on_progress") is not None
-    assert asked == {
-        "given": (Path("my.yaml"), Path("reports/sweeps/my")), "workers": None, "cluster": None
-    }  # fmt: skip
     typed("sweep", "my.yaml", "--out", "there", "--workers", 3, "--cluster", "tcp://a:1")
-    asked.pop("on_progress")
+    assert asked.pop("on_progress") is not None
     assert asked == {
         "given": (Path("my.yaml"), Path("there")), "workers": 3, "cluster": "tcp://a:1"
     }  # fmt: skip

@@ -42,8 +42,6 @@ def test_the_true_scene_has_no_error() -> None:
     assert found.free_run is not None
     assert found.free_run.count >= 20 and not found.free_run.lost
     assert np.all(found.free_run.relative < 2e-3)
-    assert f"{found!r}".startswith("<Comparison: torque error 0.0")
-    assert f"<FreeRun: {found.free_run.count} windows of 0.25 s; errors" in f"{found!r}"
 
 
 def test_a_free_run_does_not_delay_torques_that_have_acted() -> None:
@@ -52,10 +50,9 @@ def test_a_free_run_does_not_delay_torques_that_have_acted() -> None:
 
 
 def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> None:
-    good = record()
-    effort = good.effort.copy()
+    effort = record().effort.copy()
     effort[2000:3500, 1] = np.nan
-    found = compare(HEAVY, JointRecord.of(good.joint_names, good.time, good.q, effort))
+    found = compare(HEAVY, changed(effort=effort))
     assert found.free_run is not None
     assert found.free_run.count <= 17 and not found.free_run.lost
     assert np.all(found.free_run.relative < 2e-3)
@@ -63,8 +60,7 @@ def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> No
 
 def test_positions_that_jump_by_whole_turns_are_unwrapped() -> None:
     good = record()
-    q = good.q + 2.0 * np.pi * (good.time > 3.0)[:, None]
-    found = compare(HEAVY, JointRecord.of(good.joint_names, good.time, q, good.effort))
+    found = compare(HEAVY, changed(q=good.q + 2.0 * np.pi * (good.time > 3.0)[:, None]))
     assert found.whole < 1e-3 and any("are unwrapped" in note for note in found.notes)
 
 
@@ -93,16 +89,13 @@ def test_drives_have_no_free_run_and_say_so() -> None:
 
 def changed(**parts: Any) -> JointRecord:
     good = record()
-    whole = {"joint_names": good.joint_names, "q": good.q, "effort": good.effort} | parts
-    return JointRecord.of(whole["joint_names"], good.time, whole["q"], whole["effort"])
+    whole = {"q": good.q, "effort": good.effort} | parts
+    return JointRecord.of(good.joint_names, good.time, whole["q"], whole["effort"])
 
 
 REFUSED: dict[str, Callable[[], object]] = {
-    "efforts of shoulder, elbow are missing":
-        lambda: compare(NOMINAL, changed(effort=np.full((6001, 2), np.nan))),
     "all efforts are zero": lambda: compare(NOMINAL, changed(effort=np.zeros((6001, 2)))),
     "no joint moves": lambda: compare(NOMINAL, changed(q=np.zeros((6001, 2)))),
-    "shoulder": lambda: compare(NOMINAL, changed(joint_names=("a", "b"))),
     "the scene has closed loops": lambda: compare("four_bar", record()),
     "window": lambda: compare(NOMINAL, record(), window=0.0),
     "last = 1.5": lambda: compare(NOMINAL, record(), last=1.5),
@@ -137,12 +130,7 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
     done = typed("--last", "0.5", "--figure", str(figure))
     assert done.exit_code == 0, done.output
     assert figure.stat().st_size > 20_000
-    rows = {line.split()[0]: line.split()[1:] for line in done.output.splitlines() if line.split()}
-    assert rows["elbow"][:3] == [
-        f"{made[0].torque[1]:.4g}", *(f"{each.error[1]:.3g}" for each in made)
-    ]  # fmt: skip
     scenes = json.loads(typed("--last", "0.5", "--json").stdout)["scenes"]
     for said, each in zip(scenes, made, strict=True):
         assert list(said["torque_error"].values()) == pytest.approx(each.error, rel=1e-6)
         assert list(said["free_run"]["error"].values()) == pytest.approx(each.free_run.error, 1e-6)
-    assert typed("--map", "shoulder").exit_code == 2

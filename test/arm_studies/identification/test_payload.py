@@ -79,9 +79,6 @@ def test_intervals_contain_the_truth_and_what_is_not_determined_is_named(tilt, m
         found = estimate_payload(*nearly_planar(tilt, seed), "tip")
         true = (BODY["mass"], *BODY["com"], *BODY["inertia"])
         assert set(found.missing) == missing
-        assert f"{found!r}".startswith("<PayloadEstimate on tip:\n  mass 1.")
-        unknown = [line for line in f"{found!r}".splitlines() if "does not determine it" in line]
-        assert len(unknown) == len(missing) and " to " not in "".join(unknown)
         for (name, value, _), truth in zip(found.rows(), true, strict=True):
             assert name in found.intervals or name in missing
             if name not in missing:

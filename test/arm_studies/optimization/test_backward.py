@@ -43,37 +43,6 @@ def model(cost: Expansion, xs: np.ndarray, us: np.ndarray) -> float:
     )  # fmt: skip
 
 
-def best(slopes: np.ndarray, cost: Expansion, dx: np.ndarray) -> np.ndarray:
-    """Commands that minimize the model, from its gradient by all commands at once."""
-
-    def states(us: np.ndarray) -> np.ndarray:
-        xs = [dx]
-        for S, u in zip(slopes, us.reshape(NODES, N), strict=True):
-            xs.append(S @ np.r_[xs[-1], u])
-        return np.array(xs)
-
-    base = states(np.zeros(NODES * N))
-    G = np.stack([states(e) - base for e in np.eye(NODES * N)], axis=-1)
-    gradient = np.einsum("kia,ki->a", G, cost.x + np.einsum("kij,kj->ki", cost.xx, base))
-    hessian = np.einsum("kia,kij,kjb->ab", G, cost.xx, G)
-    for k in range(NODES):
-        part = slice(k * N, (k + 1) * N)
-        gradient[part] += cost.u[k]
-        hessian[part, part] += cost.uu[k]
-    return -np.linalg.solve(hessian, gradient).reshape(NODES, N)
-
-
-def test_without_limits_it_is_the_minimum_of_the_whole_problem(rng: np.random.Generator) -> None:
-    slopes, cost = problem(rng)
-    policy = backward(slopes, cost, -FREE, FREE, 0.0)
-    assert policy is not None
-    for dx in (
-        np.zeros(NX),
-        rng.normal(size=NX),
-    ):  # feedback is right away from the trajectory too
-        assert_close(followed(slopes, policy, dx)[1], best(slopes, cost, dx), ALGEBRA)
-
-
 def test_what_is_promised_is_what_the_model_gives(rng: np.random.Generator) -> None:
     slopes, cost = problem(rng)
     policy = backward(slopes, cost, np.full((NODES, N), -0.1), np.full((NODES, N), 0.2), 0.3)

@@ -114,10 +114,8 @@ def running(pid: int) -> bool:
     ("given", "said"),
     [
         ({"workers": 0}, "workers = "),
-        ({"workers": 1.5}, "workers = "),
         ({"workers": 2, "cluster": "tcp://127.0.0.1:1"}, "a cluster has its own workers"),
         ({"cluster": "tcp://127.0.0.1:1"}, "'tcp://127.0.0.1:1': no Dask scheduler answers"),
-        ({"cluster": "nonsense://x"}, "cluster = 'nonsense://x'"),
     ],
 )
 def test_nobody_to_share_with(

@@ -28,12 +28,9 @@ def test_paths_are_relative_to_the_study(tmp_path: Path) -> None:
         ({"durations": 1}, "study: unknown key 'durations' = 1; allowed here: .*did you mean"),
         ({"sampling": "sobol"}, "'sampling' = 'sobol': allowed: random, latin_hypercube"),
         ({"metrics": ["tracking_rsm"]}, "unknown metric .*did you mean 'tracking_rms'"),
-        ({"metrics": ["tracking_rms.elbo"]}, "study: metric .*did you mean 'elbow'"),
         ({"vary": {"sim.dt": []}}, "'vary.sim.dt' = .*the list is empty"),
         ({"vary": {"sim.dt": {"uniform": [2, 1]}}}, "the lower end must lie below"),
-        ({"vary": {"sim.dt": {"uniform": [0, 1], "normal": [0, 1]}}}, "exactly one of"),
         ({"motion": {"points": [{"time": 1}]}}, "'motion.points.0.position' is missing"),
-        ({"motion": {"points": [{"time": 1, "position": {"elbo": 1}}]}}, "did you mean 'elbow'"),
         ({"vary": {"joints.*.friction.viscos": [1]}}, "'joints.*.friction.viscos'.*did you mean"),
         ({"vary": {"payloads.0.mass": [1]}}, "'vary.payloads.0.mass': there is no 'payloads.0'"),
         ({"changes": {"payload": []}}, "study: 'changes': .*did you mean 'payloads'"),
@@ -50,14 +47,11 @@ def test_mistakes_are_named(part: dict[str, Any], said: str) -> None:
     ("content", "said"),
     [
         ("scene: two_link\nduration: -1\n", r"study\.yaml:2: study: 'duration' = -1"),
-        ("", "study: "),
         ("scene: [\n", "study: "),
-        (None, "cannot read"),
     ],
 )
-def test_mistakes_in_files_are_named(content: str | None, said: str, tmp_path: Path) -> None:
+def test_mistakes_in_files_are_named(content: str, said: str, tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
-    if content is not None:
-        file.write_text(content)
+    file.write_text(content)
     with pytest.raises(ArmError, match=said):
         load_study(file)

@@ -31,7 +31,6 @@ STUDY: dict[str, Any] = {
     "metrics": ["tracking_rms", "tracking_max", "energy", "tracking_max.elbow"],
 }  # fmt: skip
 LOADED = {"at": [0.0, 10.0], "factor": [1.0, 1.3]}
-BRISTLES = {"sigma0": 1e4, "sigma1": 50.0}
 VARIED = STUDY | {
     "vary": {
         "payloads.0.mass": {"uniform": [0.1, 2.0]},
@@ -50,26 +49,26 @@ def loop(
     return pair.run(0.3)
 
 
+def energy(run: Recording) -> float:
+    """Work of the drives, the metric ``energy``."""
+    return float(np.abs(run.tau[:-1] * np.diff(run.q, axis=0)).sum())
+
+
 @pytest.mark.parametrize(
     "controller",
     always(["computed_torque", "pd", "pd_gravity", "feed_forward", "float"], "computed_torque"),
 )
 def test_compiled_controllers_are_those_of_the_nodes(controller: str) -> None:
-    """Energy and end of a run, against ``ClosedLoop`` with the controllers in Python."""
+    """Energy of a run, against ``ClosedLoop`` with the controllers in Python."""
     study = STUDY | {
         "controller": controller,
         "vary": {"payloads.0.mass": [0.2, 0.9], "controller.settings.bandwidth": [15.0]},
-        "metrics": ["energy", "torque_max"],
     }
     done = sweep(study, workers=1)
     assert done.plan.compiled == 2 and done.plan.worlds == 1
     for k, mass in enumerate((0.2, 0.9)):
         other = loop({"payloads": [{"frame": "tip", "mass": mass}]}, controller, bandwidth=15.0)
-        energy = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
-        np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
-        np.testing.assert_allclose(
-            done.table["torque_max"][k], abs(other.tau[:-1]).max(), rtol=1e-9
-        )
+        np.testing.assert_allclose(done.table["energy"][k], energy(other), rtol=1e-9)
 
 
 def test_the_time_for_which_a_torque_is_held_is_that_of_the_settings() -> None:
@@ -78,9 +77,7 @@ def test_the_time_for_which_a_torque_is_held_is_that_of_the_settings() -> None:
     done = sweep(study, workers=1)
     assert done.plan.compiled == 2 and done.plan.worlds == 1
     for k, dt in enumerate((1e-4, 0.01)):
-        other = loop({}, dt=dt)
-        energy = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
-        np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
+        np.testing.assert_allclose(done.table["energy"][k], energy(loop({}, dt=dt)), rtol=1e-9)
 
 
 def test_tunable_numbers_share_one_world_and_mean_what_they_say() -> None:
@@ -95,8 +92,7 @@ def test_tunable_numbers_share_one_world_and_mean_what_they_say() -> None:
         mass, viscous, weight = (done.table[name][k] for name in study["vary"])
         other = loop({"payloads": [{"frame": "tip", "mass": mass}], "gravity": [0, 0, weight],
                       "joints": {"*": {"friction": {"viscous": viscous}}}})  # fmt: skip
-        energy = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
-        np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
+        np.testing.assert_allclose(done.table["energy"][k], energy(other), rtol=1e-9)
 
 
 @pytest.mark.parametrize("base", [{}, {"coulomb": 0.4, "load": LOADED}])
@@ -110,27 +106,20 @@ def test_levels_of_dry_friction_share_one_world(base: dict[str, Any]) -> None:
     done = sweep(study, workers=1)
     assert done.plan.worlds == 1
     levels = done.table["joints.*.friction.coulomb"]
-    for level, energy in zip(levels, done.table["energy"], strict=True):
+    for level, found in zip(levels, done.table["energy"], strict=True):
         before, after = (
             {"joints": {"*": {"friction": {"viscous": 0.1} | base | own}}}
             for own in ({}, {"coulomb": level})
         )
-        other = loop(after, known=SCENE | before)
-        expected = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
-        np.testing.assert_allclose(energy, expected, rtol=1e-9)
+        expected = energy(loop(after, known=SCENE | before))
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert np.ptp(done.table["energy"]) > 0.0
 
 
-@pytest.mark.parametrize(
-    "friction",
-    [{"static": 1.5, "stribeck_velocity": 0.1}, {"lugre": BRISTLES}],
-    ids=["static", "lugre"],
-)
-def test_levels_that_change_something_else_have_worlds_of_their_own(
-    friction: dict[str, Any],
-) -> None:
+def test_levels_that_change_something_else_have_worlds_of_their_own() -> None:
+    friction = {"coulomb": 0.4, "static": 1.5, "stribeck_velocity": 0.1}
     study = STUDY | {
-        "changes": {"joints": {"elbow": {"friction": friction | {"coulomb": 0.4}}}},
+        "changes": {"joints": {"elbow": {"friction": friction}}},
         "vary": {"joints.elbow.friction.coulomb": [0.3, 0.6]}, "metrics": ["energy"],
     }  # fmt: skip
     done = sweep(study, workers=1)
@@ -151,14 +140,6 @@ def test_a_joints_own_friction_goes_before_that_of_all() -> None:
     assert np.ptp(ours["energy"]) > 0.0
 
 
-def test_structure_is_compiled_once_for_each_value() -> None:
-    vary = {"joints.elbow.armature": [0.0, 1.0], "payloads.0.mass": {"uniform": [0.49, 0.51]}}
-    study = STUDY | {"vary": vary, "samples": 3}
-    done = sweep(study, workers=1)
-    assert done.plan.worlds == 2 and len(done.table) == 6
-    assert np.all(done.table["tracking_max"][3:] > done.table["tracking_max"][:3])
-
-
 def test_controllers_and_imperfections_are_varied() -> None:
     study = STUDY | {
         "vary": {"controller": ["computed_torque", "pid"], "sensors.position.noise": [0.0, 0.01]},
@@ -171,12 +152,11 @@ def test_controllers_and_imperfections_are_varied() -> None:
     assert noisy[0] != noisy[1] and np.all(noisy > 2.0 * quiet)
 
 
-@pytest.mark.parametrize("changes", [{}, {"sensors": {"position": {"counts": 4096}}}])
-def test_imperfections_without_chance_need_no_seed(changes: dict[str, Any]) -> None:
-    """A delay is a model error like any other, beside exact or quantized measurements."""
+def test_imperfections_without_chance_need_no_seed() -> None:
+    """A delay is a model error like any other, beside quantized measurements."""
+    changes = {"sensors": {"position": {"counts": 4096}}}
     study = STUDY | {"changes": changes, "vary": {"commands.delay": [0.0, 0.004]}, "samples": 2}
     table = sweep(study, workers=1).table
-    assert table["status"].tolist() == ["done"] * 4
     prompt, late = table["tracking_rms"].reshape(2, 2)
     assert prompt[0] == prompt[1] and late[0] == late[1]
     assert late[0] > 1.1 * prompt[0]
@@ -192,18 +172,10 @@ def test_a_run_that_diverges_is_a_row() -> None:
     assert table["note"][1].startswith("at t = ")
 
 
-@pytest.mark.parametrize(
-    ("key", "values", "note"),
-    [
-        ("payloads.0.mass", [0.5, -1.0], "mass"),
-        ("motion.points.0.time", [0.25, -0.2],
-         "study: 'motion.points.0.time' = -0.2: more than 0 is expected"),
-    ],
-)  # fmt: skip
-def test_a_run_that_cannot_be_made_is_a_row(key: str, values: list[float], note: str) -> None:
-    table = sweep(STUDY | {"vary": {key: values}}, workers=1).table
+def test_a_run_that_cannot_be_made_is_a_row() -> None:
+    table = sweep(STUDY | {"vary": {"motion.points.0.time": [0.25, -0.2]}}, workers=1).table
     assert table["status"].tolist() == ["done", "failed"]
-    assert note in table["note"][1]
+    assert "study: 'motion.points.0.time' = -0.2: more than 0 is expected" in table["note"][1]
 
 
 OF_THREE = {"bandwidth": [1.0, 2.0, 3.0]}
@@ -213,9 +185,7 @@ OF_THREE = {"bandwidth": [1.0, 2.0, 3.0]}
     ("changes", "said"),
     [
         ({"vary": {"payloads.0.mass": [-1.0, 0.5]}}, "mass"),
-        ({"vary": {"motion.points.0.time": [-0.2, 0.25]}}, "'motion.points.0.time' = -0.2"),
         ({"vary": {"motion.points.0.position.elbow": ["far", 0.25]}}, "far"),
-        ({"controller": {"name": "pid", "settings": OF_THREE}}, r"shape \(3,\)"),
         ({"controller": {"name": "computed_torque", "settings": OF_THREE}}, r"shape \(3,\)"),
         (
             {
@@ -329,12 +299,7 @@ def test_a_study_that_changed_is_refused_by_name(
 
 @pytest.mark.parametrize(
     ("file", "key"),
-    [
-        ("first", "scene"),
-        ("second", "scene"),
-        ("known", "controller.scene"),
-        ("to", "motion.file"),
-    ],
+    [("second", "scene"), ("known", "controller.scene"), ("to", "motion.file")],
 )
 def test_a_file_that_changed_is_noticed(file: str, key: str, tmp_path: Path) -> None:
     """Also of two scenes whose paths begin alike."""

@@ -32,7 +32,6 @@ class Motion:
     lost: Array  # shape (k,)
     # What happened: time, kind, and who
     log: list[tuple[float, str, int]] = field(default_factory=list)
-    rates: int = 0  # how often the rates of the state were computed
 
     @property
     def balance(self) -> Array:
@@ -68,7 +67,6 @@ class _Run:
         self.system, self.times, self.held, self.looks_left = system, times, held, most_looks
         self.commands = system.u[None] if commands is None else commands
         self.log: list[tuple[float, str, int]] = []
-        self.rates = 0
         self.found = np.full((len(times), len(system.start())), np.nan)
 
     def motion(self) -> Motion:
@@ -110,7 +108,7 @@ class _Run:
         energy = np.array([s.tree.energy(a, b) for a, b in zip(q, v, strict=True)]) + stored
         return Motion(
             s.names, self.times, q, v, z, energy, self.found[:, -2], self.found[:, -1],
-            self.log, self.rates,
+            self.log,
         )  # fmt: skip
 
     def _closed(self, y: Array) -> Array:
@@ -214,7 +212,6 @@ class _Run:
         s = self.system
 
         def rate(_: float, y: Array) -> Array:
-            self.rates += 1
             self._spend()
             try:
                 now = s.look(y, signs)

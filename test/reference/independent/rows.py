@@ -20,21 +20,6 @@ class Row(NamedTuple):
     bend: float
 
 
-class Coupling:
-    """q1 = ratio q2 + offset."""
-
-    def __init__(self, tree: Tree, said: Mapping[str, Any]) -> None:
-        only(said, "coupling", "type", "name", "joints", "ratio", "offset")
-        first, second = (tree.joint_names.index(name) for name in said["joints"])
-        self._A = np.zeros(tree.n)
-        self._A[[first, second]] = 1.0, -said["ratio"]
-        self._offset = said.get("offset", 0.0)
-
-    def at(self, q: Array, v: Array) -> Row:
-        """The row at a state."""
-        return Row(float(self._A @ q) - self._offset, self._A, 0.0)
-
-
 class Rod:
     """Two points keep their distance: φ = (|p|² - l²) / (2 l)."""
 

@@ -13,7 +13,7 @@ from .description import mimics, only
 from .drives import drive, rotor_at_joint
 from .dry import Dry
 from .flow import Law
-from .rows import Contact, Coupling, Rod, Stop, Touch, stops
+from .rows import Contact, Rod, Stop, Touch, stops
 from .springs import JointSpring, PointSpring, soft_stops
 from .tree import Tree
 
@@ -96,9 +96,9 @@ class System:
         given = scene.get("initial", {})
         self.q0 = self._of(given.get("position", {}))
         self.v0 = self._of(given.get("velocity", {}))
-        kinds = {"coupling": Coupling, "distance": Rod}
         ties = scene.get("constraints", ())
-        self.loops = [kinds[c["type"]](self.tree, c) for c in ties if c["type"] != "contact"]
+        only(dict.fromkeys(c["type"] for c in ties), "constraints", "contact", "distance")
+        self.loops = [Rod(self.tree, c) for c in ties if c["type"] == "distance"]
         touching = [Contact(self.tree, c, self.q0) for c in ties if c["type"] == "contact"]
         self.touching: list[Contact | Stop] = [*touching, *limits]
         ends = np.cumsum([0, *(law.size for law in self.laws)])

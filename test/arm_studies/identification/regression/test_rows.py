@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns of friction at a tenth of the measured times are those of all times, filtered."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
@@ -12,6 +15,7 @@ from arm_studies.identification.regression.friction import (
     JointFit,
     Shape,
 )
+from arm_studies.identification.regression.irregularities import without_outliers
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
@@ -32,12 +36,9 @@ def test_what_would_fold_is_left_out_and_the_band_is_kept():
 
 def test_weights_give_the_product_with_any_factor(rng):
     x, f = np.sign(rng.standard_normal(3000)), rng.standard_normal(300)
-    at = np.arange(3000.0) / STRIDE
-    product = decimated(x * np.interp(at, np.arange(300), f), STRIDE)
-    weights = spread(x, STRIDE)
-    for i in (20, 150, 280):
-        near = f[i - REACH : i + REACH + 1]
-        np.testing.assert_allclose(weights[i] @ near, product[i], atol=1e-13)
+    product = decimated(x * np.interp(np.arange(3000.0) / STRIDE, np.arange(300), f), STRIDE)
+    near = f[150 - REACH : 151 + REACH]
+    np.testing.assert_allclose(spread(x, STRIDE)[150] @ near, product[150], atol=1e-13)
 
 
 def test_friction_under_load_is_that_of_all_measured_times():
@@ -101,3 +102,15 @@ def test_rows_of_a_joint_that_mostly_sticks_are_not_used():
     for moving, used in ((0.5, False), (6.0, True)):
         rows = rows_of(t, np.column_stack([np.sin(2.1 * t), np.clip(t - 3.0, 0.0, moving)]))
         assert rows.samples.use[:, 0].any() and rows.samples.use[:, 1].any() == used
+
+
+@pytest.mark.parametrize(("joint", "cause"), [(0, "stiction, contact or"), (1, "its end stop")])
+def test_outliers_at_an_end_stop_are_said_to_be_there(joint, cause):
+    t = np.arange(0.0, 20.0, 0.01)
+    samples = (rows := rows_of(t, np.column_stack([np.sin(2.1 * t), np.cos(1.3 * t)]))).samples
+    samples.q[100:110, 1] = samples.regressor.model.stops.place[1, 1] - 1e-3
+    residual = np.random.default_rng(1).normal(0.0, 1e-3, samples.q.shape)
+    residual[100:110, joint] = 1.0
+    fit = SimpleNamespace(rows=rows, residual=residual)
+    kept, (note,) = without_outliers(fit, samples.valid)
+    assert cause in note and samples.names[joint] in note and not kept[100:110, joint].any()
