@@ -17,7 +17,7 @@ from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import is_building, one_at_a_time
 from arm_dynamics.control import compiled_law, make_controller, preparation
 from arm_dynamics.ros.dynamics.compiled_services import code_of
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from arm_dynamics.terms.table import INVERSE
 from arm_sim import Simulator
 

@@ -14,7 +14,7 @@ from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.indeterminate import indeterminate_sets
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from arm_sim import Simulator
 from models.touching import rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close

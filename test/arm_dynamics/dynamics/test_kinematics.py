@@ -9,7 +9,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from tolerances import PINOCCHIO, assert_close
 
 WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

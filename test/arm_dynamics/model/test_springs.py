@@ -8,7 +8,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, SceneError, Term, load_scene
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from models.random_tree import random_tree
 from models.sprung import SprungOracle, sprung
 from tolerances import ALGEBRA, CLOSED_FORM, INVERSE_PAIR, PINOCCHIO, SPRING, assert_close
