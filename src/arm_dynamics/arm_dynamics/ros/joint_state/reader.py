@@ -172,16 +172,16 @@ class JointStateReader:
     def _kind_of(self, message: JointState) -> _Kind:
         """Check names and lengths, and determine the kind of a message."""
         order = np.array(self.expected.places(message), np.int64)
-        followers = self.expected.followers(message)
-        laws = np.zeros(len(followers), _FOLLOWER)
-        for law, follower in zip(laws, followers, strict=True):
-            law["place"], law["leader"], law["within"] = follower.place, follower.leader, AGREES
+        mimics = self.expected.mimic_joints(message)
+        followers = np.zeros(len(mimics), _FOLLOWER)
+        for row, mimic in zip(followers, mimics, strict=True):
+            row["place"], row["leader"], row["within"] = mimic.index, mimic.leader, AGREES
             for f, field in enumerate(self.expected.fields):
-                law["factor"][f], law["offset"][f] = follower.law(field)
+                row["factor"][f], row["offset"][f] = mimic.factor_and_offset(field)
         lengths = [len(getattr(message, field)) for field in FIELDS]
         layout = layout_of(message.header.frame_id, message.name, lengths)
         joints = frozenset(np.flatnonzero(order >= 0).tolist())
-        return _Kind(message.header.frame_id, joints, layout, order, laws)
+        return _Kind(message.header.frame_id, joints, layout, order, followers)
 
     def _register(self, kind: _Kind, message: JointState) -> None:
         """Let C know a kind, in place of the oldest one."""
