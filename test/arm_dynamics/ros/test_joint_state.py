@@ -307,9 +307,9 @@ def test_what_is_published_arrives(ros: Ros) -> None:
         assert (message.header.frame_id, message.name) == ("here", JOINTS)
         assert bytes(raw[0]) == writer.write(stamp, *arrays)
     assert source.take() is None
-    assert reader.places[0]
+    assert reader.addresses[0]
     source.close()
-    assert not reader.places[0]  # what it has given back
+    assert not reader.addresses[0]  # what it has given back
     bytes_of.close()
 
 

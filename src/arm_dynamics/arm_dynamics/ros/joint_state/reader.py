@@ -83,8 +83,8 @@ class JointStateReader:
         )  # fmt: skip
         self._kinds, self._learned = list[_Kind](), 0
         self._memory = c_void_p(None)
-        self._native, self._place = library(), c_void_p(ctypes.addressof(self._state))
-        self._read = partial(self._native.joint_state_read, self._place)
+        self._native, self._address = library(), c_void_p(ctypes.addressof(self._state))
+        self._read = partial(self._native.joint_state_read, self._address)
 
     def read(self, raw: bytes) -> Read:
         """The stamp in [ns] of a serialized JointState, and n numbers for each of the fields.
@@ -118,7 +118,7 @@ class JointStateReader:
     def open(self, subscription: int) -> None:
         """Prepare to receive from an ``rcl_subscription_t``; ``close`` before it is destroyed."""
         self._memory = c_void_p(self._native.joint_state_source(subscription))
-        self.take = partial(self._native.joint_state_take, self._memory, self._place)
+        self.take = partial(self._native.joint_state_take, self._memory, self._address)
 
     def close(self) -> None:
         """Free the memory for messages."""
@@ -128,7 +128,7 @@ class JointStateReader:
             self._memory = c_void_p(None)
 
     @property
-    def places(self) -> tuple[int, int]:
+    def addresses(self) -> tuple[int, int]:
         """Addresses of ``source_t`` and ``joint_state_t``, for other compiled code."""
         return self._memory.value or 0, ctypes.addressof(self._state)
 

@@ -31,7 +31,7 @@ class JointStateSink:
     Attributes:
         names: The joints.
         raw: The message that was sent last.
-        place: Address of ``sink_t``, for other compiled code.
+        address: Address of ``sink_t``, for other compiled code.
     """
 
     def __init__(
@@ -49,8 +49,8 @@ class JointStateSink:
         )  # fmt: skip
         for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
             sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        self.place = ctypes.addressof(sink)
-        self._send = partial(library().joint_state_send, c_void_p(self.place))
+        self.address = ctypes.addressof(sink)
+        self._send = partial(library().joint_state_send, c_void_p(self.address))
 
     @property
     def sender(self) -> bytes:
