@@ -13,7 +13,7 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_studies.identification.data import JointRecord, interpolated
-from arm_studies.identification.preparation import EvenRecord, common_band, resampled
+from arm_studies.identification.preparation.even_record import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.friction_columns import KEPT
