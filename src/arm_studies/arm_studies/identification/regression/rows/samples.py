@@ -72,7 +72,7 @@ class Samples:
         )
         self.unfiltered = regressor(self.q, self.v, self.a)
         self.sliding = FrictionColumns(whole, self.strides, [rows for _, rows in self.stretches])
-        self.still = np.concatenate([sticking.still(motion) for motion in self.motions])
+        self.still = np.concatenate([sticking.may_stick(motion) for motion in self.motions])
         self.rests = np.concatenate([sticking.resting(motion) for motion in self.motions])
         self.independent = min(motion.independent for motion in self.motions)
         self.use = self.valid & ~self.still
