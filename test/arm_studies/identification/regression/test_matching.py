@@ -10,7 +10,7 @@ from samples import sampled
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.estimation import Prior, Problem
-from arm_studies.identification.regression.matching import Match, delayed, mismatched, scaled
+from arm_studies.identification.regression.matching import ColumnMatch, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
@@ -46,7 +46,7 @@ def test_bodies_may_be_far_from_nominal(scene, heavier):
     assert mismatched(right) == delayed(right) == []
     signs = np.ones(ArmModel(load_scene(scene)).n)
     signs[1] = -1.0
-    assert mismatched(recorded(scene, heavier, lambda tau: tau * signs)) == [Match(1, 1, -1)]
+    assert mismatched(recorded(scene, heavier, lambda tau: tau * signs)) == [ColumnMatch(1, 1, -1)]
 
 
 def noisy(tau):
