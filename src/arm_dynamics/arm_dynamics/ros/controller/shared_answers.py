@@ -79,16 +79,15 @@ class SharedAnswers:
         if obstacle := self._find_obstacle(motion, factors):
             return obstacle
         answers.interrupt = 0
-        law = self._law
-        arrays = _arrays(law, factors, motion)
+        arrays = _arrays(self._law, factors, motion)
         for field, array in arrays.items():
             setattr(answers, field, None if array is None else array.ctypes.data)
-        answers.law = addressof(law.call.entry)
+        answers.law = addressof(self._law.call.entry)
         answers.remembered = arrays["memory"].size
         answers.start, answers.segments = start, len(motion.times) - 1
         answers.gap, answers.far = params.gap_limit, params.jump_limit
         answers.until = _NEVER if follower.next_begin is None else follower.next_begin
-        self._used = law, arrays, self._limit_errors()
+        self._used = self._law, arrays, self._limit_errors()
         parts.report.prepare(params.state_period, parts.goals)
         answers.active = 1
         return ""

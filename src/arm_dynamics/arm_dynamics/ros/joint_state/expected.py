@@ -36,7 +36,7 @@ class Expected:
     def _arm(self) -> JointNames:
         return self.joints if isinstance(self.joints, JointNames) else JointNames(self.joints)
 
-    def places(self, message: JointState) -> list[int]:
+    def indices(self, message: JointState) -> list[int]:
         """Index of each joint in a message, -1 if absent.
 
         Raises:

@@ -43,7 +43,11 @@ class Clip(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """A kind of message: its source, the joints that it names, and what C reads it by."""
+    """A kind of message: its source, the joints that it names, and what C reads it by.
+
+    ``order`` has the index of each expected joint in it, -1 if absent; ``followers`` are those of
+    joint_state.h.
+    """
 
     source: str
     joints: frozenset[int]
@@ -171,11 +175,11 @@ class JointStateReader:
 
     def _kind_of(self, message: JointState) -> _Kind:
         """Check names and lengths, and determine the kind of a message."""
-        order = np.array(self.expected.places(message), np.int64)
+        order = np.array(self.expected.indices(message), np.int64)
         mimics = self.expected.mimic_joints(message)
         followers = np.zeros(len(mimics), _FOLLOWER)
         for row, mimic in zip(followers, mimics, strict=True):
-            row["place"], row["leader"], row["within"] = mimic.index, mimic.leader, AGREES
+            row["index"], row["leader"], row["within"] = mimic.joint, mimic.leader, AGREES
             for f, field in enumerate(self.expected.fields):
                 row["factor"][f], row["offset"][f] = mimic.factor_and_offset(field)
         lengths = [len(getattr(message, field)) for field in FIELDS]
@@ -189,7 +193,7 @@ class JointStateReader:
         self._kinds[oldest : oldest + 1] = [kind]
         self._learned += 1
         shared = self._state.kinds[oldest]
-        shared.size, shared.place = len(layout.fixed), kind.order.ctypes.data
+        shared.size, shared.index = len(layout.fixed), kind.order.ctypes.data
         shared.followers = kind.followers.ctypes.data
         shared.follower_count = len(kind.followers)
         shared.fixed, shared.expected = (
@@ -197,4 +201,4 @@ class JointStateReader:
         )
         for f, field in enumerate(self.expected.fields):
             present = len(getattr(message, field)) > 0
-            shared.at[f] = layout.places[FIELDS.index(field)] if present else -1
+            shared.at[f] = layout.offsets[FIELDS.index(field)] if present else -1

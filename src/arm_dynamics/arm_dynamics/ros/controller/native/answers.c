@@ -139,7 +139,7 @@ static int answer(answers_t* a, int64_t began) {
   if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
   if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
   const double t = 1e-9 * (double)(stamp - a->start);
-  sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
+  trajectory_sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
   if ((a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) || !compute(a)) return 0;
   if (joint_state_send(a->sink, stamp)) {
     a->last->length = 0; /* the sink no longer holds its answer */

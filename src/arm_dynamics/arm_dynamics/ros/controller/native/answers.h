@@ -93,7 +93,7 @@ typedef struct {
   /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
   const double *gain, *back_emf;
   double* command;
-  /* The motion: stamp at which it begins, number of segments, and the rest as for `sample`. */
+  /* The motion: stamp at which it begins, number of segments, and the rest as for `trajectory_sample`. */
   int64_t start, segments;
   const double *knots, *polynomials, *ends, *torques;
   /* Path tolerances and the stamp from which they apply; NULL: none. */
