@@ -25,13 +25,13 @@ class MimicJoint(NamedTuple):
 
     Attributes:
         name: The joint.
-        index: Its index among the named ones.
+        joint: Its index among the named ones.
         leader: Index of its leader there.
         rule: How it follows.
     """
 
     name: str
-    index: int
+    joint: int
     leader: int
     rule: Mimic
 
@@ -52,7 +52,7 @@ class MimicJoint(NamedTuple):
             InvalidInput: Naming both joints and what is expected.
         """
         row, (factor, offset) = np.asarray(values, float), self.factor_and_offset(field)
-        own = float(row[self.index])
+        own = float(row[self.joint])
         expected = factor * float(row[self.leader]) + offset if factor else offset
         if not abs(own - expected) <= AGREES * max(1.0, abs(expected)) and not np.isnan(own):
             message = f"{title}: {self.name} follows {self.rule.leader}; command that one"
