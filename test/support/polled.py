@@ -43,7 +43,7 @@ def offered(
 
     ticks.taken_by_test = CFUNCTYPE(c_int64, c_void_p, c_void_p)(take)
     ticks.take = cast(ticks.taken_by_test, c_void_p).value
-    ticks.at_once, ticks.reader = AT_ONCE, reader.places[1]
+    ticks.at_once, ticks.reader = AT_ONCE, reader.addresses[1]
     return waiting
 
 

@@ -18,6 +18,7 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr std::array<const char*, 3> kNames{"position", "velocity", "effort"};
 
+/// The part of a name; the end if there is none.
 template <class Parts> auto named(const Parts& parts, const std::string& name) {
   return std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.name == name; });
 }
@@ -51,7 +52,7 @@ ArmSystem::CallbackReturn ArmSystem::on_init(const hardware_interface::HardwareC
   try {
     arm_ = std::make_unique<ExportedArm>(parameter(info_, "library", ""));
     check_joints();
-    check_rate();
+    choose_ticks();
     choose_hold();
   } catch (const std::exception& error) {
     RCLCPP_FATAL(get_logger(), "%s", error.what());
@@ -87,17 +88,17 @@ void ArmSystem::check_joints() const {
       throw std::runtime_error("joint '" + joint + "' of the library is not described");
 }
 
-/// The number of ticks in a period.
-void ArmSystem::check_rate() {
+/// Choose the number of ticks in a period; at an unknown rate, a period is one tick.
+void ArmSystem::choose_ticks() {
   if (info_.rw_rate == 0) return;
   const double ticks = 1.0 / (info_.rw_rate * arm_->period());
   ticks_ = static_cast<int>(std::lround(ticks));
-  if (ticks_ < 1 || std::abs(ticks - ticks_) > 1e-6)
+  if (ticks_ < 1 || std::abs(ticks - ticks_) > 1e-6) // beyond rounding
     throw std::runtime_error("the rate is " + std::to_string(info_.rw_rate) + " Hz; a period of one or more ticks of "
                              + std::to_string(arm_->period()) + " s is expected");
 }
 
-/// Whether joints without a command stay where they are.
+/// Choose whether joints without a command stay where they are.
 void ArmSystem::choose_hold() {
   const std::string hold = parameter(info_, "hold", arm_->has_servos() ? "true" : "false");
   if (hold != "true" && hold != "false") throw std::runtime_error("hold = '" + hold + "'; true and false are allowed");

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "arm_ros2_control/computed_torque_controller.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <limits>
@@ -16,6 +15,7 @@ namespace arm_ros2_control {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Names of the reference interfaces, in the order of `Kind`.
 constexpr std::array<const char*, 3> kReferences{"position", "velocity", "acceleration"};
 
 using Configuration = controller_interface::InterfaceConfiguration;
@@ -98,23 +98,24 @@ void ComputedTorqueController::read_state() {
 }
 
 /// A number of the reference; NaN for none.
-double ComputedTorqueController::reference(std::size_t kind, std::size_t joint) const {
-  const std::size_t place = kind * arm_->joints().size() + joint;
+double ComputedTorqueController::reference(Kind kind, std::size_t joint) const {
+  const std::size_t index = kind * arm_->joints().size() + joint;
   if (!is_in_chained_mode()) return kNone;
-  return ordered_exported_reference_interfaces_[place]->get_optional().value_or(kNone);
+  return ordered_exported_reference_interfaces_[index]->get_optional().value_or(kNone);
 }
 
+/// References come through interfaces alone.
 ComputedTorqueController::return_type ComputedTorqueController::update_reference_from_subscribers(const rclcpp::Time&,
                                                                                                   const rclcpp::Duration&) {
   return return_type::OK;
 }
 
 /// An error that names the joint for whose reference there is no torque.
-ComputedTorqueController::return_type ComputedTorqueController::refuse(std::size_t joint) const {
+ComputedTorqueController::return_type ComputedTorqueController::refuse(std::size_t i) const {
   RCLCPP_ERROR(get_node()->get_logger(),
                "joint '%s': position %g, velocity %g and acceleration %g are commanded; finite numbers are expected that lead "
                "to a finite effort, or NaN for none",
-               arm_->joints()[joint].c_str(), reference(0, joint), reference(1, joint), reference(2, joint));
+               arm_->joints()[i].c_str(), reference(kPosition, i), reference(kVelocity, i), reference(kAcceleration, i));
   return return_type::ERROR;
 }
 
@@ -123,9 +124,9 @@ ComputedTorqueController::return_type ComputedTorqueController::update_and_write
   read_state();
   const auto or_zero = [](double x) { return std::isnan(x) ? 0.0 : x; };
   for (std::size_t i = 0; i < q_.size(); ++i) {
-    if (const double q = reference(0, i); !std::isnan(q)) q_d_[i] = q;
-    v_d_[i] = or_zero(reference(1, i));
-    a_d_[i] = or_zero(reference(2, i));
+    if (const double q = reference(kPosition, i); !std::isnan(q)) q_d_[i] = q;
+    v_d_[i] = or_zero(reference(kVelocity, i));
+    a_d_[i] = or_zero(reference(kAcceleration, i));
     if (!std::isfinite(q_d_[i]) || !std::isfinite(v_d_[i]) || !std::isfinite(a_d_[i])) return refuse(i);
   }
   arm_->computed_torque()(q_.data(), v_.data(), q_d_.data(), v_d_.data(), a_d_.data(), kp_.data(), kd_.data(), &period_,

@@ -14,7 +14,7 @@ import models
 from arm_dynamics import Dynamics, InvalidInput, Term, load_scene
 from arm_dynamics.codegen import compiler
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from models.asked import CALLS, LAWS
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close

@@ -7,7 +7,7 @@ from samples import always
 
 import models
 from arm_dynamics import Dynamics
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from models.linkages import scene
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

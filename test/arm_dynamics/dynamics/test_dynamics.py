@@ -10,7 +10,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, Term
-from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.evaluator import MANY
 from models.asked import CALLS as EVERY
 from tolerances import ALGEBRA, CLOSED_FORM, PINOCCHIO, ROUNDING, assert_close
 

@@ -6,7 +6,7 @@ import pytest
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.preparation import resampled
+from arm_studies.identification.preparation.even_record import resampled
 from arm_studies.identification.signals.cutoff import chosen_band, white_noise
 from arm_studies.identification.signals.filtering import ZeroPhase
 

@@ -10,7 +10,7 @@ from samples import always
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, identify
-from arm_studies.identification.preparation import resampled
+from arm_studies.identification.preparation.even_record import resampled
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.signals.filtering import ZeroPhase

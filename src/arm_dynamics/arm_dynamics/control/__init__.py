@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from arm_dynamics.control.disturbance_observer import DisturbanceObserver
     from arm_dynamics.control.factory import NAMES, Settings, make_controller
     from arm_dynamics.control.friction_compensation import FrictionFeedForward
+    from arm_dynamics.control.half_tick_ahead import HalfTickAhead
     from arm_dynamics.control.joint_space import (
         PD,
         PID,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
         OperationalSpace,
         at_rest,
     )
-    from arm_dynamics.control.wrappers import HalfTickAhead, Saturated
+    from arm_dynamics.control.wrappers import Saturated
 
 __all__ = [
     "AnyController", "CartesianImpedance", "Compiled", "ComputedTorque", "Controller",

@@ -20,7 +20,7 @@ from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.terms.answers import Answers
+from arm_dynamics.terms.evaluator import TermEvaluator
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, INVERSE, MASS_MATRIX, WITHOUT_FRICTION
 
 CHUNK = 4096  # points in memory at once
@@ -42,7 +42,7 @@ class Constrained:
             freedom.
     """
 
-    def __init__(self, model: ArmModel, terms: Answers) -> None:
+    def __init__(self, model: ArmModel, terms: TermEvaluator) -> None:
         self.model, self._terms, self.closure = model, terms, Closure(model, model.stops)
         self._friction = SteadyFriction.of(model)
         self._at_rest = AtRest(self._friction)

@@ -28,8 +28,8 @@ from arm_dynamics.model.frame_motion import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.terms import table
-from arm_dynamics.terms.answers import MANY, Answers
 from arm_dynamics.terms.compiled import calls
+from arm_dynamics.terms.evaluator import MANY, TermEvaluator
 from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry, Term
 
 _log = logging.getLogger(__name__)
@@ -118,7 +118,7 @@ class Dynamics:
         self.model = arm_model(scene)
         self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
-        self._terms = Answers(self.model, self.steady_friction)
+        self._terms = TermEvaluator(self.model, self.steady_friction)
         self._numbers = self._terms.numbers
         self._at_rest = AtRest(self.steady_friction)
         self._external, self._still = np.zeros(self.n), np.zeros(self.n)
@@ -231,8 +231,8 @@ class Dynamics:
             arguments: Its first arguments.
             selection: Those that are not numbers.
             call: Code of it.
-            otherwise: Computes it of valid vectors, if ``Answers`` alone do not.
-            quick: Whether these alone do for single states.
+            otherwise: Computes it of valid vectors, if a ``TermEvaluator`` alone does not.
+            quick: Whether that alone does for single states.
         """
         quick = quick and call is unanswered and self._silent and not self._checks_left
         if quick and self._are_plain(entry, arguments):

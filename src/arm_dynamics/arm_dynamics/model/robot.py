@@ -79,7 +79,7 @@ class Robot:
             raise ModelError(
                 "robot: no joint is left to move; lock fewer joints or check the description"
             )
-        self.joint_names = JointNames.of(moving, self._rules, self.locked)
+        self.joint_names = JointNames(moving, self._rules, self.locked)
         self.joint_types = tuple(urdf.joints[name] for name in moving)
         self.followers, self.offsets = _follower_map(self._index, self.joint_names, self._rules)
         self.has_followers = len(self._index) != len(moving)

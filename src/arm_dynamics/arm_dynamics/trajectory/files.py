@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.scene.urdf.joint_names import JointNames, Named
+from arm_dynamics.scene.urdf.joint_names import JointNames, NamedJoints
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import quintic
@@ -93,7 +93,7 @@ class JointTrajectory:
                 f"the trajectory is for joints {known_names(self.joint_names)}; the arm has "
                 f"{known_names(joint_names)}"
             )
-        named, rest = Named(self.joint_names, arm), np.zeros(len(arm))
+        named, rest = NamedJoints(self.joint_names, arm), np.zeros(len(arm))
 
         def ordered(field: str, row: ArrayLike) -> Array:
             values = vector("a point", row, self.joint_names)

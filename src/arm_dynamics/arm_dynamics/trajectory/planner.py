@@ -19,14 +19,9 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import joint_paths
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Line, Place, line
-from arm_dynamics.trajectory.joint_paths import (
-    JointPath,
-    check_limits,
-    derivatives,
-    joint_path,
-    paced,
-)
+from arm_dynamics.trajectory.joint_paths import JointPath
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Motion, Reference
 from arm_dynamics.trajectory.timing.laws import Quintic
@@ -88,7 +83,7 @@ class CartesianGoals:
         task: TaskSpace,
         dynamics: Dynamics,
         pace: Pace,
-        within: Callable[..., JointPath] = paced,
+        within: Callable[..., JointPath] = joint_paths.paced,
     ) -> None:
         """Set the frame and its speed.
 
@@ -96,7 +91,7 @@ class CartesianGoals:
             task: The task, in axes ``local_world_aligned``.
             dynamics: The model, for torque limits.
             pace: Speed and acceleration.
-            within: Brings motions within the limits of the joints: ``joint_path.paced``, or
+            within: Brings motions within the limits of the joints: ``joint_paths.paced``, or
                 ``time_optimal.retimed``, which makes them as fast as these allow, regardless of
                 the speed and acceleration of the frame.
         """
@@ -117,7 +112,7 @@ class CartesianGoals:
         InverseKinematics(self._task).reach(goal, rest)
         timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
         straight = CartesianTrajectory(line(start, goal), timing)
-        return self._after(begin, joint_path(self._task, straight, rest))
+        return self._after(begin, joint_paths.joint_path(self._task, straight, rest))
 
     def through(self, here: Reference, poses: Sequence[Pose]) -> Motion:
         """A motion through poses without stops, along straight lines with rounded corners.
@@ -156,13 +151,13 @@ class CartesianGoals:
             end = pieces[i].at(u)
             # On the piece alone, u is faster.
             end = replace(end, first=length / lengths[i] * end.first)
-            v[i], a[i] = derivatives(self._task, end, q[i], u)
+            v[i], a[i] = joint_paths.derivatives(self._task, end, q[i], u)
         timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
         return self._after(begin, JointPath(Trajectory.through(us, q, v, a), timing))
 
     def _at_rest(self, here: Reference) -> tuple[Array, Motion | None]:
         if not (here.v.any() or here.a.any()):
-            check_limits(self._task, here.q, 0.0)
+            joint_paths.check_limits(self._task, here.q, 0.0)
             return here.q, None
         braking = stop(here, self._pace.limits)
         return braking.ends[1], braking
@@ -194,5 +189,5 @@ def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
                 f"{leap:.3g}",
                 distance + LEVER * angle,
             )
-        check_limits(task, rows[-1], u)
+        joint_paths.check_limits(task, rows[-1], u)
     return np.array(rows)

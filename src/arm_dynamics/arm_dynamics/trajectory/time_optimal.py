@@ -22,16 +22,20 @@ from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, mo
 from arm_dynamics.trajectory.trajectory import Trajectory
 
 _WITHIN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of an interval: where limits are imposed
+_INSIDE = 1e-9  # of an interval, by which its ends are: at knots of the path accelerations jump
 _SHARE = 1.0 - 2.0 * BETWEEN  # of each limit, so that nothing between them exceeds it
 _FAST = 1e10  # [1/s²], faster than any arm
 _BEYOND = 1e6  # x relative to that of a timing within limits, more than any that follows
-_ROUNDED = 1e-12
+_ROUNDED = 1e-12  # relative rounding error of a gap between two limits
 _STEP = 1e-6  # relative, of differences
-_SETTLED = 1e-4
-_ROUNDS = 20
+_SETTLED = 1e-4  # change of x, relative to the largest, below which it is linearized no more
+_ROUNDS = 20  # linearizations at most
 _SAMPLES = 33  # points of a segment of the path between which reversals of joints are searched
-_APART = 1e-9
-_GAIN, _DOUBLINGS = 1e-3, 4
+_BISECTIONS = 50  # until reversals are exact to rounding
+_APART = 1e-9  # distance in u below which two marks are one
+_NEAR = 0.2  # of the distance of points: one that is nearer to a mark is left out
+_GAIN = 1e-3  # of the duration, by twice as many points; less is not worth it
+_DOUBLINGS = 4  # of the number of points, at most
 _log = logging.getLogger(__name__)
 
 
@@ -140,7 +144,7 @@ class _LimitedPath:
         marks = np.concatenate([motion.over.times, _reversals(motion.over) if dry else []])
         self._us = _grid(points, marks)
         self._steps = np.diff(self._us)
-        at = self._us[:-1, None] + self._steps[:, None] * _WITHIN.clip(1e-9, 1.0 - 1e-9)
+        at = self._us[:-1, None] + self._steps[:, None] * _WITHIN.clip(_INSIDE, 1.0 - _INSIDE)
         q, first, second = motion.along(at.ravel())
         middle = first[len(_WITHIN) // 2 :: len(_WITHIN)]
         direction = np.repeat(np.sign(middle) * moving(middle), len(_WITHIN), axis=0)
@@ -179,7 +183,11 @@ class _LimitedPath:
         return inside.ravel(), np.repeat(0.5 * rise / self._steps, len(_WITHIN))
 
     def _faster(self, x: Array) -> Array | None:
-        """The largest x at every end that limits allow, linearized about ``x``, or None."""
+        """The largest x at every end that limits allow, linearized about ``x``, or None.
+
+        Shares of the limits become rows by_y y + by_x x + rest, with x at the beginning of the
+        interval, of which the magnitude is at most one.
+        """
         (inside, y), unit = self._inside(x), x.max()
         shares, dx, dy = self._strain.shares(inside, y), _STEP * unit, _STEP * abs(y).max()
         by_x = (self._strain.shares(inside + dx, y) - shares) / dx
@@ -224,10 +232,11 @@ def _reachable(steps: Array, by_y: Array, by_x: Array, rest: Array) -> Array | N
 
 
 def _largest_x(a: Array, b: Array, room: Array) -> float:
-    """Largest x with a y + b x ≤ room for some y, or NaN.
+    """Largest x with a y + b x ≤ room for some y, or NaN: a linear program in two variables.
 
-    Between the lines that limit y from above and from below there is a gap, concave over x; where
-    it is negative, its root along the two lines in force is at most one pair of lines closer.
+    Newton's method on the gap between the lines that limit y from above and from below. It is
+    concave and piecewise linear over x: each step from where it is negative goes to the root of
+    the two lines in force, so there are at most as many steps as lines.
     """
     fixed, above, below = (a == 0.0) & (b > 0.0), a > 0.0, a < 0.0
     x = float(np.min(room[fixed] / b[fixed], initial=_BEYOND))
@@ -251,7 +260,7 @@ def _grid(points: int, marks: Array) -> Array:
     marks = marks[np.append(np.diff(marks) > _APART, True)]
     after = np.searchsorted(marks, even).clip(1, len(marks) - 1)
     gap = np.minimum(abs(even - marks[after - 1]), abs(even - marks[after]))
-    return np.union1d(marks, even[gap > 0.2 * np.gradient(even)])
+    return np.union1d(marks, even[gap > _NEAR * np.gradient(even)])
 
 
 def _reversals(over: Trajectory) -> Array:
@@ -261,7 +270,7 @@ def _reversals(over: Trajectory) -> Array:
     direction = np.sign(first) * moving(first)
     i, joint = np.nonzero(direction[1:] * direction[:-1] < 0.0)
     low, high, sign = us[i], us[i + 1], direction[i, joint]
-    for _ in range(50):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         before = over.at(middle)[1][np.arange(len(i)), joint] * sign > 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)

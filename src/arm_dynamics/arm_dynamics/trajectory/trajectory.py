@@ -85,14 +85,15 @@ class Trajectory:
         Returns:
             Position, velocity, acceleration and torques; read-only arrays of shape (n,).
         """
-        motion = np.empty((4, self.ends.shape[1]))
+        n = self.ends.shape[1]
+        motion = np.empty((4, n))
         if (code := library()) is None:
             motion[:3] = self.at(np.array([t], float))[:, 0]
             motion[3] = self._torques_at(t)
         else:
-            used = self.times, self.polynomials, self.ends, self.torques
-            places = (None if x is None else x.ctypes.data for x in used)
-            code.sample(motion.shape[1], len(self.times) - 1, *places, t, motion.ctypes.data)
+            arrays = self.times, self.polynomials, self.ends, self.torques
+            addresses = (None if x is None else x.ctypes.data for x in arrays)
+            code.trajectory_sample(n, len(self.times) - 1, *addresses, t, motion.ctypes.data)
         motion.setflags(write=False)
         q, v, a, tau = motion
         return Reference(q, v, a, None if self.torques is None else tau)

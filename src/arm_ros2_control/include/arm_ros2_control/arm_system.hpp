@@ -59,7 +59,7 @@ private:
   };
 
   void check_joints() const;
-  void check_rate();
+  void choose_ticks();
   void choose_hold();
   void find_interfaces();
   void begin();

@@ -50,14 +50,16 @@ protected:
   return_type update_and_write_commands(const rclcpp::Time& time, const rclcpp::Duration& period) override;
 
 private:
+  enum Kind { kPosition, kVelocity, kAcceleration };
+
   void choose_gains(double bandwidth, double damping_ratio);
   void read_state();
-  double reference(std::size_t kind, std::size_t joint) const;
-  return_type refuse(std::size_t joint) const;
+  double reference(Kind kind, std::size_t joint) const;
+  return_type refuse(std::size_t i) const;
 
   std::unique_ptr<ExportedArm> arm_;
-  std::vector<double> q_, v_, q_d_, v_d_, a_d_, kp_, kd_, tau_; // gains in [1/s²] and [1/s]
-  double period_ = 0.0;                                        // [s]
+  std::vector<double> q_, v_, q_d_, v_d_, a_d_, kp_, kd_, tau_; // of all joints; gains in [1/s²] and [1/s]
+  double period_ = 0.0;                                         // [s]
 };
 
 }  // namespace arm_ros2_control

@@ -19,32 +19,33 @@ public:
   /// @throws std::runtime_error if it cannot be loaded, or was exported without its tick.
   explicit ExportedArm(const std::string& path);
 
-  /// Names of the joints, the order of all vectors.
+  /// Names of the n joints, the order of all vectors, which have n numbers: positions in [rad] or [m], and so on.
   const std::vector<std::string>& joints() const noexcept { return joints_; }
 
   /// Length of a tick in [s].
   double period() const noexcept { return period_; }
 
-  /// Positions between which a joint can be; infinite where nothing stops it.
+  /// Positions in [rad] or [m] between which a joint can be; infinite where nothing stops it.
   std::pair<double, double> range(std::size_t joint) const noexcept { return {lower_[joint], upper_[joint]}; }
 
   /// Whether there are servos, which track positions and velocities.
   bool has_servos() const noexcept { return servo_ != nullptr; }
 
-  /// Torques or forces of the joints at q, v to follow a motion q_d, v_d, a_d, held for a time dt.
+  /// Torques or forces `tau` of the joints at q, v to follow a motion q_d, v_d, a_d, held for a time `*dt` in [s], with
+  /// gains kp in [1/s²] and kd in [1/s].
   using ComputedTorque = void(const double* q, const double* v, const double* q_d, const double* v_d, const double* a_d,
                               const double* kp, const double* kd, const double* dt, double* tau);
 
   /// Computed torque; null if there is none.
   ComputedTorque* computed_torque() const noexcept { return computed_torque_; }
 
-  /// Begin at positions and velocities; null: those of the scene. Returns 0, or a code.
+  /// Begin at positions and velocities; null: those of the scene. Returns 0, or a code of `text`. Comes before all below.
   int begin(const double* q, const double* v) noexcept { return init_(memory_.get(), q, v); }
 
-  /// Advance by a tick under commands of the drives. Returns 0, or a code: then the state is kept.
+  /// Advance by a tick under commands of the drives, in their units. Returns 0, or a code: then the state is kept.
   int step(const double* command) noexcept { return step_(memory_.get(), command); }
 
-  /// Commands with which the servos track positions and velocities, NaN where there are none.
+  /// Commands with which the servos track positions and velocities, NaN where there are none; only if `has_servos`.
   void servo(const double* position, const double* velocity, const double* effort, double* command) const noexcept {
     servo_(memory_.get(), position, velocity, effort, command);
   }

@@ -132,7 +132,7 @@ def _always(simulator: Simulator) -> Parts:
 def _of_batches(simulator: Simulator) -> Parts:
     import numpy as np
 
-    from arm_dynamics.terms.answers import MANY
+    from arm_dynamics.terms.evaluator import MANY
     from arm_dynamics.terms.table import FRICTION, TERMS
 
     q, dynamics = np.tile(simulator.model.q0, (MANY, 1)), simulator.dynamics

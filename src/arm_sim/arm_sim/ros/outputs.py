@@ -101,8 +101,8 @@ class Outputs:
     def _share(self, every: int) -> None:
         """Let C publish joint states after every so many ticks."""
         ticks, stamps, drives = self._engine.ticks, self.stamps, self._drives
-        ticks.every, ticks.joint_states = every, self.states.place
-        ticks.ground_truth = None if self._truth is None else self._truth.place
+        ticks.every, ticks.joint_states = every, self.states.address
+        ticks.ground_truth = None if self._truth is None else self._truth.address
         ticks.clock = None if self.clock is None else addressof(self.clock.sink)
         ticks.times = addressof(stamps) if isinstance(stamps, NodeTime) else None
         ticks.drives = None if drives is None else drives.place

@@ -14,7 +14,7 @@ from arm_dynamics.logs import Throttled
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.endpoints import answering
 from arm_dynamics.ros.interfaces import Service
-from arm_dynamics.scene.urdf.joint_names import Named
+from arm_dynamics.scene.urdf.joint_names import NamedJoints
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.runtime_changes import friction_change, payload_change
 
@@ -65,8 +65,8 @@ class SimServices:
     def _set_joint_state(self, request: Any) -> None:
         """Set positions (default: unchanged) and velocities (default: zero) of named joints."""
         simulator = self._engine.simulator
-        state = simulator.state
-        named, q, v = Named(request.joint_names, simulator.joint_names), state.q, state.v.copy()
+        named = NamedJoints(request.joint_names, simulator.joint_names)
+        q, v = simulator.state.q, simulator.state.v.copy()
         v[named.joints] = 0.0
         if request.position:
             q = named.spread("position", "position", request.position, q)
@@ -89,7 +89,7 @@ class SimServices:
     def _set_friction(self, request: Any, _: Any) -> Action:
         """Change viscous friction; joints that are not named keep theirs."""
         simulator = self._engine.simulator
-        named = Named(request.joint_names, simulator.joint_names)
+        named = NamedJoints(request.joint_names, simulator.joint_names)
         present = simulator.dynamics.model.viscous
         viscous = named.spread("viscous", "viscous", request.viscous, present)
         return partial(self._engine.change, friction_change(simulator, viscous))

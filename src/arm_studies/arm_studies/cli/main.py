@@ -19,12 +19,13 @@ if TYPE_CHECKING:
 _STUDIES = {"Studies": (sweep,), "Identification": (excite, identify, identify_drive, compare)}
 
 
-def of_optimization(simulator: Simulator) -> Iterator[tuple[str, Callable[[], object]]]:
+def compiled_for_optimization(simulator: Simulator) -> Iterator[tuple[str, Callable[[], object]]]:
     """What ``./arm build --derivatives`` compiles for the studies, by name."""
     from arm_studies.optimization import prepare
 
     yield "trajectory optimization", lambda: prepare(simulator)
 
 
-*_others, _shell = SECTIONS.items()
-main = suite(dict([*_others, *_STUDIES.items(), _shell]), [of_optimization])
+_sections = SECTIONS | _STUDIES
+_sections["Shell"] = _sections.pop("Shell")  # it comes last, as without the studies
+main = suite(_sections, [compiled_for_optimization])

@@ -74,20 +74,24 @@ def sweep(
     written = [done.table.save(folder)]
     if not no_figures:
         written += draw(done.study, done.table, folder)
+    summary = _runs(done) if len(done.table) <= _LISTED else _groups(done)
+    say(summary, *_losses(done), *_remarks(done), *written)
+
+
+def _remarks(done: Sweep) -> Iterator[str]:
+    """How many runs were simulated now, and how fast."""
+    if done.dropped:
+        yield "the last line of the journal was damaged; its run was repeated"
     plan = done.plan
     means = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
-    lines = [*_losses(done)]
-    if done.dropped:
-        lines.append("the last line of the journal was damaged; its run was repeated")
     if done.simulated:
         rate = done.simulated * done.study.duration / max(done.seconds, 1e-9)
-        lines.append(
+        yield (
             f"{done.simulated} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
             f"{plan.runs - done.simulated} resumed; {means}; sets of equations: {plan.worlds}"
         )
     else:
-        lines.append(f"all {plan.runs} runs were done before")
-    say((_runs if len(done.table) <= _LISTED else _groups)(done), *lines, *written)
+        yield f"all {plan.runs} runs were done before"
 
 
 def _losses(done: Sweep) -> Iterator[str]:
@@ -101,6 +105,7 @@ def _losses(done: Sweep) -> Iterator[str]:
 
 
 def _runs(done: Sweep) -> Table:
+    """All runs: what is varied, and the metrics."""
     names = ["run", *done.table.varied, *done.table.metrics, "status"]
     columns = [done.table[name].tolist() for name in names]
     rows = ([x if isinstance(x, str) else number(x, 4) for x in row]
@@ -110,12 +115,13 @@ def _runs(done: Sweep) -> Table:
 
 
 def _groups(done: Sweep) -> Table:
+    """The distribution of each metric, by scene, controller and the like."""
     import numpy as np
 
     from arm_studies.sweeps.figures import groups
 
-    rows = []
-    for name, runs in groups(done.table).items():
+    rows, runs_of = [], groups(done.table)
+    for name, runs in runs_of.items():
         for metric in done.table.metrics:
             values = done.table[metric][runs & done.table.done]
             cells = ["-"] * 4
@@ -123,9 +129,9 @@ def _groups(done: Sweep) -> Table:
                 cells = [number(x, 4) for x in np.percentile(values, (5, 50, 95, 100))]
             rows.append([name, metric, str(len(values)), *cells])
     headings = ["runs of", "metric", "done", "5 %", "median", "95 %", "largest"]
-    if len(groups(done.table)) == 1:
-        rows, headings = [row[1:] for row in rows], headings[1:]
-    return table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,))
+    if len(runs_of) > 1:
+        return table(headings, rows, (0, 1))
+    return table(headings[1:], [row[1:] for row in rows], (0,))
 
 
 def _in_lines() -> Callable[[str, int, int, str], None]:

@@ -14,19 +14,14 @@ and ``compare``, which tells how well a scene predicts a recording.
 
 from arm_studies.identification.comparison import Comparison, FreeRun, compare
 from arm_studies.identification.data import JointRecord, MeasuredMotion
-from arm_studies.identification.drives import (
-    JointTest,
-    Match,
-    MotorRecord,
-    SmallMotion,
-    identify_bristles,
-    identify_joint,
-    identify_motor,
-)
+from arm_studies.identification.drives.bristles import SmallMotion, identify_bristles
+from arm_studies.identification.drives.joint import JointTest, identify_joint
+from arm_studies.identification.drives.matching import Match
+from arm_studies.identification.drives.motor import MotorRecord, identify_motor
 from arm_studies.identification.excitation import Box, Excitation, Room, excite
 from arm_studies.identification.names import mapped
 from arm_studies.identification.payload import PayloadEstimate, estimate_payload, identify_payload
-from arm_studies.identification.preparation import prepare
+from arm_studies.identification.preparation.even_record import prepare
 from arm_studies.identification.result import Identification
 from arm_studies.identification.whole_arm import identify
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.friction import STATEFUL
-from arm_dynamics.scene.load import load_scene
 from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.identified_scene import REPLACED
 from arm_studies.identification.names import joint_records

@@ -11,11 +11,10 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.arrays import Array, positive, read_only
 from arm_dynamics.attributes import frozen
-from arm_sim.recording.recording import Recording
-from arm_sim.simulation.simulator import Simulator
+from arm_sim import Recording, Simulator
 from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.names import joint_records
-from arm_studies.identification.preparation import prepare
+from arm_studies.identification.preparation.even_record import prepare
 
 _FEWEST = 100  # rows with a valid torque
 _MOVES = 1e-6  # [rad] or [m] in all windows above which a joint has moved

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.arrays import Array, read_only, real_array
 from arm_dynamics.attributes import frozen
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, counted, known_names
 from arm_sim.recording.recording import Recording
 
+LISTED = 3  # Spans of time that a note lists; of more, only the number.
 _MEASURED = ("q", "effort", "v", "a")
 
 
-def _rows(motion: Any, which: slice | NDArray[np.bool_]) -> dict[str, Any]:
+def arrays_at(motion: Any, which: slice | NDArray[np.bool_]) -> dict[str, Any]:
     """Some rows of its arrays, by name."""
     return {k: read_only(getattr(motion, k)[which]) for k in ("time", *_MEASURED)}
 
@@ -144,7 +145,7 @@ class JointRecord:
 
     def rows(self, which: slice | NDArray[np.bool_]) -> JointRecord:
         """Some of its rows, by a slice or by a mask of shape (k,)."""
-        return replace(self, **_rows(self, which))
+        return replace(self, **arrays_at(self, which))
 
 
 @frozen
@@ -219,7 +220,24 @@ class MeasuredMotion:
             slice(max(s.start, start) - start, min(s.stop, stop) - start) for s in self.stretches
         ]
         kept = tuple(s for s in cut if s.stop > s.start)
-        return replace(self, **_rows(self, rows), valid=self.valid[rows], stretches=kept)
+        return replace(self, **arrays_at(self, rows), valid=self.valid[rows], stretches=kept)
+
+
+def joined(motions: Sequence[MeasuredMotion], notes: Sequence[str] = ()) -> MeasuredMotion:
+    """Concatenate motions of the same rate and filter, each as stretches of its own."""
+    first = motions[0]
+    starts = np.cumsum([0, *(len(motion.time) for motion in motions)])
+    stretches = tuple(
+        slice(s.start + int(start), s.stop + int(start))
+        for motion, start in zip(motions, starts, strict=False)
+        for s in motion.stretches
+    )
+    parts: dict[str, Any] = {
+        key: read_only(np.concatenate([getattr(motion, key) for motion in motions]))
+        for key in ("time", "q", "v", "a", "effort")
+    }
+    valid = np.concatenate([motion.valid for motion in motions])
+    return replace(first, **parts, valid=valid, stretches=stretches, notes=tuple(notes))
 
 
 def read_joint_record(path: str | os.PathLike[str], topic: str | None = None) -> JointRecord:
@@ -263,3 +281,15 @@ def interpolated(at: Array, time: Array, values: Array) -> Array:
 def runs(mask: NDArray[np.bool_]) -> NDArray[np.int_]:
     """First row and end of each stretch in which a condition holds, shape (m, 2)."""
     return np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+
+
+def places(mask: NDArray[np.bool_], time: Array) -> str:
+    """How often and when a condition holds, in words."""
+    return f"{counted(int(np.count_nonzero(mask)), 'row')} ({listed(time[runs(mask) - [0, 1]])})"
+
+
+def listed(spans: Array) -> str:
+    """Spans of time in [s] from the start, shape (m, 2), in words."""
+    texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:LISTED]]
+    more = f" and {len(spans) - LISTED} times more," if len(spans) > LISTED else ""
+    return f"{', '.join(texts)}{more} after the start"

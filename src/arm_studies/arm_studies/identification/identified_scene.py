@@ -10,11 +10,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from arm_dynamics import ArmModel, InvalidInput, SceneError
 from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.exceptions import InvalidInput, SceneError
-from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction.joint_friction import STEEPEST
 from arm_dynamics.model.friction.table import steepest
 from arm_dynamics.scene.inertia import six_of

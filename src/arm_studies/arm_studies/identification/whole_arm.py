@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from arm_dynamics import ArmModel, Scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.scene.schema import Scene
 from arm_studies._renaming import renamed_argument
 from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord

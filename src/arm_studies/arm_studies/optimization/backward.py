@@ -62,7 +62,7 @@ def backward(
         np.ascontiguousarray(array, float)
         for array in (slopes, cost.x, cost.xx, cost.u, cost.uu, low, high)
     ]
-    reached = library_of(nx, n).backward(
+    reached = library_of(nx, n).ilqr_backward(
         ctypes.c_longlong(nodes), *map(pointer, inputs), ctypes.c_double(damping),
         pointer(k), pointer(K), pointer(promised),
     )  # fmt: skip
@@ -78,5 +78,5 @@ def library_of(nx: int, n: int) -> ctypes.CDLL:
     """
     text = f'#define NX {nx}\n#define NU {n}\n#include "backward.c"\n'
     library = compiler.build(text, "c", _FLAGS, OWN).library
-    library.backward.restype = ctypes.c_longlong
+    library.ilqr_backward.restype = ctypes.c_longlong
     return library

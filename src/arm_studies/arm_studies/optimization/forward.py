@@ -82,7 +82,7 @@ class Forward:
         inputs, shared = [*map(np.ascontiguousarray, arrays)], self._simulator.arm.parameters
         p = np.broadcast_to(shared, (len(size), len(shared)))
         arms = ArmTable.of(x, u, p, self._choice.dt, marks, self._engine)
-        code.engine.follow(
+        code.engine.ilqr_follow(
             code.scene, ctypes.byref(arms), len(size), *map(address, inputs),
             address(x), *strides(x, 1), address(u), *strides(u, 1),
         )  # fmt: skip
@@ -121,5 +121,5 @@ class Forward:
         array, number = lanes.ADDRESS, lanes.NUMBER
         types = [array, number, *[array] * 8, number, array, number]
         write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
-        build = partial(lanes.built_of_lanes, write, name="follow", types=types, units=unit)
+        build = partial(lanes.built_of_lanes, write, name="ilqr_follow", types=types, units=unit)
         return widest(1 if self.eventful else None, partial(build, folders=OWN))[0]

@@ -20,9 +20,8 @@ from numpy.typing import ArrayLike
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, positive, real_array
 from arm_dynamics.attributes import frozen, sealed
-from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
+from arm_sim import NotDifferentiable, SimulationDiverged, Simulator
 from arm_sim.inputs import whole
-from arm_sim.simulation.simulator import Simulator
 from arm_studies._renaming import renamed_argument
 from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost

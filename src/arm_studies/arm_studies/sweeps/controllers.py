@@ -12,10 +12,9 @@ import numpy as np
 
 from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.arrays import Array
+from arm_dynamics.control import NAMES, Law, Settings, make_controller
 from arm_dynamics.control.compiled_law import command_function
 from arm_dynamics.control.custom import is_own
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
-from arm_dynamics.control.law import Law
 from arm_dynamics.exceptions import choices
 from arm_studies.sweeps.keys import below, values_below, with_values
 from arm_studies.sweeps.runs import Job, Recipe

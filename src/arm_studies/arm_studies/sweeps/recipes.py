@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import arm_sim
-from arm_dynamics import ArmModel, load_scene
+from arm_dynamics import ArmModel, Scene, load_scene
 from arm_dynamics.exceptions import SceneError, choices
-from arm_dynamics.scene import Scene
 from arm_sim.plant.parameters import Parameters
 from arm_studies.sweeps import keys
 from arm_studies.sweeps.controllers import runs_compiled

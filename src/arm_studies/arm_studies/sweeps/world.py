@@ -14,19 +14,14 @@ import numpy as np
 from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.control.controller import AnyController, Measured
+from arm_dynamics.control import AnyController, Measured, Settings, make_controller
 from arm_dynamics.control.custom import is_own, load_controller
-from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.scene import Scene, Sensors
 from arm_dynamics.scene.effect import has_chance
 from arm_dynamics.trajectory import Limits, Reference
-from arm_sim.exceptions import SimulationDiverged
+from arm_sim import CompiledControl, SimulationDiverged, Simulator, State
 from arm_sim.inputs import tick_count
-from arm_sim.plant.actuation import CompiledControl
-from arm_sim.simulation.simulator import Simulator
-from arm_sim.state import State
-from arm_sim.stepping import Batch, Rollouts
-from arm_sim.stepping.stepper import Stepper
+from arm_sim.stepping import Batch, Rollouts, Stepper
 from arm_studies.sweeps import course
 from arm_studies.sweeps.controllers import IMPERFECT, controller_of, gains, law, runs_compiled
 from arm_studies.sweeps.keys import tunable, values_below, with_values

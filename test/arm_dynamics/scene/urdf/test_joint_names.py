@@ -6,7 +6,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
-from arm_dynamics.scene.urdf.joint_names import Named
+from arm_dynamics.scene.urdf.joint_names import NamedJoints
 
 GRIPPER = models.dynamics("gripper").model.joint_names  # swing, left_slide
 FINGER = models.dynamics("finger").model.joint_names  # spread, knuckle
@@ -21,7 +21,7 @@ REFUSED = {
 @pytest.mark.parametrize(("names", "words"), REFUSED.values(), ids=REFUSED)
 def test_names_are_refused_with_what_to_do(names: list[str], words: str) -> None:
     with pytest.raises(InvalidInput, match=f"^{words}"):
-        Named(names, GRIPPER)
+        NamedJoints(names, GRIPPER)
 
 
 def test_locked_joints_are_told_to_be() -> None:
@@ -29,7 +29,7 @@ def test_locked_joints_are_told_to_be() -> None:
     names = ArmModel(load_scene(scene)).joint_names
     for name in ("left_slide", "right_slide"):
         with pytest.raises(InvalidInput, match=f"'{name}' is locked by the scene"):
-            Named([name], names)
+            NamedJoints([name], names)
 
 
 AGREEING = {
@@ -42,7 +42,7 @@ AGREEING = {
 def test_followers_may_be_given_what_they_have(field: str) -> None:
     left, right, cover, due = AGREEING[field]
     names = ["right_slide", "left_slide", "cover_hinge"]
-    named = Named(names, GRIPPER)
+    named = NamedJoints(names, GRIPPER)
     for off in (0.0, 9e-4, float("nan")):
         full = named.spread("point", field, [right + off, left, cover], np.array([7.0, 8.0]))
         np.testing.assert_array_equal(full, [7.0, left])
@@ -55,9 +55,9 @@ def test_followers_may_be_given_what_they_have(field: str) -> None:
 def test_a_follower_of_a_follower_agrees_with_the_leader_of_both() -> None:
     knuckle = 0.4
     tip = 0.6 * (1.1 * knuckle + 0.05) - 0.02
-    named = Named(["tip_joint", "knuckle"], FINGER)
+    named = NamedJoints(["tip_joint", "knuckle"], FINGER)
     np.testing.assert_array_equal(named.spread("q", "position", [tip, knuckle], STILL)[1], knuckle)
     with pytest.raises(InvalidInput, match="tip_joint follows knuckle, so 0.274 is"):
         named.spread("q", "position", [knuckle, knuckle], STILL)
     with pytest.raises(InvalidInput, match="^tip_joint follows knuckle; command that one"):
-        Named(["spread", "tip_joint"], FINGER)
+        NamedJoints(["spread", "tip_joint"], FINGER)

@@ -10,7 +10,7 @@ from samples import sampled
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.estimation import Prior, Problem
-from arm_studies.identification.regression.matching import Match, delayed, mismatched, scaled
+from arm_studies.identification.regression.matching import ColumnMatch, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
@@ -50,7 +50,7 @@ def test_signs_and_delays_whatever_the_bodies(scene, heavier):
     assert mismatched(right) == delayed(right) == []
     signs = np.ones(ArmModel(load_scene(scene)).n)
     signs[1] = -1.0
-    assert mismatched(recorded(scene, heavier, lambda tau: tau * signs)) == [Match(1, 1, -1)]
+    assert mismatched(recorded(scene, heavier, lambda tau: tau * signs)) == [ColumnMatch(1, 1, -1)]
     for by in (-12, 40):
         (found,) = delayed(recorded(scene, heavier, late(by)))
         assert found.joint == 1

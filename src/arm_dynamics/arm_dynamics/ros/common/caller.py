@@ -143,27 +143,25 @@ class Caller(TemporaryNode):
             name = service.name.replace("~", _full_name(node))
             client = self._clients[node, service.name] = PolledClient(self._node, service, name)
         if not (client.has_answered and repeatable):  # a check takes 10 µs
-            end = time.monotonic() + self._timeout
-            while not client.ready():
-                if time.monotonic() >= end:
-                    client.has_answered = False
-                    raise NoAnswer(self._not_offered(client.name))
-                time.sleep(_POLL)
-            if not (client.has_answered or repeatable):
-                time.sleep(_SETTLE)
+            self._await_server(client, repeatable)
         # A server that has answered before may have been restarted, but it needs time to work.
         patience = self._timeout / 3.0 if client.has_answered else _RETRY
         response = self._response(client, request, patience if repeatable else None)
         client.has_answered = response is not None
         if response is None:
-            if not client.ready():
-                raise NoAnswer(self._not_offered(client.name))
-            doubt = "" if repeatable else " The request may have been carried out nevertheless"
-            raise Silence(
-                f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
-                f"node busy or stopped?{doubt}"
-            )
+            raise self._failure(client, repeatable)
         return response
+
+    def _await_server(self, client: PolledClient, repeatable: bool) -> None:
+        """Wait for the service, and until its server sees a client that may ask only once."""
+        end = time.monotonic() + self._timeout
+        while not client.ready():
+            if time.monotonic() >= end:
+                client.has_answered = False
+                raise NoAnswer(self._not_offered(client.name))
+            time.sleep(_POLL)
+        if not (client.has_answered or repeatable):
+            time.sleep(_SETTLE)
 
     def _response(self, client: PolledClient, request: Any, patience: float | None) -> Any | None:
         """The response; the request is repeated after ``patience`` in [s], unless that is None."""
@@ -188,7 +186,18 @@ class Caller(TemporaryNode):
             patience = longer if client.server_count == count else _RETRY
         return None
 
+    def _failure(self, client: PolledClient, repeatable: bool) -> NoAnswer:
+        """The error of a request without an answer: no server, or one that is silent."""
+        if not client.ready():
+            return NoAnswer(self._not_offered(client.name))
+        doubt = "" if repeatable else " The request may have been carried out nevertheless"
+        return Silence(
+            f"{client.name} exists but did not answer within {self._timeout:g} s; is its "
+            f"node busy or stopped?{doubt}"
+        )
+
     def _not_offered(self, name: str) -> str:
+        """A service without a server, and where one of its name is offered."""
         lines = [f"no node offers {name} (waited {self._timeout:g} s)"]
         service, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
         elsewhere = [o for o, _ in offered if o.rsplit("/", 1)[1] == service and o != name]

@@ -12,12 +12,7 @@ from dataclasses import field, fields, is_dataclass, replace
 from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces import msg
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -125,7 +120,7 @@ def watch[P](
         turns out to be unusable only after a request was accepted. Any thread may call it.
     """
 
-    def on_set(parameters: list[Parameter]) -> SetParametersResult:
+    def on_set(parameters: list[Parameter]) -> msg.SetParametersResult:
         nonlocal present
         before, values = present, {p.name: p.value for p in parameters}
         try:
@@ -137,8 +132,8 @@ def watch[P](
             present = before
             for p in parameters:  # rclpy has noted the types of what is refused
                 node._descriptors[p.name].type = node.get_parameter(p.name).type_.value
-            return SetParametersResult(reason=plain(error))  # not successful
-        return SetParametersResult(successful=True)
+            return msg.SetParametersResult(reason=plain(error))  # not successful
+        return msg.SetParametersResult(successful=True)
 
     def set_back() -> None:
         stale = [
@@ -200,8 +195,8 @@ def _typed(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any
     return type(present)(values)
 
 
-def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(
+def _descriptor(about: Mapping[str, Any], default: Any) -> msg.ParameterDescriptor:
+    descriptor = msg.ParameterDescriptor(
         description=about["description"],
         read_only=about.get("read_only", False),
         dynamic_typing=isinstance(default, list),  # [30] and 30 are equivalent to [30.0]
@@ -211,7 +206,9 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
     if "low" in about:
         low, high = about["low"], about["high"]
         if isinstance(default, int):
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+            descriptor.integer_range = [msg.IntegerRange(from_value=int(low), to_value=int(high))]
         else:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+            descriptor.floating_point_range = [
+                msg.FloatingPointRange(from_value=low, to_value=high)
+            ]
     return descriptor

@@ -16,7 +16,7 @@ from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.scene.urdf.joint_names import JointNames, Named, check_finite
+from arm_dynamics.scene.urdf.joint_names import JointNames, NamedJoints, check_finite
 from arm_dynamics.trajectory.splines import STANDING
 
 
@@ -92,7 +92,7 @@ class TrajectoryMessage:
         self._points = message.points
         if not self.joint_names:
             raise InvalidInput(f"no joint names; allowed: those of {known_names(model_names)}")
-        Named(self.joint_names, model_names)
+        NamedJoints(self.joint_names, model_names)
         missing = [name for name in model_names if name not in self.joint_names]
         if missing and not partial:
             raise InvalidInput(
@@ -166,7 +166,7 @@ def _joint_tolerances(
 ) -> StateTolerance:
     position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
-        names.refuse([message.name], f"{field} names joint")
+        names.check([message.name], f"{field} names joint")
         if any(message.name == other.name for other in messages[:k]):
             raise InvalidInput(f"{field} names joint '{message.name}' twice; allowed: each once")
         joint, entry = names.index(message.name), f"{field} of joint '{message.name}'"

@@ -25,12 +25,12 @@ class AnswerLog:
         unusable: Why, of the last of them.
         jumps: Number of jumps of time or of the arm between two states.
         failure: Why the controller computes no torque; empty while it does.
-        place: Address of ``last_t``, in which C remembers the states that it answers.
+        address: Address of ``last_t``, in which C remembers the states that it answers.
     """
 
     def __init__(self) -> None:
         self._last, self._command = HEADER.structure("last_t")(), b""
-        self.place = addressof(self._last)
+        self.address = addressof(self._last)
         self._make_room(_ROOM)
         self._last_state = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
@@ -47,7 +47,7 @@ class AnswerLog:
         """Store an answer."""
         if len(raw) > self._last.room:
             self._make_room(2 * len(raw))
-        library().remember(byref(self._last), raw, len(raw))
+        library().remember_state(byref(self._last), raw, len(raw))
         self._command = command
         self._answers += 1
         self.failure = ""

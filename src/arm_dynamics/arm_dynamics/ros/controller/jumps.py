@@ -20,14 +20,14 @@ class Jumps:
     """Compares each state of the joints ``names`` with the previous one.
 
     Attributes:
-        place: Address of ``before_t``, which C compares and updates as well.
+        address: Address of ``before_t``, which C compares and updates as well.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         self._q, self._v = np.zeros((2, len(names)))
         self._before = HEADER.structure("before_t")(q=self._q.ctypes.data, v=self._v.ctypes.data)
-        self.place = addressof(self._before)
+        self.address = addressof(self._before)
 
     @property
     def stamp(self) -> int:
@@ -39,15 +39,16 @@ class Jumps:
         longest, self._before.longest = self._before.longest, 0
         return float(1e-9 * longest)
 
-    def detect(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
+    def detect(self, stamp: int, state: Measured, gap_limit: float, jump_limit: float) -> str:
         """Describe a jump of time or of the arm since the last state; empty if there is none.
 
-        The ``longest`` time in [s] is allowed, and the ``farthest`` displacement of a joint beyond
-        that by its velocity, in [rad] or [m]; 0: any. ``stamp`` is the state's time in [ns].
+        A gap up to ``gap_limit`` in [s] is no jump, nor is a displacement of a joint that exceeds
+        that by its velocity by up to ``jump_limit`` in [rad] or [m]; 0: any. ``stamp`` is the
+        state's time in [ns].
         """
         q, v = np.ascontiguousarray(state.q), np.ascontiguousarray(state.v)
         compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
-        kind = library().find_jump(*compared, longest, farthest)
+        kind = library().find_jump(*compared, gap_limit, jump_limit)
         jump, gap = "", 1e-9 * (stamp - self.stamp)
         if kind == _BACKWARDS:
             jump = "time went backwards"

@@ -16,7 +16,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.poses import in_world
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.scene.urdf.joint_names import JointNames, Named
+from arm_dynamics.scene.urdf.joint_names import JointNames, NamedJoints
 from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 
@@ -101,7 +101,7 @@ def waypoints(
     """
     if not message.joint_names:
         raise InvalidInput(f"no joint names; allowed: some of {known_names(model_names)}")
-    named, still = Named(message.joint_names, model_names), np.zeros_like(here.q)
+    named, still = NamedJoints(message.joint_names, model_names), np.zeros_like(here.q)
 
     def at_point(name: str, field: str, i: int, values: Sequence[float]) -> Array | None:
         return named.spread(f"{name} of point {i}", field, values, still) if len(values) else None

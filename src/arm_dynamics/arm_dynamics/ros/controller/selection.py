@@ -8,18 +8,12 @@ from dataclasses import replace
 
 from rclpy.node import Node
 
+from arm_dynamics.control import factory
 from arm_dynamics.control.compiled_law import Job, preparation
 from arm_dynamics.control.controller import AnyController
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.derived_velocity import DerivedVelocity
-from arm_dynamics.control.factory import (
-    IN_TASK_SPACE,
-    NAMES,
-    Settings,
-    make_controller,
-    overreach,
-    refuse_unsteady,
-)
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.control.switch import Switch
 from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -124,7 +118,7 @@ class ControllerSelection:
             TaskSpace(self._dynamics, frame, selection=axes)
         settings, maker = self._settings(params), self._controllers.maker(params.controller)
         control = make_controller(maker, self._dynamics, settings)
-        refuse_unsteady(settings)
+        factory.refuse_unsteady(settings)
         return control
 
     def _build_ahead(self) -> None:
@@ -133,7 +127,8 @@ class ControllerSelection:
             job()
         if not self.params.settings.frame:
             return
-        another = make_controller(IN_TASK_SPACE[0], self._dynamics, self._settings(self.params))
+        name, settings = factory.IN_TASK_SPACE[0], self._settings(self.params)
+        another = make_controller(name, self._dynamics, settings)
         if job := _preparation(another):
             self.builder.start(job, lambda result: None)  # errors matter when it is selected
 
@@ -185,7 +180,7 @@ class ControllerSelection:
         maker = self._controllers.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay
-        self.overreach = overreach(maker, self._dynamics, settings, delay)
+        self.overreach = factory.overreach(maker, self._dynamics, settings, delay)
         if self.overreach:
             self._node.get_logger().warning(self.overreach)
 

@@ -35,14 +35,15 @@ class TrackingTopic:
     Python and C do that by the same function, each for the states that it answers.
 
     Attributes:
-        place: Address of ``report_t``.
+        address: Address of ``report_t``.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         """Advertise the topic of a controller of the joints ``names``."""
         self._publisher, self._names = advertise(node, CONTROLLER_STATE), list(names)
         self._shared = HEADER.structure("report_t")(publisher=self._publisher.handle.pointer)
-        self.place, self._raw, self._outcome = addressof(self._shared), bytearray(), ""
+        self.address = addressof(self._shared)
+        self._raw, self._outcome = bytearray(), ""
 
     def restart(self) -> None:
         """Publish at the next state."""
@@ -59,7 +60,7 @@ class TrackingTopic:
         self.prepare(period, goals)
         motion = joined(state, reference)
         arguments = byref(self._shared), stamp, tau.size, motion.ctypes.data
-        if library().report(*arguments, np.ascontiguousarray(tau).ctypes.data):
+        if library().report_publish(*arguments, np.ascontiguousarray(tau).ctypes.data):
             self._publisher.publish(bytes(self._raw))  # again: it gives the reason
 
     def prepare(self, period: float, goals: Goals) -> None:

@@ -27,13 +27,8 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
 from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import declare, watch
-from arm_dynamics.ros.controller.action_goal import (
-    FollowParams,
-    TrajectoryMessage,
-    follow_params,
-    refuse_multi_dof,
-    tolerances,
-)
+from arm_dynamics.ros.controller import action_goal
+from arm_dynamics.ros.controller.action_goal import FollowParams, TrajectoryMessage
 from arm_dynamics.ros.controller.goals import PLANNED_AT_ONCE, Goal, Goals
 from arm_dynamics.ros.controller.messages import waypoints
 from arm_dynamics.ros.controller.tolerances import Tolerances, Verdict
@@ -121,7 +116,7 @@ class TrajectoryAction:
         self.active: Active | None = None
         self._pending: Active | None = None  # followed, its request to be accepted
         self._server: _Server | None = None
-        self.params: FollowParams = declare(node, follow_params(model.joint_names))
+        self.params: FollowParams = declare(node, action_goal.follow_params(model.joint_names))
         watch(node, self.params, partial(setattr, self, "params"))
         if ACTION.type is None:
             self._log.warning("no action follow_joint_trajectory: control_msgs is not installed")
@@ -220,10 +215,10 @@ class TrajectoryAction:
         """Plan a goal and follow it; whether it is followed is the result of ``accepted``."""
         if why := self._obstacle():
             raise InvalidInput(why)
-        refuse_multi_dof(goal)
+        action_goal.refuse_multi_dof(goal)
         params, names = self.params, self._model.joint_names
         message = TrajectoryMessage(goal.trajectory, names, params.allow_partial_joints_goal)
-        allowed = tolerances(goal, params, names, self._continuous)
+        allowed = action_goal.tolerances(goal, params, names, self._continuous)
         if message.stamp and 1e-9 * (message.stamp - self._goals.stamp) > _AHEAD:
             raise InvalidInput(
                 f"header.stamp is {1e-9 * message.stamp:.3f} s and the newest joint state "
@@ -244,7 +239,12 @@ class TrajectoryAction:
         at_once = message.count <= PLANNED_AT_ONCE
         self._goals.follow(Goal(_KIND, about, message.stamp or None, plan, then), at_once)
 
-    def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
+    def _plan(
+        self,
+        message: TrajectoryMessage,
+        params: FollowParams,
+        outset: Outset,
+    ) -> Motion:
         """Plan a goal, perhaps in the planner's thread."""
         message.check_points()
         points = waypoints(message, self._model.joint_names, outset.here)

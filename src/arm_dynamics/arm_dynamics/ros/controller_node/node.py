@@ -20,6 +20,7 @@ from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, InvalidInput, plain
 from arm_dynamics.logs import PERIOD, Throttled
+from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import as_bytes
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
 from arm_dynamics.ros.common.endpoints import subscribe
@@ -27,26 +28,18 @@ from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.common.params import declare
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller.answer_log import AnswerLog
-from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers, Parts
+from arm_dynamics.ros.controller.compiled_answers import CompiledAnswers
 from arm_dynamics.ros.controller.controller_library import prepare
 from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.selection import ControllerSelection
+from arm_dynamics.ros.controller.shared_answers import Parts
 from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
-from arm_dynamics.ros.interfaces import (
-    CARTESIAN_GOAL,
-    CARTESIAN_PATH,
-    JOINT_COMMANDS,
-    JOINT_STATES,
-    JOINT_TRAJECTORY,
-)
-from arm_dynamics.ros.joint_state.expected import Expected
-from arm_dynamics.ros.joint_state.reader import JointStateReader
+from arm_dynamics.ros.joint_state import Expected, JointStateReader, JointStateSink
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_dynamics.ros.joint_state.sink import JointStateSink
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Reference
 
@@ -112,17 +105,17 @@ class ControllerNode(Node):
         source = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=source)
         self._command = np.zeros(self.dynamics.n)
-        self._sink = JointStateSink(self, JOINT_COMMANDS, self._writer, [self._command])
+        self._sink = JointStateSink(self, interfaces.JOINT_COMMANDS, self._writer, [self._command])
         self.send = self._sink.publish
         self._report = TrackingTopic(self, names)
-        subscribe(self, JOINT_TRAJECTORY, self.on_joint_trajectory, raw=True)
-        subscribe(self, CARTESIAN_GOAL, self.on_cartesian_goal)
-        subscribe(self, CARTESIAN_PATH, self.on_cartesian_path, raw=True)
+        subscribe(self, interfaces.JOINT_TRAJECTORY, self.on_joint_trajectory, raw=True)
+        subscribe(self, interfaces.CARTESIAN_GOAL, self.on_cartesian_goal)
+        subscribe(self, interfaces.CARTESIAN_PATH, self.on_cartesian_path, raw=True)
         self._selection.watch()
         self._diagnosis = Diagnosis(self, self.diagnostics)
         steady_timer(self, PERIOD, self.goals.log_unlogged)
         self._complete = True
-        states = self.resolve_topic_name(JOINT_STATES.name)
+        states = self.resolve_topic_name(interfaces.JOINT_STATES.name)
         self.get_logger().info(f"answers {states}; to move the arm: ./arm go {names[-1]}+=0.1")
         self._subscribe_states(own_thread)
 
@@ -145,7 +138,7 @@ class ControllerNode(Node):
         # What is granted to the states' thread, the middleware's threads do not have.
         direct = not (self.params.priority or self.params.cpus)
         if not (own_thread and self.answers.start(self, parts, self._answer, self._claim, direct)):
-            subscribe(self, JOINT_STATES, self.on_joint_states, raw=True)
+            subscribe(self, interfaces.JOINT_STATES, self.on_joint_states, raw=True)
             self._claim()
 
     def _claim(self) -> None:
@@ -157,10 +150,9 @@ class ControllerNode(Node):
         """Answer a state, and let C answer the following ones where possible."""
         if self.on_joint_states(raw) is None or self._saturated_joints():
             return
-        if self._velocity is not None:
-            self.answers.obstacle = "velocities are derived from positions"
-            return
-        self.answers.resume(self.params)
+        derived = self._velocity is not None
+        refusal = "velocities are derived from positions" if derived else ""
+        self.answers.resume(self.params, refusal)
         if self._selection.builder.ready or self.goals.planner.ready:
             self.answers.interrupt()
 

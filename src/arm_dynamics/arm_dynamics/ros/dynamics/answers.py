@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics.arrays import finite_answer
+from arm_dynamics.arrays import Array, finite_answer
 from arm_dynamics.dynamics.dynamics import Dynamics, call_entry
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.ros import interfaces
@@ -26,14 +26,15 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.terms.table import OF_SERVICE, TASK_SPACE
 
 
-def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:
-    return Batch(request.joint_names, dynamics.joint_names, request.position, most)
+def _states(dynamics: Dynamics, request: Any, most: int) -> tuple[Batch, Array]:
+    """The positions of a request, as a batch, and its velocities, shape (k, n)."""
+    batch = Batch(request.joint_names, dynamics.joint_names, request.position, most)
+    return batch, batch.read("velocity", request.velocity)
 
 
 def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     """Inverse dynamics: torques of motions."""
-    batch = _batch(dynamics, request, MAX_POINTS)
-    v = batch.read("velocity", request.velocity)
+    batch, v = _states(dynamics, request, MAX_POINTS)
     a = batch.read("acceleration", request.acceleration)
     response.effort = batch.write(dynamics.inverse(batch.q, v, a, request.terms))
     response.joint_names = batch.joint_names
@@ -41,8 +42,7 @@ def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     """Forward dynamics: accelerations under torques."""
-    batch = _batch(dynamics, request, MAX_POINTS)
-    v = batch.read("velocity", request.velocity)
+    batch, v = _states(dynamics, request, MAX_POINTS)
     tau = batch.read("effort", request.effort)
     response.acceleration = batch.write(dynamics.forward(batch.q, v, tau))
     response.joint_names = batch.joint_names
@@ -50,8 +50,7 @@ def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
     """The terms of the equation of motion, and the energies."""
-    batch = _batch(dynamics, request, MAX_TERMS_POINTS)
-    v = batch.read("velocity", request.velocity)
+    batch, v = _states(dynamics, request, MAX_TERMS_POINTS)
     for entry in OF_SERVICE:
         term = call_entry(dynamics, entry, {"q": batch.q, "v": v})
         parts = zip(entry.parts.items(), term if entry.fields else [term], strict=True)
@@ -62,8 +61,7 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     """Forward or inverse dynamics under the scene's constraints."""
-    batch = _batch(dynamics, request, MAX_TERMS_POINTS)
-    v = batch.read("velocity", request.velocity)
+    batch, v = _states(dynamics, request, MAX_TERMS_POINTS)
     for computed in ("effort",) if request.inverse else ("acceleration", "multipliers"):
         if len(getattr(request, computed)):
             raise InvalidInput(
@@ -112,8 +110,7 @@ def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
     """The equation of motion at a frame, and the effective mass along a direction, if given."""
-    batch = _batch(dynamics, request, MAX_TERMS_POINTS)
-    v = batch.read("velocity", request.velocity)
+    batch, v = _states(dynamics, request, MAX_TERMS_POINTS)
     axes = " ".join(request.axes) or "pose"
     task = TaskSpace(dynamics, request.frame, request.reference, axes)
     effective = task.effective_mass(batch.q, request.direction) if len(request.direction) else None

@@ -86,7 +86,7 @@ def _order(names: Sequence[str], model_names: JointNames) -> NDArray[np.intp]:
     if len(names) > len(model_names) + len(model_names.rules):
         raise InvalidInput(f"{len(names)} joint names; {allowed}")
     for name in names:
-        model_names.refuse([name], "unknown joints")
+        model_names.check([name])
     if len(set(names)) != len(names) or len(names) != len(model_names):
         raise InvalidInput(f"joint names are {known_names(names)}; {allowed}")
     return np.array([model_names.index(name) for name in names], np.intp)

@@ -14,7 +14,7 @@ class CMessage:
     """Memory of a message, for ROS's C functions.
 
     Attributes:
-        place: Its address, valid until ``close``.
+        address: Valid until ``close``.
     """
 
     def __init__(self, kind: Any) -> None:
@@ -26,22 +26,23 @@ class CMessage:
             _address(support._CONVERT_FROM_PY)
         )
         self._read = ctypes.PYFUNCTYPE(py_object, c_void_p)(_address(support._CONVERT_TO_PY))
-        self.place = c_void_p(ctypes.CFUNCTYPE(c_void_p)(_address(support._CREATE_ROS_MESSAGE))())
+        create = ctypes.CFUNCTYPE(c_void_p)(_address(support._CREATE_ROS_MESSAGE))
+        self.address = c_void_p(create())
 
     @classmethod
     def of(cls, message: Any) -> CMessage:
         """A message with the content of a Python message."""
         copy = cls(type(message))
-        copy._write(message, copy.place)
+        copy._write(message, copy.address)
         return copy
 
     def read(self) -> Any:
         """Its current content as a Python message."""
-        return self._read(self.place)
+        return self._read(self.address)
 
     def close(self) -> None:
         """Free the memory."""
-        self._destroy(self.place)
+        self._destroy(self.address)
 
 
 def _address(capsule: Any) -> int:

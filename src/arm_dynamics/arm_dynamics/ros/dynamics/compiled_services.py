@@ -27,17 +27,11 @@ from arm_dynamics.codegen.header import Header
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.logs import Throttled
+from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.common.threads.background import Background
 from arm_dynamics.ros.dynamics.c_message import CMessage
-from arm_dynamics.ros.interfaces import (
-    DYNAMICS_TERMS,
-    FORWARD_DYNAMICS,
-    INVERSE_DYNAMICS,
-    MAX_POINTS,
-    MAX_TERMS_POINTS,
-    Service,
-)
+from arm_dynamics.ros.interfaces import Service
 from arm_dynamics.terms.compiled import rows
 from arm_dynamics.terms.table import FORWARD, INVERSE, OF_SERVICE, Entry
 
@@ -52,9 +46,9 @@ class Compiled(NamedTuple):
 
 # In the order of services.c
 COMPILED = (
-    Compiled(INVERSE_DYNAMICS, (INVERSE,), MAX_POINTS),
-    Compiled(FORWARD_DYNAMICS, (FORWARD,), MAX_POINTS),
-    Compiled(DYNAMICS_TERMS, OF_SERVICE, MAX_TERMS_POINTS),
+    Compiled(interfaces.INVERSE_DYNAMICS, (INVERSE,), interfaces.MAX_POINTS),
+    Compiled(interfaces.FORWARD_DYNAMICS, (FORWARD,), interfaces.MAX_POINTS),
+    Compiled(interfaces.DYNAMICS_TERMS, OF_SERVICE, interfaces.MAX_TERMS_POINTS),
 )
 WORTH = 20  # number of requests after which compiling a service is worth the time
 SOURCE = Path(__file__).with_name("native") / "services.c"
@@ -95,7 +89,7 @@ class _Answer:
         )
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.shared = _SharedAnswer(
-            rows=ctypes.cast(rows, c_void_p), response=self._response.place,
+            rows=ctypes.cast(rows, c_void_p), response=self._response.address,
             names=ctypes.addressof(self._names),
             joints=len(names), most=compiled.most,
             level=self._level.ctypes.data if friction.has_dry else None,
@@ -140,9 +134,9 @@ class CompiledServices:
                 )
         self._requests = [CMessage(service.type.Request) for service, *_ in COMPILED]
         pointers = [handle.pointer for handle in self._handles]
-        places = [message.place.value for message in self._requests]
+        requests = [message.address.value for message in self._requests]
         table = c_void_p * len(COMPILED)
-        self._server = c_void_p(library.server(table(*pointers), table(*places)))
+        self._server = c_void_p(library.server_create(table(*pointers), table(*requests)))
         if not self._server:
             self._release()
             raise KernelError("this ROS does not signal service calls")
@@ -155,14 +149,14 @@ class CompiledServices:
         """Counts of requests that C answered: ``counts_t`` of services.h."""
         counts = HEADER.structure("counts_t")()
         if self._server:
-            self._native.counts(self._server, ctypes.byref(counts))
+            self._native.server_counts(self._server, ctypes.byref(counts))
         return counts
 
     def forget(self) -> None:
         """Stop answering for the current arm, before another one is set."""
         with self._lock:
             for k, answer in self._running.items():
-                self._native.use(self._server, k, ctypes.byref(_SharedAnswer()))
+                self._native.server_set_answer(self._server, k, ctypes.byref(_SharedAnswer()))
                 answer.close()
             self._running.clear()
             self._requested.clear()
@@ -188,16 +182,16 @@ class CompiledServices:
 
     def _end(self) -> None:
         if self._server:
-            self._native.end(self._server)
+            self._native.server_end(self._server)
 
     def _serve(self) -> None:
         """Answer requests that C passes on, until the end."""
-        while (k := self._native.serve(self._server)) != _ENDED:
+        while (k := self._native.server_serve(self._server)) != _ENDED:
             service = COMPILED[k].service
             try:
                 request = self._requests[k].read()
                 response = CMessage.of(self._answer(service, request, service.type.Response()))
-                self._native.respond(self._server, k, response.place)
+                self._native.server_respond(self._server, k, response.address)
                 response.close()
                 with self._lock:
                     self._builder.deliver()
@@ -222,4 +216,4 @@ class CompiledServices:
         if rows is None or dynamics is not self._dynamics():
             return
         self._running[k] = answer = _Answer(COMPILED[k], dynamics, rows)
-        self._native.use(self._server, k, ctypes.byref(answer.shared))
+        self._native.server_set_answer(self._server, k, ctypes.byref(answer.shared))

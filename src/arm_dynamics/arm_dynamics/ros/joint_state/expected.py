@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.scene.urdf.joint_names import Follower, JointNames
+from arm_dynamics.scene.urdf.joint_names import JointNames, MimicJoint
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Expected:
     def _arm(self) -> JointNames:
         return self.joints if isinstance(self.joints, JointNames) else JointNames(self.joints)
 
-    def places(self, message: JointState) -> list[int]:
+    def indices(self, message: JointState) -> list[int]:
         """Index of each joint in a message, -1 if absent.
 
         Raises:
@@ -56,14 +56,14 @@ class Expected:
             raise InvalidInput(f"it names no joints; allowed: {known_names(self.joints)}")
         missing = [joint for joint in self.joints if joint not in names]
         if not self.extra:
-            self._arm.refuse(names, "unknown joints")
+            self._arm.check(names)
         if missing and (len(missing) == len(self.joints) or not self.partial):
             raise InvalidInput(f"joints {known_names(missing)} are missing")
         return [names.index(joint) if joint in names else -1 for joint in self.joints]
 
-    def followers(self, message: JointState) -> list[Follower]:
+    def mimic_joints(self, message: JointState) -> list[MimicJoint]:
         """Mimic joints whose numbers must agree with their leaders'."""
-        return [] if self.extra else self._arm.followers(list(message.name))
+        return [] if self.extra else self._arm.mimic_joints(list(message.name))
 
     def check_numbers(self, message: JointState) -> None:
         """Refuse numbers that are not finite, or contradict a leader's, by ``InvalidInput``."""
@@ -76,6 +76,6 @@ class Expected:
                     raise InvalidInput(
                         f"{field} of joint '{joint}' is {x}; allowed: finite numbers"
                     )
-            for follower in self.followers(message):
+            for mimic in self.mimic_joints(message):
                 if numbers:
-                    follower.check(field, field, values)
+                    mimic.check(field, field, values)

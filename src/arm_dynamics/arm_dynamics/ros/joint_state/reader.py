@@ -43,7 +43,11 @@ class Clip(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """A kind of message: its source, the joints that it names, and what C reads it by."""
+    """A kind of message: its source, the joints that it names, and what C reads it by.
+
+    ``order`` has the index of each expected joint in it, -1 if absent; ``followers`` are those of
+    joint_state.h.
+    """
 
     source: str
     joints: frozenset[int]
@@ -83,8 +87,8 @@ class JointStateReader:
         )  # fmt: skip
         self._kinds, self._learned = list[_Kind](), 0
         self._memory = c_void_p(None)
-        self._native, self._place = library(), c_void_p(ctypes.addressof(self._state))
-        self._read = partial(self._native.joint_state_read, self._place)
+        self._native, self._address = library(), c_void_p(ctypes.addressof(self._state))
+        self._read = partial(self._native.joint_state_read, self._address)
 
     def read(self, raw: bytes) -> Read:
         """The stamp in [ns] of a serialized JointState, and n numbers for each of the fields.
@@ -118,7 +122,7 @@ class JointStateReader:
     def open(self, subscription: int) -> None:
         """Prepare to receive from an ``rcl_subscription_t``; ``close`` before it is destroyed."""
         self._memory = c_void_p(self._native.joint_state_source(subscription))
-        self.take = partial(self._native.joint_state_take, self._memory, self._place)
+        self.take = partial(self._native.joint_state_take, self._memory, self._address)
 
     def close(self) -> None:
         """Free the memory for messages."""
@@ -128,7 +132,7 @@ class JointStateReader:
             self._memory = c_void_p(None)
 
     @property
-    def places(self) -> tuple[int, int]:
+    def addresses(self) -> tuple[int, int]:
         """Addresses of ``source_t`` and ``joint_state_t``, for other compiled code."""
         return self._memory.value or 0, ctypes.addressof(self._state)
 
@@ -171,17 +175,17 @@ class JointStateReader:
 
     def _kind_of(self, message: JointState) -> _Kind:
         """Check names and lengths, and determine the kind of a message."""
-        order = np.array(self.expected.places(message), np.int64)
-        followers = self.expected.followers(message)
-        laws = np.zeros(len(followers), _FOLLOWER)
-        for law, follower in zip(laws, followers, strict=True):
-            law["place"], law["leader"], law["within"] = follower.place, follower.leader, AGREES
+        order = np.array(self.expected.indices(message), np.int64)
+        mimics = self.expected.mimic_joints(message)
+        followers = np.zeros(len(mimics), _FOLLOWER)
+        for row, mimic in zip(followers, mimics, strict=True):
+            row["index"], row["leader"], row["within"] = mimic.joint, mimic.leader, AGREES
             for f, field in enumerate(self.expected.fields):
-                law["factor"][f], law["offset"][f] = follower.law(field)
+                row["factor"][f], row["offset"][f] = mimic.factor_and_offset(field)
         lengths = [len(getattr(message, field)) for field in FIELDS]
         layout = layout_of(message.header.frame_id, message.name, lengths)
         joints = frozenset(np.flatnonzero(order >= 0).tolist())
-        return _Kind(message.header.frame_id, joints, layout, order, laws)
+        return _Kind(message.header.frame_id, joints, layout, order, followers)
 
     def _register(self, kind: _Kind, message: JointState) -> None:
         """Let C know a kind, in place of the oldest one."""
@@ -189,7 +193,7 @@ class JointStateReader:
         self._kinds[oldest : oldest + 1] = [kind]
         self._learned += 1
         shared = self._state.kinds[oldest]
-        shared.size, shared.place = len(layout.fixed), kind.order.ctypes.data
+        shared.size, shared.index = len(layout.fixed), kind.order.ctypes.data
         shared.followers = kind.followers.ctypes.data
         shared.follower_count = len(kind.followers)
         shared.fixed, shared.expected = (
@@ -197,4 +201,4 @@ class JointStateReader:
         )
         for f, field in enumerate(self.expected.fields):
             present = len(getattr(message, field)) > 0
-            shared.at[f] = layout.places[FIELDS.index(field)] if present else -1
+            shared.at[f] = layout.offsets[FIELDS.index(field)] if present else -1

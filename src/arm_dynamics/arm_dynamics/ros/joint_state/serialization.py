@@ -28,12 +28,12 @@ class Layout(NamedTuple):
     which is arbitrary.
 
     Attributes:
-        places: Offsets of the numbers of position, velocity and effort.
+        offsets: Of the numbers of position, velocity and effort.
         fixed: 1 for every constant bit, up to the last number.
         expected: Values of these bits; the others are 0.
     """
 
-    places: tuple[int, ...]
+    offsets: tuple[int, ...]
     fixed: bytes
     expected: bytes
 
@@ -47,9 +47,9 @@ class _Template(CdrWriter):
 
     def put(self, piece: bytes, align: int) -> int:
         """Append padding and bytes; return the offset of the latter."""
-        place = super().put(piece, align)
-        self.fixed += bytes(place - len(self.fixed)) + b"\xff" * len(piece)
-        return place
+        offset = super().put(piece, align)
+        self.fixed += bytes(offset - len(self.fixed)) + b"\xff" * len(piece)
+        return offset
 
 
 def layout_of(frame_id: str, names: Sequence[str], lengths: Sequence[int]) -> Layout:
@@ -58,11 +58,11 @@ def layout_of(frame_id: str, names: Sequence[str], lengths: Sequence[int]) -> La
     stamp = template.time(0)
     template.text(frame_id)
     template.texts(names)
-    places = tuple(template.doubles(np.zeros(length)) for length in lengths)
+    offsets = tuple(template.doubles(np.zeros(length)) for length in lengths)
     sizes = (8 * length for length in lengths)
-    for place, size in ((stamp, TIME.size), *zip(places, sizes, strict=True)):
-        template.fixed[place : place + size] = bytes(size)
-    return Layout(places, bytes(template.fixed), bytes(template.raw))
+    for offset, size in ((stamp, TIME.size), *zip(offsets, sizes, strict=True)):
+        template.fixed[offset : offset + size] = bytes(size)
+    return Layout(offsets, bytes(template.fixed), bytes(template.raw))
 
 
 class JointStateWriter:
@@ -71,7 +71,7 @@ class JointStateWriter:
     Attributes:
         names: The joints.
         raw: The message that was written last.
-        places: Offsets of the numbers of each field.
+        offsets: Of the numbers of each field.
 
     Example:
         >>> writer = JointStateWriter(names, ("effort",))
@@ -86,9 +86,9 @@ class JointStateWriter:
         lengths = [len(names) if field in fields else 0 for field in FIELDS]
         layout = layout_of(frame_id, names, lengths)
         self.raw = bytearray(layout.expected)
-        self.places = [layout.places[FIELDS.index(field)] for field in fields]
+        self.offsets = [layout.offsets[FIELDS.index(field)] for field in fields]
         raw, size = memoryview(self.raw), 8 * len(names)
-        self._numbers = [raw[place : place + size].cast("d") for place in self.places]
+        self._numbers = [raw[k : k + size].cast("d") for k in self.offsets]
 
     def write(self, stamp: int, *arrays: Array) -> bytes:
         """The message with a stamp in [ns] and an array of shape (n,) for each of the fields."""

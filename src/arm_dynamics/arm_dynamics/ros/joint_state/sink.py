@@ -31,7 +31,7 @@ class JointStateSink:
     Attributes:
         names: The joints.
         raw: The message that was sent last.
-        place: Address of ``sink_t``, for other compiled code.
+        address: Address of ``sink_t``, for other compiled code.
     """
 
     def __init__(
@@ -44,13 +44,13 @@ class JointStateSink:
         self._handle, self.names = advertise(node, topic).handle, writer.names
         self._writer, self._arrays, self.raw = writer, tuple(arrays), writer.raw
         self._sink = sink = Sink(
-            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
+            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.offsets),
             joints=self._arrays[0].size, publisher=self._handle.pointer,
         )  # fmt: skip
-        for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
-            sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        self.place = ctypes.addressof(sink)
-        self._send = partial(library().joint_state_send, c_void_p(self.place))
+        for k, (offset, array) in enumerate(zip(writer.offsets, self._arrays, strict=True)):
+            sink.at[k], sink.numbers[k] = offset, array.ctypes.data
+        self.address = ctypes.addressof(sink)
+        self._send = partial(library().joint_state_send, c_void_p(self.address))
 
     @property
     def sender(self) -> bytes:

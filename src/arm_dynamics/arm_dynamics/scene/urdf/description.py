@@ -14,19 +14,7 @@ from xml.etree import ElementTree
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
 from arm_dynamics.scene.inertia import ROUNDING, fault, least, moments
-from arm_dynamics.scene.urdf.plain import (
-    HELD,
-    MOMENTS,
-    MOVING,
-    SUPPORTED,
-    TENSOR,
-    Notes,
-    described_range,
-    is_limited,
-    link_at,
-    plain_joint,
-    plain_link,
-)
+from arm_dynamics.scene.urdf import plain
 from arm_dynamics.scene.urdf.units import note_units, size_of
 from arm_dynamics.scene.urdf.xml import xml_root
 
@@ -82,12 +70,12 @@ class Urdf:
     crossed: Mapping[str, tuple[float, float]]
     size: float
     doubtful: dict[str, str]
-    notes: Notes
+    notes: plain.Notes
 
     @property
     def moving(self) -> list[str]:
         """Names of the joints that are not fixed."""
-        return [name for name, kind in self.joints.items() if kind in MOVING]
+        return [name for name, kind in self.joints.items() if kind in plain.MOVING]
 
     def free(self, locked: Collection[str]) -> list[str]:
         """Names of the joints that move independently while some are locked."""
@@ -96,7 +84,7 @@ class Urdf:
     @property
     def lockable(self) -> list[str]:
         """Names of the joints that a scene may lock."""
-        return [name for name, kind in self.joints.items() if kind in (*MOVING, *HELD)]
+        return [name for name, kind in self.joints.items() if kind in (*plain.MOVING, *plain.HELD)]
 
     def leader(self, name: str) -> str:
         """The joint that ``name`` follows in the end; itself if it is independent."""
@@ -129,11 +117,11 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     Raises:
         ModelError: If it is malformed, or holds an unsupported joint type or unphysical number.
     """
-    notes: Notes = {}
+    notes: plain.Notes = {}
     robot = _root(text)
-    links = {name: plain_link(x, notes) for name, x in _unique(robot, "link").items()}
+    links = {name: plain.plain_link(x, notes) for name, x in _unique(robot, "link").items()}
     described = _unique(robot, "joint")
-    joints = {name: plain_joint(x, notes, name in lock) for name, x in described.items()}
+    joints = {name: plain.plain_joint(x, notes, name in lock) for name, x in described.items()}
     if not links:
         xacro = f"; this is xacro source: {_EXPAND}" if "<xacro:" in text else ""
         raise ModelError(f"robot description: no <link> found; at least one is required{xacro}")
@@ -144,7 +132,7 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     size = size_of(links, joints, _check_tree(joints, links))
     note_units(links, joints, size, notes)
     kinds = {name: joint.get("type", "") for name, joint in described.items()}
-    ranges = {name: described_range(joint) for name, joint in joints.items()}
+    ranges = {name: plain.described_range(joint) for name, joint in joints.items()}
     crossed = {name: (lower, upper) for name, (lower, upper) in ranges.items() if lower > upper}
     for name in crossed:
         for limit in joints[name].findall("limit"):
@@ -152,12 +140,12 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
     anew = _text_for_pinocchio(robot, [*links.values(), *joints.values()], notes)
-    limited = {name: described_range(x) for name, x in joints.items() if is_limited(x)}
+    limited = {name: plain.described_range(x) for name, x in joints.items() if plain.is_limited(x)}
     return Urdf(anew, kinds, tuple(links), mimics, limited, crossed, size, doubtful, notes)
 
 
 def _text_for_pinocchio(
-    robot: ElementTree.Element, parts: Iterable[ElementTree.Element], notes: Notes
+    robot: ElementTree.Element, parts: Iterable[ElementTree.Element], notes: plain.Notes
 ) -> str:
     """The description for Pinocchio, to which every joint is independent."""
     name, version = robot.get("name"), robot.get("version")
@@ -204,17 +192,17 @@ def _unique(robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Eleme
 
 def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None:
     kind = joint.get("type")
-    if kind in HELD:
+    if kind in plain.HELD:
         raise ModelError(
             f"joint '{name}': type '{kind}' is not supported as a joint that moves; allowed: "
-            f"{choices(kind, SUPPORTED)}; 'robot.lock: [{name}]' in a scene holds it at its origin"
+            f"{choices(kind, plain.SUPPORTED)}; 'robot.lock: [{name}]' in a scene holds it at its "
+            "origin"
         )
-    if kind not in SUPPORTED:
-        raise ModelError(
-            f"joint '{name}': type {kind!r} is not supported; allowed: {choices(kind, SUPPORTED)}"
-        )
+    if kind not in plain.SUPPORTED:
+        allowed = choices(kind, plain.SUPPORTED)
+        raise ModelError(f"joint '{name}': type {kind!r} is not supported; allowed: {allowed}")
     for end in ("parent", "child"):
-        link = link_at(joint, end)
+        link = plain.link_at(joint, end)
         if link not in links:
             raise ModelError(
                 f"joint '{name}': {end} link {link!r} does not exist; "
@@ -234,11 +222,12 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
         raise ModelError(f"link '{name}': <inertial> without <mass value=…>")
     if tensor is None:
         raise ModelError(f"link '{name}': <inertial> without <inertia>")
-    if absent := [key for key in MOMENTS if key not in tensor.keys()]:
+    if absent := [key for key in plain.MOMENTS if key not in tensor.keys()]:
         raise ModelError(f"link '{name}': <inertia> without {', '.join(absent)}")
-    six, weight = [float(tensor.get(key, "")) for key in TENSOR], float(mass.get("value", ""))
+    six = [float(tensor.get(key, "")) for key in plain.TENSOR]
+    weight = float(mass.get("value", ""))
     point = float(least(weight))
-    for key in MOMENTS:
+    for key in plain.MOMENTS:
         if float(tensor.get(key, "")) < -max(ROUNDING * max(map(abs, six)), point):
             raise ModelError(
                 f"link '{name}': <inertia {key}={tensor.get(key)!r}>: must not be negative"
@@ -260,7 +249,7 @@ def _check_tree(
     parent_of = dict[str, str]()
     children = dict[str, list[str]]()
     for name, joint in joints.items():
-        parent, child = str(link_at(joint, "parent")), str(link_at(joint, "child"))
+        parent, child = str(plain.link_at(joint, "parent")), str(plain.link_at(joint, "child"))
         if child in parent_of:
             raise ModelError(
                 f"joint '{name}': link '{child}' already has a parent joint; "
@@ -305,8 +294,8 @@ def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> di
         if element is None or kinds[name] == "fixed":
             continue
         leader = element.get("joint")
-        if leader not in kinds or kinds[leader] not in MOVING or leader == name:
-            others = [n for n, kind in kinds.items() if kind in MOVING and n != name]
+        if leader not in kinds or kinds[leader] not in plain.MOVING or leader == name:
+            others = [n for n, kind in kinds.items() if kind in plain.MOVING and n != name]
             allowed, why = known_names(others), "does not move"
             if leader not in kinds:
                 allowed, why = allowed + did_you_mean(leader, others), "is not a joint"

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,22 +20,22 @@ AGREES = 1e-3
 FIELDS = ("position", "velocity", "acceleration")
 
 
-class Follower(NamedTuple):
+class MimicJoint(NamedTuple):
     """A mimic joint among named joints.
 
     Attributes:
         name: The joint.
-        place: Its index among the named ones.
+        joint: Its index among the named ones.
         leader: Index of its leader there.
         rule: How it follows.
     """
 
     name: str
-    place: int
+    joint: int
     leader: int
     rule: Mimic
 
-    def law(self, field: str) -> tuple[float, float]:
+    def factor_and_offset(self, field: str) -> tuple[float, float]:
         """Factor and offset of its value over its leader's; zeros for efforts: it has none."""
         offset = self.rule.offset if field == "position" else 0.0
         return (self.rule.multiplier, offset) if field in FIELDS else (0.0, 0.0)
@@ -44,14 +45,14 @@ class Follower(NamedTuple):
 
         Args:
             title: Name of the values, for the message.
-            field: See ``law``.
+            field: See ``factor_and_offset``.
             values: Those of all named joints, shape (k,).
 
         Raises:
             InvalidInput: Naming both joints and what is expected.
         """
-        row, (factor, offset) = np.asarray(values, float), self.law(field)
-        own = float(row[self.place])
+        row, (factor, offset) = np.asarray(values, float), self.factor_and_offset(field)
+        own = float(row[self.joint])
         expected = factor * float(row[self.leader]) + offset if factor else offset
         if not abs(own - expected) <= AGREES * max(1.0, abs(expected)) and not np.isnan(own):
             message = f"{title}: {self.name} follows {self.rule.leader}; command that one"
@@ -66,22 +67,24 @@ class Follower(NamedTuple):
 class JointNames(tuple[str, ...]):
     """Names of the independent joints, in the order of every vector, that know the others.
 
-    ``rules`` say how mimic joints follow independent or locked ones, which do not move.
+    Attributes:
+        rules: How mimic joints follow independent or locked ones, which do not move.
+        locked: Joints that the scene locks.
     """
 
-    rules: Mapping[str, Mimic] = {}
-    locked: Collection[str] = ()
+    rules: Mapping[str, Mimic]
+    locked: Collection[str]
 
-    @classmethod
-    def of(
-        cls, names: Iterable[str], rules: Mapping[str, Mimic], locked: Collection[str]
-    ) -> JointNames:
-        """Names with rules and locks of the other joints."""
-        joints = cls(names)
+    def __new__(
+        cls, names: Iterable[str], rules: Mapping[str, Mimic] = MappingProxyType({}),
+        locked: Collection[str] = (),
+    ) -> Self:  # fmt: skip
+        """Names, with rules and locks of the other joints."""
+        joints = super().__new__(cls, names)
         joints.rules, joints.locked = rules, locked
         return joints
 
-    def refuse(self, names: Sequence[str], unknown_joints: str) -> None:
+    def check(self, names: Sequence[str], unknown_joints: str = "unknown joints") -> None:
         """Refuse names that are unknown or locked, or follow others that are not named.
 
         ``unknown_joints`` begins the message, if a name is unknown.
@@ -97,11 +100,11 @@ class JointNames(tuple[str, ...]):
                 f"{unknown_joints} {known_names(unknown)}; allowed: {choices(unknown[0], self)}"
             )
 
-    def followers(self, names: Sequence[str]) -> list[Follower]:
-        """The mimic joints among names that have passed ``refuse``."""
+    def mimic_joints(self, names: Sequence[str]) -> list[MimicJoint]:
+        """The mimic joints among names that have passed ``check``."""
         rules = self.rules
         return [
-            Follower(name, i, names.index(rules[name].leader), rules[name])
+            MimicJoint(name, i, names.index(rules[name].leader), rules[name])
             for i, name in enumerate(names)
             if name not in self
         ]
@@ -114,7 +117,7 @@ def check_finite(title: str, names: Iterable[str], values: Iterable[float]) -> N
             raise InvalidInput(f"{title}, joint '{name}', is {x}; allowed: finite numbers")
 
 
-class Named:
+class NamedJoints:
     """The joints that a message names: those of the arm, and mimic joints that agree with them.
 
     Attributes:
@@ -124,12 +127,12 @@ class Named:
     def __init__(self, names: Sequence[str], arm: JointNames) -> None:
         """Check the names, each at most once; none mean all joints of the arm."""
         names = list(names) or list(arm)
-        arm.refuse(names, "unknown joints")
+        arm.check(names)
         if len(set(names)) != len(names):
             raise InvalidInput(
                 f"joints {known_names(names)} are not all different; allowed: each once"
             )
-        self._names, self._followers = names, arm.followers(names)
+        self._names, self._mimics = names, arm.mimic_joints(names)
         self._own = [i for i, name in enumerate(names) if name in arm]
         self.joints = np.array([arm.index(names[i]) for i in self._own], np.intp)
 
@@ -150,8 +153,8 @@ class Named:
         if len(values) != len(self._names):
             raise InvalidInput(f"{title} has {len(values)} numbers; allowed: {len(self._names)}")
         check_finite(title, [self._names[i] for i in self._own], [values[i] for i in self._own])
-        for follower in self._followers:
-            follower.check(title, field, values)
+        for mimic in self._mimics:
+            mimic.check(title, field, values)
         full = np.array(rest)
-        full[self.joints] = np.asarray(values)[self._own] if self._followers else values
+        full[self.joints] = np.asarray(values)[self._own] if self._mimics else values
         return full

@@ -19,8 +19,8 @@ static void torques_at(int64_t n, const double* rows, double s, double* torques)
   for (int64_t i = 0; i < n; ++i) torques[i] = rows[i] + s * (rows[n + i] - rows[i]);
 }
 
-void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
-            const double* torques, double t, double* motion) {
+void trajectory_sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
+                       const double* torques, double t, double* motion) {
   const int after = t >= knots[segments];
   if (!torques) memset(motion + 3 * n, 0, 8 * n);
   if (after || t < 0.0) {

@@ -17,5 +17,5 @@
  * torques      at every knot, linear between them and constant before and after; NULL: none, zero
  * t            time in [s] from the start
  * motion       receives positions, velocities, accelerations and torques */
-QUICK void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
-                  const double* torques, double t, double* motion);
+QUICK void trajectory_sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
+                             const double* torques, double t, double* motion);

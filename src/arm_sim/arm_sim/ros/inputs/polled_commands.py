@@ -53,7 +53,7 @@ class PolledCommands:
         """
         self._reader.open(subscription)
         self._take_again = take_again
-        self._engine.ticks.source, self._engine.ticks.reader = self._reader.places
+        self._engine.ticks.source, self._engine.ticks.reader = self._reader.addresses
 
     def close(self) -> None:
         """End the subscription."""

@@ -26,7 +26,9 @@ from arm_studies.identification.drives.law import Law, Trial
 from arm_studies.identification.drives.matching import Match, match
 from arm_studies.identification.regression.estimation import solved
 
-_WINDOW = 40  # samples
+_WINDOW = 40  # samples of a part that is simulated at a time
+# Error of the simulation, and its longest step, where |v| has a kink as the motion turns
+_KINK_ERROR, _KINK_STEP = 2e-5, 0.04
 UNITS = {
     "inertia": "kg m²", "sigma0": "N m/rad", "sigma1": "N m s/rad", "coulomb": "N m",
     "static": "N m", "stribeck_velocity": "rad/s", "viscous": "N m s/rad",
@@ -102,8 +104,7 @@ def identify_bristles(
     rate = lugre.bending(v, z, s0, friction.dry(v, 1.0, Fc, Fs - Fc, vs))
     resistance = lugre.torque(z, rate, s0, s1) + friction.viscous(v, s2)
     slope = ca.vertcat(v, (tau - resistance) / J, rate)
-    # |v| has a kink where the motion turns.
-    law = Law(ca.vertcat(q, v, z), tau, numbers, slope, q, exact=2e-5, step=0.04)
+    law = Law(ca.vertcat(q, v, z), tau, numbers, slope, q, _KINK_ERROR, _KINK_STEP)
     by_size = sorted(records, key=lambda record: float(np.ptp(record.position)))
     start = _guess(by_size[0], by_size[-1]) | dict(guess or {})
     if len(records) > 1:  # the fit of the smallest motion is a better guess for the others
@@ -134,25 +135,31 @@ def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[
 
 
 def _guess(small: SmallMotion, wide: SmallMotion) -> dict[str, float]:
-    """Least squares on the sticking motion, and on the fastest part of the widest one."""
+    """First guesses: orders of magnitude, from which the fit converges.
+
+    Least squares on the sticking motion, and on the fastest part of the widest one.
+    """
     q, tau = small.position, small.torque
-    table = np.column_stack([np.gradient(small.velocity, small.dt), small.velocity, q, q * 0 + 1])
+    acceleration = np.gradient(small.velocity, small.dt)
+    table = np.column_stack([acceleration, small.velocity, q, np.ones_like(q)])
     J, s1, s0, _ = solved(table, tau, 1e-12)
     s0 = s0 if s0 > 0.0 else float(np.ptp(tau) / np.ptp(q))
-    J = J if J > 0.0 else s0 * small.dt**2
+    J = J if J > 0.0 else s0 * small.dt**2  # it swings on its bristles within some samples
     v = wide.velocity
-    fast = abs(v) > 0.2 * abs(v).max()
+    fast = abs(v) > 0.2 * abs(v).max()  # where its sign is certain
     columns = np.column_stack([np.gradient(v, wide.dt), np.sign(v), v])[fast]
     J_wide, Fc, s2 = np.linalg.lstsq(columns, wide.torque[fast], rcond=1e-12)[0]
+    # Bristles alone give way by the range of torques over σ0.
     slides = np.ptp(wide.position) > 3.0 * np.ptp(wide.torque) / s0
     if not slides or Fc <= 0.0:
-        Fc = 1.5 * float(abs(wide.torque).max())
+        Fc = 1.5 * float(abs(wide.torque).max())  # breakaway is beyond all of these torques
     elif J_wide > 0.0:
         J = J_wide
-    damp = 0.3 * np.sqrt(s0 * J)
+    damp = 0.3 * np.sqrt(s0 * J)  # a damping ratio of 0.15; one above 0.45 is not believed
     guess = {
         "inertia": J, "sigma0": s0, "sigma1": s1 if 0.0 < s1 < 3.0 * damp else damp,
         "coulomb": Fc, "static": 1.3 * Fc,
+        # Friction falls at speeds that were seen, if it slides, else above them.
         "stribeck_velocity": (0.3 if slides else 3.0) * abs(v).max(),
         "viscous": s2 if slides and s2 > 0.0 else 0.1 * damp,
     }  # fmt: skip

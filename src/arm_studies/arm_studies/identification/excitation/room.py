@@ -9,14 +9,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array, numbers, positive_limits, read_only, vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import built_once
-from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.frame import placement, relative
 from arm_dynamics.equations.rigid_body import placements
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model import ArmModel
 from arm_dynamics.model.tree_builder import frame_of, tree_of
 from arm_dynamics.trajectory import Bounds, Limits, Trajectory
 

@@ -39,7 +39,7 @@ LARGEST_DEVIATION = 0.7  # Largest standard deviation of the logarithm of a scal
 
 
 @dataclass(frozen=True)
-class Match:
+class ColumnMatch:
     """The motion that explains a column of efforts.
 
     Attributes:
@@ -94,7 +94,7 @@ class Scale:
     high: float
 
 
-def mismatched(problem: Problem) -> list[Match]:
+def mismatched(problem: Problem) -> list[ColumnMatch]:
     """Columns of efforts that another sign, or the motion of another joint, explains far better.
 
     Bodies stay near the nominal ones, up to a common positive factor, and friction opposes the
@@ -108,7 +108,7 @@ def mismatched(problem: Problem) -> list[Match]:
         turned, j = np.unravel_index(np.argmin(of_column), of_column.shape)
         own, best = of_column[0, i], of_column[turned, j]
         if own > UNEXPLAINED and best < min(EXPLAINED, IMPROVEMENT * own):
-            matches.append(Match(int(i), int(j), -1 if turned else 1))
+            matches.append(ColumnMatch(int(i), int(j), -1 if turned else 1))
     return matches
 
 

@@ -3,11 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from arm_dynamics.arrays import Array
+from arm_studies.identification.data import MeasuredMotion, arrays_at, joined
+from arm_studies.identification.signals.filtering import ZeroPhase
 
+PER_BAND = 10.0  # Rows per period of the band that ``thinned`` keeps.
 # Rows on either side that ``spread`` averages over, and its window's parameter: up to a tenth of
 # the rows' rate, its gain is within 2e-6 of one, and what folds there is below 2e-6.
 REACH, KAISER = 6, 12.0
@@ -42,3 +47,24 @@ def spread(x: Array, stride: int) -> Array:
     long = np.pad(x, [(width, width), *[(0, 0)] * (x.ndim - 1)], mode="edge")
     windows = sliding_window_view(long, len(at), axis=0)[::stride]
     return np.asarray(windows @ (low_pass[:, None] / low_pass.sum() * linear))
+
+
+def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
+    """The motion with only as many rows as its band needs, ``PER_BAND`` per period.
+
+    Returns:
+        The motion, and the stride of the rows that it keeps.
+    """
+    stride = max(1, int(1.0 / (PER_BAND * motion.band * motion.dt) + 1e-9))
+    if stride == 1:
+        return motion, 1
+    dt = stride * motion.dt
+    low_pass = ZeroPhase(motion.band, dt)
+    parts = []
+    for stretch in motion.stretches:
+        part, rows = motion.span(stretch), slice(0, None, stride)
+        values = arrays_at(part, rows) | {"effort": decimated(part.effort, stride)}
+        stretches = (slice(0, len(values["time"])),)
+        values |= {"valid": part.valid[rows], "dt": dt, "low_pass": low_pass}
+        parts.append(replace(part, stretches=stretches, **values))
+    return joined(parts, motion.notes), stride

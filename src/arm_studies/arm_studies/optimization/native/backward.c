@@ -14,6 +14,7 @@
 #endif
 #define NS (NX + NU)
 #define EXPORTED __attribute__((visibility("default")))
+/* Each command may come to a limit, and leave it, more than once; a step is halved until it is rounding. */
 enum { MOST_ITERATIONS = 20 + 4 * NU, MOST_HALVINGS = 40 };
 
 /* Cholesky factor L of the free rows and columns of H; returns whether they are positive definite. */
@@ -43,6 +44,7 @@ static void solve(const double L[NU][NU], int count, int width, double* y) {
   }
 }
 
+/* ½ kᵀ H k + gᵀ k. */
 static double value(const double H[NU][NU], const double* g, const double* k) {
   double sum = 0.0;
   for (int i = 0; i < NU; ++i) {
@@ -89,7 +91,7 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
         inside &= trial[m] == target;
         promised += slope[m] * (trial[m] - k[m]);
       }
-      if (value(H, g, trial) <= now + 0.1 * promised) break;
+      if (value(H, g, trial) <= now + 0.1 * promised) break; /* Armijo's rule */
       if (halving == MOST_HALVINGS) return count; /* only rounding is left */
     }
     memcpy(k, trial, sizeof trial);
@@ -115,9 +117,9 @@ static void add_product(int rows, int inner, int columns, const double* A, int r
  * promised:   receives the predicted change of the cost under this policy.
  * Returns nodes on success, else the node at which the curvature by the command is not positive.
  */
-EXPORTED long long backward(long long nodes, const double* slopes, const double* lx, const double* lxx, const double* lu,
-                            const double* luu, const double* low, const double* high, double damping, double* k, double* K,
-                            double* promised) {
+EXPORTED long long ilqr_backward(long long nodes, const double* slopes, const double* lx, const double* lxx, const double* lu,
+                                 const double* luu, const double* low, const double* high, double damping, double* k,
+                                 double* K, double* promised) {
   double V[NX][NX], v[NX];
   memcpy(V, lxx + nodes * NX * NX, sizeof V);
   memcpy(v, lx + nodes * NX, sizeof v);
@@ -128,7 +130,8 @@ EXPORTED long long backward(long long nodes, const double* slopes, const double*
     double *kn = k + node * NU, (*Kn)[NX] = (double (*)[NX])(K + node * NU * NX);
     double W[NX][NS], Q[NS][NS], q[NS], H[NU][NU], L[NU][NU], T[NU][NX], t[NU], rows[NU][NX];
     int at[NU] = {0};
-    /* Quadratic model of the cost-to-go by (x, u): Q = Sᵀ V S, q = Sᵀ v, plus the node's own cost. */
+    /* Quadratic model of the cost-to-go by (x, u): Q = Sᵀ V S, q = Sᵀ v, plus the node's own cost. Its part by the
+     * command, Q_uu, begins at Q[NX] + NX, and q_u at q + NX. */
     memset(W, 0, sizeof W);
     memset(Q, 0, sizeof Q);
     memcpy(q, lx + node * NX, NX * sizeof(double));

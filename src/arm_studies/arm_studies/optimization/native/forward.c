@@ -14,9 +14,9 @@
  * used:       receives commands, likewise, of NU numbers.
  * An arm is marked that meets a stop; its states are invalid from there on.
  */
-EXPORTED void follow(const scene_t* scene, const arms_t* arms, long long count, const double* x, const double* u,
-                     const double* k, const double* K, const double* low, const double* high, const double* sizes, double* out,
-                     long long out_arm, double* used, long long used_arm) {
+EXPORTED void ilqr_follow(const scene_t* scene, const arms_t* arms, long long count, const double* x, const double* u,
+                          const double* k, const double* K, const double* low, const double* high, const double* sizes,
+                          double* out, long long out_arm, double* used, long long used_arm) {
   const real length = arms->h;
   for (long long arm = 0; arm < count; arm += LANES) {
     real now[NX], next[NX], off[NX], r[NU], acted[NU], p[NP + 1], size[1];

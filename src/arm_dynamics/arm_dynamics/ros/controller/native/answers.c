@@ -22,9 +22,9 @@
 
 struct receiver {
   pthread_mutex_t lock; /* held while a state is answered, or while Python uses the parts of the controller */
-  sem_t calls;          /* posted for every state left to `serve`, and at the end */
+  sem_t calls;          /* posted for every state left to `receiver_serve`, and at the end */
   atomic_bool ended;
-  answers_t* at_once; /* answers of states on the thread that brings them; NULL: `serve` answers all */
+  answers_t* at_once; /* answers of states on the thread that brings them; NULL: `receiver_serve` answers all */
   int64_t left;       /* outcome for a state that was taken on that thread and is left to Python; NONE: none */
   const rcl_subscription_t* subscription;
 };
@@ -39,7 +39,7 @@ int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length) {
   return length && length == last->length && !memcmp(raw, last->raw, length);
 }
 
-void remember(last_t* last, const uint8_t* raw, int64_t length) {
+void remember_state(last_t* last, const uint8_t* raw, int64_t length) {
   memcpy(last->raw, raw, length);
   last->length = length;
 }
@@ -95,7 +95,7 @@ static int compute(answers_t* a) {
   return 1;
 }
 
-int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque) {
+int64_t report_publish(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque) {
   const double *q = motion, *v = q + n, *reference = v + n;
   const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, torque};
   size_t subscribers = 0;
@@ -122,7 +122,7 @@ static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int
   note_state(a->before, n, stamp, a->input, a->input + n);
   memcpy(a->tau, a->torque, 8 * n);
   memcpy(a->memory, a->next_memory, 8 * a->remembered);
-  remember(a->last, s->raw, s->length);
+  remember_state(a->last, s->raw, s->length);
   a->last_time = now();
   const int64_t duration = a->last_time - began;
   a->busy += duration;
@@ -139,21 +139,21 @@ static int answer(answers_t* a, int64_t began) {
   if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
   if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
   const double t = 1e-9 * (double)(stamp - a->start);
-  sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
+  trajectory_sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
   if ((a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) || !compute(a)) return 0;
   if (joint_state_send(a->sink, stamp)) {
     a->last->length = 0; /* the sink no longer holds its answer */
     return 0;
   }
   /* Python tries again, and says why, if it fails. */
-  if (report(a->report, stamp, n, a->input, a->torque)) __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
+  if (report_publish(a->report, stamp, n, a->input, a->torque)) __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
   note_answer(a, s, stamp, began);
   return 1;
 }
 
-void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
+void receiver_lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
 
-void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
+void receiver_unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Whether a state is of another publisher than the one that is followed, which was heard lately. */
 static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
@@ -165,18 +165,18 @@ static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
   return 1;
 }
 
-/* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */
+/* Take a state and answer it; the outcome of `joint_state_take` if Python must answer it, else NONE. */
 static int64_t take_and_answer(answers_t* a) {
   const int64_t began = now(), outcome = joint_state_take(a->source, a->reader);
   return outcome == KNOWN && (is_strange(a->followed, a->reader->sender, began) || answer(a, began)) ? NONE : outcome;
 }
 
-int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
+int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct) {
   r->at_once = direct ? a : NULL;
   for (;;) {
-    unlock(r);
+    receiver_unlock(r);
     while (sem_wait(&r->calls)) continue; /* interrupted by a signal */
-    lock(r);
+    receiver_lock(r);
     if (r->ended) return ENDED;
     int64_t outcome = r->left;
     r->left = NONE;
@@ -185,13 +185,13 @@ int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
   }
 }
 
-/* Answer a new state unless someone else uses the parts; 0: it is left to `serve`. */
+/* Answer a new state unless someone else uses the parts; 0: it is left to `receiver_serve`. */
 static int answer_at_once(receiver_t* r) {
   if (pthread_mutex_trylock(&r->lock)) return 0;
   const int mine = r->at_once && !r->ended && r->left == NONE;
   if (mine) r->left = take_and_answer(r->at_once);
   const int answered = mine && r->left == NONE;
-  unlock(r);
+  receiver_unlock(r);
   return answered;
 }
 
@@ -202,19 +202,19 @@ static void note(const void* receiver, size_t count) {
   if (!answer_at_once(r)) sem_post(&r->calls);
 }
 
-void end(receiver_t* r) {
+void receiver_end(receiver_t* r) {
   r->ended = 1;
   sem_post(&r->calls);
 }
 
-void destroy(receiver_t* r) {
+void receiver_free(receiver_t* r) {
   if (rcl_subscription_set_on_new_message_callback(r->subscription, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
   sem_destroy(&r->calls);
   pthread_mutex_destroy(&r->lock);
   free(r);
 }
 
-receiver_t* receiver(const rcl_subscription_t* subscription) {
+receiver_t* receiver_create(const rcl_subscription_t* subscription) {
   pthread_mutexattr_t kind;
   receiver_t* r = calloc(1, sizeof *r);
   if (!r) return NULL;
@@ -227,6 +227,6 @@ receiver_t* receiver(const rcl_subscription_t* subscription) {
   pthread_mutexattr_destroy(&kind);
   if (rcl_subscription_set_on_new_message_callback(subscription, note, r) == RCL_RET_OK) return r;
   rcutils_reset_error();
-  destroy(r);
+  receiver_free(r);
   return NULL;
 }

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Ordinary answers of the controller. Python reads this header, see compiled_answers.py and tracking.py.
+ * Ordinary answers of the controller. Python reads this header, see compiled_answers.py, jumps.py, answer_log.py,
+ * tolerances.py and tracking.py.
  */
 #pragma once
 #include "joint_state.h"
 
-enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
+enum { ENDED = -1 }; /* else `receiver_serve` returns the outcome of `joint_state_take` for a state that Python must answer */
 
 /* The publisher of states that is followed, another one, and times in [ns] of their last states; 0: none. */
 typedef struct {
@@ -40,7 +41,7 @@ typedef struct {
 QUICK int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length);
 
 /* Remember a state, for which there is room. */
-QUICK void remember(last_t* last, const uint8_t* raw, int64_t length);
+QUICK void remember_state(last_t* last, const uint8_t* raw, int64_t length);
 
 /* Largest errors of the joints. */
 typedef struct {
@@ -48,7 +49,7 @@ typedef struct {
   const int64_t* turning; /* nonzero for joints without position limits, whose errors are the shortest rotations */
 } tolerance_t;
 
-/* Errors of n positions and n velocities, reference less measured. `motion`: q and v, and the reference's q and v. */
+/* Errors of n positions and n velocities, reference less measured. `motion`: q and v, and the reference's q and v (4n). */
 QUICK void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors);
 
 /* Whether these errors are within tolerances. */
@@ -67,11 +68,12 @@ typedef struct {
 } report_t;
 
 /* Publish the tracking state, if that is due and someone listens; returns 0 or an error code, and then the next state is
- * due. `motion`: q and v, and the reference's q, v and a. */
-EXPORT int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque);
+ * due. `motion`: q and v, and the reference's q, v and a (5n). */
+EXPORT int64_t report_publish(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque);
 
+/* All that an answer depends on or changes. */
 typedef struct {
-  int64_t active;    /* whether C may answer; false after every change in Python */
+  int64_t active; /* whether C may answer; false after every change in Python */
   int64_t interrupt; /* nonzero: Python answers the next state */
   source_t* source;
   joint_state_t* reader;
@@ -80,7 +82,7 @@ typedef struct {
   int64_t joints;
   int64_t until; /* stamp from which Python answers states */
   report_t* report;
-  /* The controller: its input (q, v and the reference's q, v, a, torques), output and limit (NULL: none). */
+  /* The controller: its input (6n: q, v and the reference's q, v, a, torques), output and limit (NULL: none). */
   const entry_t* law;
   double* input;
   const double *torque, *limit;
@@ -91,7 +93,7 @@ typedef struct {
   /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
   const double *gain, *back_emf;
   double* command;
-  /* The motion: stamp at which it begins, number of segments, and the rest as for `sample`. */
+  /* The motion: stamp at which it begins, number of segments, and the rest as for `trajectory_sample`. */
   int64_t start, segments;
   const double *knots, *polynomials, *ends, *torques;
   /* Path tolerances and the stamp from which they apply; NULL: none. */
@@ -111,19 +113,20 @@ typedef struct {
 typedef struct receiver receiver_t;
 
 /* A receiver of the messages of a subscription; NULL: out of memory, or ROS does not report new messages. */
-EXPORT receiver_t* receiver(const rcl_subscription_t* subscription);
+EXPORT receiver_t* receiver_create(const rcl_subscription_t* subscription);
 
-/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one
+/* Answer states until Python must answer one; returns the outcome of `joint_state_take` for it, or ENDED after
+ * `receiver_end`. Called by one
  * thread, which holds the lock before and after, but not while it waits. With `direct`, the thread of the middleware
  * that brings a state answers it at once where possible. */
-EXPORT int64_t serve(receiver_t* r, answers_t* a, int64_t direct);
+EXPORT int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct);
 
-/* Let `serve` return. */
-EXPORT void end(receiver_t* r);
+/* Let `receiver_serve` return. */
+EXPORT void receiver_end(receiver_t* r);
 
 /* Locks for Python; they may be nested. */
-EXPORT void lock(receiver_t* r);
-EXPORT void unlock(receiver_t* r);
+EXPORT void receiver_lock(receiver_t* r);
+EXPORT void receiver_unlock(receiver_t* r);
 
 /* Free the memory; nothing may be using it. */
-EXPORT void destroy(receiver_t* r);
+EXPORT void receiver_free(receiver_t* r);

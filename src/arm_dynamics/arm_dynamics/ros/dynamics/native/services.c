@@ -230,7 +230,7 @@ static int64_t next(server_t* s, int64_t last) {
   return called;
 }
 
-int64_t serve(server_t* s) {
+int64_t server_serve(server_t* s) {
   for (int64_t k = SERVICES - 1; (k = next(s, k)) != ENDED;) {
     pthread_mutex_lock(&s->lock);
     int outcome = attend(s->services + k);
@@ -241,15 +241,15 @@ int64_t serve(server_t* s) {
   return ENDED;
 }
 
-void use(server_t* s, int64_t k, const answer_t* answer) {
+void server_set_answer(server_t* s, int64_t k, const answer_t* answer) {
   pthread_mutex_lock(&s->lock);
   s->services[k].answer = *answer;
   pthread_mutex_unlock(&s->lock);
 }
 
-void respond(server_t* s, int64_t k, void* response) { send_response(s->services + k, response); }
+void server_respond(server_t* s, int64_t k, void* response) { send_response(s->services + k, response); }
 
-void counts(server_t* s, counts_t* sums) {
+void server_counts(server_t* s, counts_t* sums) {
   *sums = (counts_t){0};
   for (int k = 0; k < SERVICES; ++k) {
     sums->answered += s->services[k].answered;
@@ -258,7 +258,7 @@ void counts(server_t* s, counts_t* sums) {
   }
 }
 
-void end(server_t* s) {
+void server_end(server_t* s) {
   pthread_mutex_lock(&s->calls);
   s->ended = true;
   pthread_cond_signal(&s->call);
@@ -274,7 +274,7 @@ void server_free(server_t* s) {
   free(s);
 }
 
-server_t* server(const rcl_service_t* const* services, void* const* requests) {
+server_t* server_create(const rcl_service_t* const* services, void* const* requests) {
   server_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
   pthread_mutex_init(&s->lock, NULL);

@@ -34,23 +34,23 @@ typedef struct server server_t;
 
 /* A server of services, in the order of the enumeration, with memory for one request of each; NULL: out of memory, or
  * ROS does not report calls. */
-EXPORT server_t* server(const rcl_service_t* const* services, void* const* requests);
+EXPORT server_t* server_create(const rcl_service_t* const* services, void* const* requests);
 
 /* Run services until Python must answer a request, which stays pending until the next call; returns its index, or ENDED
- * once `end` has been called. One thread at a time. */
-EXPORT int64_t serve(server_t* s);
+ * once `server_end` has been called. One thread at a time. */
+EXPORT int64_t server_serve(server_t* s);
 
 /* Exchange the function of a service. */
-EXPORT void use(server_t* s, int64_t k, const answer_t* answer);
+EXPORT void server_set_answer(server_t* s, int64_t k, const answer_t* answer);
 
 /* Send a response to the pending request, computed by Python. */
-EXPORT void respond(server_t* s, int64_t k, void* response);
+EXPORT void server_respond(server_t* s, int64_t k, void* response);
 
 /* Sums over all services; for any thread. */
-QUICK void counts(server_t* s, counts_t* sums);
+QUICK void server_counts(server_t* s, counts_t* sums);
 
-/* Let `serve` return. */
-EXPORT void end(server_t* s);
+/* Let `server_serve` return. */
+EXPORT void server_end(server_t* s);
 
 /* Unregister from calls and free all memory; nothing may be using it. */
 EXPORT void server_free(server_t* s);

@@ -20,6 +20,7 @@ struct source {
   rcl_serialized_message_t message;
 };
 
+/* Whether a message is of a kind: its constant bits are as expected. */
 static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   uint8_t differs = 0;
   if (!kind->size || length < kind->size) return 0;
@@ -33,7 +34,7 @@ static int agree(const joint_state_t* s, const kind_t* kind, const uint8_t* raw)
     for (int64_t f = 0; f < s->fields; ++f) {
       double own, leads;
       if (kind->at[f] < 0) continue;
-      memcpy(&own, raw + kind->at[f] + 8 * one->place, 8);
+      memcpy(&own, raw + kind->at[f] + 8 * one->index, 8);
       memcpy(&leads, raw + kind->at[f] + 8 * one->leader, 8);
       double due = one->offset[f] + (one->factor[f] != 0.0 ? one->factor[f] * leads : 0.0);
       if (!isnan(own) && !(fabs(own - due) <= one->within * fmax(1.0, fabs(due)))) return 0;
@@ -55,8 +56,8 @@ int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length) {
   for (int64_t f = 0; f < s->fields; ++f)
     for (int64_t i = 0; i < s->joints; ++i) {
       double number = NAN;
-      if (kind->place[i] < 0) continue;
-      if (kind->at[f] >= 0) memcpy(&number, raw + kind->at[f] + 8 * kind->place[i], 8);
+      if (kind->index[i] < 0) continue;
+      if (kind->at[f] >= 0) memcpy(&number, raw + kind->at[f] + 8 * kind->index[i], 8);
       if (!isfinite(number) && !(s->gaps && isnan(number))) return OTHER;
       s->numbers[f * s->joints + i] = number;
       beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];

@@ -23,7 +23,7 @@ enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
 /* A joint that follows another: its numbers are factor · leader's + offset. */
 typedef struct {
-  int64_t place, leader;       /* indices in the arrays */
+  int64_t index, leader;       /* its own and the leader's, in the arrays */
   double factor[3], offset[3]; /* by array */
   double within;               /* deviation that agrees, relative to the larger of the number and 1 */
 } follower_t;
@@ -33,7 +33,7 @@ typedef struct {
   const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */
   int64_t size;                    /* bytes up to the last number; 0: unused */
   int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
-  const int64_t* place;            /* index of each joint in them; negative: absent */
+  const int64_t* index;            /* of each joint in them; negative: absent */
   const follower_t* followers;     /* joints beside these that must agree with them */
   int64_t follower_count;
 } kind_t;
@@ -58,8 +58,8 @@ typedef struct source source_t;
 /* A message in which only the stamp and some arrays change. */
 typedef struct {
   uint8_t* raw;
-  int64_t size, fields, joints, at[3];
-  const uint8_t* numbers[3]; /* sources of the arrays */
+  int64_t size, fields, joints, at[3]; /* bytes, arrays, numbers in each, and offsets of these */
+  const uint8_t* numbers[3];           /* sources of the arrays */
   const rcl_publisher_t* publisher;
 } sink_t;
 

@@ -13,12 +13,12 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_studies.identification.data import JointRecord, interpolated
-from arm_studies.identification.preparation import EvenRecord, common_band, resampled
+from arm_studies.identification.preparation.even_record import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.friction_columns import KEPT
 from arm_studies.identification.regression.rows.samples import Samples
-from arm_studies.identification.regression.rows.sticking import Clearing, pulses
+from arm_studies.identification.regression.rows.sticking import Whitening, pulses
 from arm_studies.identification.signals import decimation, filtering
 
 SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
@@ -70,7 +70,7 @@ class Rows:
 
     Columns are filtered as the efforts are, since an equation stays true if both sides are
     filtered; if the robot filters its efforts itself, columns are also filtered at
-    ``effort_band``. Both sides are cleared of torques of joints that stick.
+    ``effort_band``. Both sides are cleared of torques of joints that stick, by whitening.
 
     Attributes:
         samples: The motions.
@@ -119,7 +119,7 @@ class Rows:
         smooth = self.samples.smoothed(columns)
         if self.effort_band is not None and self.effort_band < self.samples.band:
             smooth = self.samples.smoothed(smooth, self.effort_band)
-        return smooth if joint is None else self._cleared(smooth, joint)
+        return smooth if joint is None else self._whitened(smooth, joint)
 
     def of_joints(self, columns: Array) -> Array:
         """Filter columns as the efforts of each joint, shape (k, n, …)."""
@@ -127,10 +127,10 @@ class Rows:
 
     def clear(self, columns: Array) -> Array:
         """Filtered columns of each joint as they are in these rows, shape (k, n, …)."""
-        return np.stack([self._cleared(columns[:, j], j) for j in range(self.samples.n)], axis=1)
+        return np.stack([self._whitened(columns[:, j], j) for j in range(self.samples.n)], axis=1)
 
-    def _cleared(self, columns: Array, joint: int) -> Array:
-        return self._clearings[joint](columns) if self._clearings else columns
+    def _whitened(self, columns: Array, joint: int) -> Array:
+        return self._whitenings[joint](columns) if self._whitenings else columns
 
     def low_passed(self, effort_band: float | None) -> Rows:
         """The same rows, for efforts that were filtered before at ``effort_band``, or were not."""
@@ -164,23 +164,23 @@ class Rows:
         return self.uncleared or self
 
     @cached_property
-    def _clearings(self) -> list[Clearing]:
+    def _whitenings(self) -> list[Whitening]:
         """Of each joint, if the rows are cleared."""
-        samples, clearings = self.samples, []
+        samples, whitenings = self.samples, []
         for j, (level, size) in enumerate(self.sticking if np.isfinite(samples.band) else ()):
             torques = pulses(samples.still[:, j], samples.band * samples.motions[0].dt)
             torques *= level / size * np.sqrt(samples.independent)
-            clearings.append(Clearing.of(self.filtered(torques) * samples.use[:, j : j + 1]))
-        return clearings
+            whitenings.append(Whitening.of(self.filtered(torques) * samples.use[:, j : j + 1]))
+        return whitenings
 
     @property
     def spent(self) -> Array:
-        """Number of independent values by which clearing leaves each joint fewer, shape (n,)."""
+        """Number of independent values by which whitening leaves each joint fewer, shape (n,)."""
         spent = np.zeros(self.samples.n)
-        for j, clearing in enumerate(self._clearings):
+        for j, whitening in enumerate(self._whitenings):
             # Of noise within the band a direction has as much as the filter lets pass of it.
-            passed = (self.samples.smoothed(clearing.directions) ** 2).sum(axis=0)
-            spent[j] = passed @ (clearing.power / (1.0 + clearing.power))
+            passed = (self.samples.smoothed(whitening.directions) ** 2).sum(axis=0)
+            spent[j] = passed @ (whitening.power / (1.0 + whitening.power))
         return spent
 
     def ageing(self, values: Array) -> Array:

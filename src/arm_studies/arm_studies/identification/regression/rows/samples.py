@@ -9,11 +9,10 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.data import MeasuredMotion
-from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import sticking
 from arm_studies.identification.regression.rows.friction_columns import FrictionColumns
-from arm_studies.identification.signals import filtering
+from arm_studies.identification.signals import decimation, filtering
 
 HELD_OUT = 0.3  # Fraction of each recording, at its end, that is held out to measure errors.
 FOLDS = 5  # Folds of the rest by which laws are selected, each predicted from the others.
@@ -57,7 +56,7 @@ class Samples:
         """Thin motions, and hold out a fraction of each at its end."""
         self.regressor, self.names = regressor, tuple(regressor.model.joint_names)
         self.n, self.whole = len(self.names), tuple(whole)
-        pairs = [thinned(motion) for motion in whole]
+        pairs = [decimation.thinned(motion) for motion in whole]
         self.motions, self.strides = [m for m, _ in pairs], [stride for _, stride in pairs]
         self.stretches, folds, start = list[tuple[MeasuredMotion, slice]](), [], 0
         for motion in self.motions:
@@ -73,7 +72,7 @@ class Samples:
         )
         self.unfiltered = regressor(self.q, self.v, self.a)
         self.sliding = FrictionColumns(whole, self.strides, [rows for _, rows in self.stretches])
-        self.still = np.concatenate([sticking.still(motion) for motion in self.motions])
+        self.still = np.concatenate([sticking.may_stick(motion) for motion in self.motions])
         self.rests = np.concatenate([sticking.resting(motion) for motion in self.motions])
         self.independent = min(motion.independent for motion in self.motions)
         self.use = self.valid & ~self.still

@@ -25,7 +25,7 @@ LEAST_POWER = 1e-3
 REST_VELOCITY = 1e-2
 
 
-def still(motion: MeasuredMotion) -> NDArray[np.bool_]:
+def may_stick(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """Rows in which a joint may stick, shape (k, n).
 
     Where the velocity is filtered, as it rests or reverses, and nearby; else as it rests.
@@ -37,9 +37,8 @@ def still(motion: MeasuredMotion) -> NDArray[np.bool_]:
     near = np.zeros_like(slow)
     for s in motion.stretches:
         turns = motion.v[s][1:] * motion.v[s][:-1] < 0.0
-        slow[s][1:] |= turns
-        slow[s][:-1] |= turns
-        for j, column in enumerate(slow[s].T):
+        sticks = slow[s] | np.pad(turns, ((0, 1), (0, 0))) | np.pad(turns, ((1, 0), (0, 0)))
+        for j, column in enumerate(sticks.T):
             for start, end in runs(column):
                 near[s][max(0, start - reach) : end + reach, j] = True
     return near
@@ -56,6 +55,7 @@ def resting(motion: MeasuredMotion) -> NDArray[np.bool_]:
 
 
 def _slow(motion: MeasuredMotion) -> NDArray[np.bool_]:
+    # A joint that never moves is at rest, too: rounding must not make it faster than its mean.
     return np.asarray(abs(motion.v) < REST_VELOCITY * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12)
 
 
@@ -74,8 +74,10 @@ def pulses(still: NDArray[np.bool_], periods: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Clearing:
+class Whitening:
     """Whitens a joint's rows by the covariance of its residual and of torques as it sticks.
+
+    With directions D and powers P, it is the left factor (I + D P Dᵀ)^(-1/2).
 
     Attributes:
         directions: What such torques cause in the rows, orthonormal, shape (k, m).
@@ -86,7 +88,7 @@ class Clearing:
     power: Array
 
     @classmethod
-    def of(cls, torques: Array) -> Clearing:
+    def of(cls, torques: Array) -> Whitening:
         """Of independent torques in the rows that are used, relative to the residual's size."""
         power, axes = np.linalg.eigh(torques.T @ torques)
         strong = power > LEAST_POWER

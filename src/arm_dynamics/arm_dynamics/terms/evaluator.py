@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,11 @@ from arm_dynamics.terms.table import FIXED, SIZES, Entry
 MANY = 256
 
 
-class Answers:
-    """Terms for vectors of shape (n,) or batches (k, n) that have been validated already.
+class TermEvaluator:
+    """Computes terms for vectors of shape (n,) or batches (k, n) that have been validated already.
 
-    Pinocchio computes them point by point; from ``MANY`` points, compiled code does, which is
-    built on first use where possible. For one thread at a time.
+    Pinocchio does that point by point; from ``MANY`` points, compiled code does, which is built on
+    first use where possible. For one thread at a time.
     """
 
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
@@ -46,10 +47,20 @@ class Answers:
             self._built[entry, selection] = rows(self._model, self._friction, [(entry, selection)])
         if (built := self._built[entry, selection]) is None:
             return each(point, *arguments)
-        n, absent = self._model.n, entry.arguments[len(arguments) :]
-        arguments = *arguments, *(np.full(SIZES[x] or n, FIXED[x]) for x in absent)
-        results = np.hstack(built(*arguments)).reshape(len(arguments[0]), *entry.dimensions(n))
+        absent = entry.arguments[len(arguments) :]
+        arguments += tuple(np.full(SIZES[x] or self._model.n, FIXED[x]) for x in absent)
+        return self._compiled(entry, built, point, arguments)
+
+    def _compiled(
+        self, entry: Entry, built: Rows, point: Callable[..., Array], arguments: Sequence[Array]
+    ) -> Array:
+        """The results of compiled code for all arguments of an entry.
+
+        A row that is not finite is computed again by Pinocchio, whose error says why.
+        """
+        shape = entry.dimensions(self._model.n)
+        results = np.hstack(built(*arguments)).reshape(len(arguments[0]), *shape)
         failed = ~np.isfinite(results).reshape(len(results), -1).all(axis=1)
-        if failed.any():  # Pinocchio's terms say why
+        if failed.any():
             results[failed] = each(point, *(x[failed] if x.ndim == 2 else x for x in arguments))
         return results
