@@ -5,8 +5,6 @@ The simulator's engine chooses the modes, as in a tick, for the arm without cont
 drives, which forward dynamics leave out.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics import ArmModel

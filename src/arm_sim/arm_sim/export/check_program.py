@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The test program of an exported library: its functions against the numbers expected."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array

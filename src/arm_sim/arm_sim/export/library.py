@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The header and the source of an exported library."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Sequence

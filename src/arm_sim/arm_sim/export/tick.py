@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tick of an exported library: the simulator's engine, and functions that call it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lockstep of simulator and controller: a tick is executed when its state has been answered."""
 
-from __future__ import annotations
-
 import time
 from ctypes import byref
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that the sim node publishes in the course of ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from ctypes import addressof, byref
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What C and Python share of the ticks of a sim node, and what C asks Python for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from ctypes import CFUNCTYPE, Structure, c_int64, c_void_p, cast
 

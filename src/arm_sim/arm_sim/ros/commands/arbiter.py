@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Admits one stream of commands at a time for each joint."""
 
-from __future__ import annotations
-
 from ctypes import Structure, addressof, byref
 
 from arm_dynamics import InvalidInput

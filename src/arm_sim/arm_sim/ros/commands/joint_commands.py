@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands of some joints, merged into one command of all joints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

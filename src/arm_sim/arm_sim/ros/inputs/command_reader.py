@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads commands by joint name, with efforts clipped to their limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import copysign
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands by joint name that are read before each tick: most by C, the others by Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from rclpy.node import Node

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A buffer of messages, filled in C."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from ctypes import Structure, addressof, c_void_p
 from struct import Struct

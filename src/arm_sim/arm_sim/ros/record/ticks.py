@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records every tick of a simulation, and the messages between ticks."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Mapping

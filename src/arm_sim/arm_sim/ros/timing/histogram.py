@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A histogram of durations, which C counts, and its percentiles."""
 
-from __future__ import annotations
-
 from ctypes import Structure
 from dataclasses import dataclass
 

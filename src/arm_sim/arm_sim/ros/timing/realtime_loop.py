@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thread that ticks at absolute deadlines and measures its lateness."""
 
-from __future__ import annotations
-
 import ctypes
 import threading
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The round trip of commands: from a state to its answer."""
 
-from __future__ import annotations
-
 from ctypes import Structure, addressof, byref
 
 import numpy as np

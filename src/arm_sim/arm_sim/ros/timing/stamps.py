@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps of the sim node's messages: simulated time, or time of the node's clock."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from ctypes import Structure, addressof, byref, c_int64
