@@ -115,7 +115,7 @@ EXPORTED void shares_at(const scene_t* scene, const real* x, const real* u, doub
   find_loads(scene, x, &segment, &found);
   segment.yields = 1;
   find_sets_held(scene, x, &segment, &found, &together);
-  copy(shares, together.share, PARTS);
+  copy(shares, together.amount, PARTS);
 }
 EXPORTED int held_at(const scene_t* scene, const real* x, const real* u) {
   LOCAL_TICK(segment, u);

@@ -160,7 +160,7 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool
     if held:
         load, force, *_ = function["loads"](x, u, p)
     if held and plant.mechanics.contact:
-        heaviest = _heaviest(force, *function["contact_inertia"](x, u, p))
+        heaviest = _heaviest(force, *function["contact_mobility"](x, u, p))
     qv = x[: 2 * n]
     geometry = plant.mechanics.contact.geometry(qv) if plant.mechanics.contact else ()
     push = function["pressures"](qv) if plant.layout.pressed else ca.MX(2 * n, 1)
@@ -257,9 +257,9 @@ def mobility_across(plant: Plant) -> ca.Function:
 
     It is positive where forces can move the contact across its direction of sliding.
     """
-    inertia, across = plant.events["contact_inertia"], list[ca.MX]()
-    x, u, p = inertia.mx_in()
-    W, sliding = inertia(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
+    mobility_of, across = plant.events["contact_mobility"], list[ca.MX]()
+    x, u, p = mobility_of.mx_in()
+    W, sliding = mobility_of(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
     for k in range(len(plant.points)):
         own, along = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
         lateral = ca.vertcat(0, -along[1], along[0])

@@ -122,7 +122,7 @@ class Plant:
         ``loads`` (x, u, p), the last of which are torques of stops and x', with bilateral
         constraints ``bilateral`` (x, u, p), with stops ``impact_map`` and ``pressures``, with
         ``Symbols.switches`` (x, u, p) their switching functions and the magnitude of the terms of
-        each, with contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and
+        each, with contacts ``contact_mobility`` (x, u, p), ``contact_geometry`` and
         ``contact_close``, and where parts may hold together ``statics`` (x, u, p).
         """
         return self._state_space.events if self.eventful else {}

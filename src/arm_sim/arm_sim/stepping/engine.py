@@ -55,7 +55,7 @@ WEIGHTS = {
 }  # fmt: skip
 # Costs of functions by their names in C
 COSTS = {
-    "slope_cost": "rhs", "loads_cost": "loads", "inertia_cost": "contact_inertia",
+    "slope_cost": "rhs", "loads_cost": "loads", "mobility_cost": "contact_mobility",
     "impact_cost": "impact_map", "statics_cost": "statics",
 }  # fmt: skip
 # Name of the structure in generated code

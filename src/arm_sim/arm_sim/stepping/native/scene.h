@@ -44,12 +44,12 @@ typedef struct {
   const double *friction, *holding, *restitution; /* of contacts: coefficients of sliding and static friction */
 
   /* Operations of one call of functions, and those in a tick above which it is time-stepped. */
-  long long step_cost, slope_cost, loads_cost, inertia_cost, impact_cost, statics_cost, most_work;
+  long long step_cost, slope_cost, loads_cost, mobility_cost, impact_cost, statics_cost, most_work;
 
   /* Generated functions; those that a scene does not need are null. */
   equation_t *tick, *step, *attempt, *free_step, *free_attempt, *moving_step, *moving_attempt;
   equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *impact_map, *statics;
-  equation_t *contact_geometry, *contact_inertia, *contact_close;
+  equation_t *contact_geometry, *contact_mobility, *contact_close;
   equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
   equation_t *impact_laws, *across, *at_rest, *closing, *nonsmooth, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
   equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;

@@ -23,7 +23,7 @@ from arm_sim.stepping.tick_functions import MOVING, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
 # Functions of events that ticks without events need as well, see native/lanes/eventful_ticks.h.
-PREDICTED = ("loads", "contact_geometry", "contact_inertia", "contact_close")
+PREDICTED = ("loads", "contact_geometry", "contact_mobility", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
 _CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")

@@ -63,15 +63,15 @@ static void find_loads(const scene_t* scene, const real* x, const segment_t* seg
   keep_loads(scene, x, segment->p.all + NP, memory, loads);
 }
 
-static void find_inertia(const scene_t* scene, const real* x, const segment_t* segment, inertia_t* inertia) {
+static void find_mobility(const scene_t* scene, const real* x, const segment_t* segment, mobility_t* mobility) {
   const prediction_t* prediction = segment->predicted;
-  segment->memory->work += scene->inertia_cost;
+  segment->memory->work += scene->mobility_cost;
   if (!NC) return;
   if (is_predicted(scene, segment) && prediction->slides && same(x, prediction->x, NX)) {
-    copy(inertia->all, prediction->inertia, INERTIA);
+    copy(mobility->all, prediction->mobility, MOBILITY);
     return;
   }
-  inertia_at(scene, x, segment->u, segment->p.all, inertia);
+  mobility_at(scene, x, segment->u, segment->p.all, mobility);
 }
 
 static void find_slope(const scene_t* scene, const real* x, const segment_t* segment, real* slope) {

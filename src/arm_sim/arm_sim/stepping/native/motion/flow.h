@@ -5,8 +5,6 @@
 #pragma once
 #include "motion/step_control.h"
 
-#include <math.h>
-
 /* State of the error control between sub-steps. Python: SubstepControl. */
 typedef struct {
   double tolerance; /* largest scaled error of a sub-step */

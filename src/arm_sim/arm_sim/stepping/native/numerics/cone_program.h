@@ -13,7 +13,6 @@
 #include "scene.h"
 
 #include <math.h>
-#include <string.h>
 
 /* The largest problem, of as many limits and reactions, self-stresses and parts as a scene has; see indeterminate.h. */
 #define MOST_ROWS (3 * NU + 6 * NC + 1)
