@@ -18,7 +18,8 @@ from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
-from arm_sim.stepping.engine import INCLUDED, address_of, scene_source
+from arm_sim.stepping.engine import INCLUDED, address_of
+from arm_sim.stepping.scene_source import scene_source
 from arm_sim.stepping.tick_functions import tick_functions
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)

@@ -18,7 +18,7 @@ from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.options import Options
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import braces, scene_source, sizes
+from arm_sim.stepping.scene_source import braces, scene_source, sizes
 
 # Begins the names of this part of a library
 PREFIX = "rest_"

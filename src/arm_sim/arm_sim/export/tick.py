@@ -20,7 +20,7 @@ from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
 from arm_sim.simulation.simulator import Simulator
-from arm_sim.stepping.engine import braces, scene_source, sizes
+from arm_sim.stepping.scene_source import braces, scene_source, sizes
 from arm_sim.stepping.tick_functions import tick_functions
 
 _PERIOD = "/* Length of a tick in [s]. */\n#define LIBRARY_PERIOD"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A scene: what an arm brings to the engine. Generated code fills this structure, see engine.py; the engine only reads it.
+ * A scene: what an arm brings to the engine. Generated code fills this structure, see scene_source.py; the engine only reads it.
  *
  * Every function of the engine that needs the scene takes it as its first argument, `scene`. A unit for one scene alone may
  * define the sizes before this file, as exported libraries do: compilers then know the lengths of all arrays.
@@ -12,6 +12,7 @@
 typedef int equation_t(const real** arg, real** res, long long int* iw, real* w, int mem);
 
 typedef struct {
+  /* Sizes, on which lengths of arrays depend. */
   int nx, nu, np; /* numbers of states, joints, tunable numbers */
   int nc, nm;     /* contacts, rows of bilateral constraints */
   int nd, nq;     /* joints with a direction of friction, and with compliant stops (all or none) */
@@ -20,6 +21,7 @@ typedef struct {
                                           projections at both ends, guards */
   int sz_w;     /* work space of the generated functions */
 
+  /* What follows are no sizes: scene_source.py relies on `adaptive` being the first. */
   int adaptive, order, most_substeps; /* error control, if any: order of its estimate plus one, sub-steps of a tick */
   double tolerance;
   double largest; /* number of a state */

@@ -18,7 +18,8 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
+from arm_sim.stepping.engine import INCLUDED, Compiled, library
+from arm_sim.stepping.scene_source import scene_source
 from arm_sim.stepping.tick_functions import MOVING, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
