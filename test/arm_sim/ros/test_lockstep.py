@@ -75,7 +75,7 @@ def watched(sim: SimNode) -> list[np.ndarray]:
         states.append(np.concatenate([sim.simulator.state.q, sim.simulator.state.v]))
         sim.engine.ticks.paused = sim.simulator.arm.step_count >= TICKS
 
-    sim.engine.on_tick.append(note)
+    sim.engine.on.tick.append(note)
     return states
 
 

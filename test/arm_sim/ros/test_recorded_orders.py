@@ -55,7 +55,7 @@ class Live:
         self.node = by_hand(ros, given, record=str(path), command_timeout=0.01)
         self._commands, self.made = Waiting(self.node), 0
         self.node.outputs.energy._also_read = lambda: True
-        self.node.engine.on_tick.append(self._count)
+        self.node.engine.on.tick.append(self._count)
         self.spans = list[tuple[int, int, Account]]()
         self.pushed = "forearm" if "forearm" in self.node.simulator.model.pin.names else "link3"
         self._open()

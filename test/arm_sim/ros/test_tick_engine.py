@@ -78,7 +78,7 @@ def test_commands_that_have_arrived_are_in_time_though_they_are_read_late(ticks:
     made = engine()
     made.configure(0.003, "zero")
     told: list[bool] = []
-    made.on_staleness.append(lambda: told.append(made.commands.stale))
+    made.on.staleness.append(lambda: told.append(made.commands.stale))
     held_up(made, ticks)
     assert all(acting(made)[1] == 0.5 for _ in range(3 * (ticks + 1)))
     assert told == []
@@ -200,7 +200,7 @@ def test_servos_that_may_have_to_stop_the_arm_are_built_while_it_moves(
 def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
     made = engine()
     polled(made, lambda: 1 / 0)
-    made.run(library().tick)
+    made.run(library().ticks_tick)
     assert made.paused
     assert "ZeroDivisionError" in made.failure
     made.pause(True)

@@ -35,7 +35,7 @@ class PolledCommands:
         self._subscription: PolledSubscription | None = None
         self._take_again: Take = lambda: None
         engine.ticks.answer(read=self._read)
-        engine.ticks.refresh.append(self._refresh)
+        engine.ticks.before_ticks.append(self._refresh)
 
     def open(self, node: Node) -> None:
         """Subscribe, for messages to be read before each tick."""

@@ -91,13 +91,13 @@ class TickRecorder:
         ticks = engine.ticks
         ticks.copy, ticks.chunk = addressof(self._copy), None
         ticks.answer(space=self._make_space)
-        ticks.refresh.append(self._refresh)
+        ticks.before_ticks.append(self._refresh)
         engine.guard = self.thread.lock
-        engine.on_idle.append(self._write_idle)
-        engine.on_jump.append(lambda: self._begin("changed"))
-        engine.on_failure.append(lambda: self.note(engine.failure, ERROR))
-        engine.on_staleness.append(self._staleness)
-        engine.on_pause.append(lambda: self.note("paused" if engine.paused else "continues"))
+        engine.on.idle.append(self._write_idle)
+        engine.on.jump.append(lambda: self._begin("changed"))
+        engine.on.failure.append(lambda: self.note(engine.failure, ERROR))
+        engine.on.staleness.append(self._staleness)
+        engine.on.pause.append(lambda: self.note("paused" if engine.paused else "continues"))
 
     @property
     def ticks(self) -> int:
