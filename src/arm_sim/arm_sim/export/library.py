@@ -17,7 +17,7 @@ from arm_sim.export.tick import Tick
 
 _TYPES = "#define casadi_real real\n#define casadi_int long long\n"
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
-_COLUMNS = 100
+_COLUMNS = 100  # of lines of the header
 # Code in lines that are not too long, unless a name is, which stays whole
 wrapped = partial(textwrap.fill, width=98, break_long_words=False, break_on_hyphens=False)
 _PRAGMAS = """\

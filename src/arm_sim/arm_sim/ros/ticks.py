@@ -7,7 +7,7 @@ from ctypes import CFUNCTYPE, Structure, c_int64, c_void_p, cast
 from arm_sim.ros.node_library import TICKS
 
 _ASK = CFUNCTYPE(c_int64, c_int64)
-_NEVER = 1 << 62
+_NEVER = 1 << 62  # ticks: more than there will be
 
 
 class Ticks(Structure):

@@ -19,7 +19,7 @@ from arm_sim.ros.record.chunk_thread import ChunkThread
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
-INFO, ERROR = 20, 40
+INFO, ERROR = 20, 40  # levels of rcl_interfaces/Log
 _PARTS = ("state", "command", "error")  # and time_stepped, which follows it
 _MANY = 100  # largest number of messages between two ticks
 

@@ -15,7 +15,7 @@ from arm_sim.ros.timing.histogram import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
 OVERRUN = (CATCH_UP, SKIP, SLOW_DOWN)
-_PR_SET_TIMERSLACK = 29
+_PR_SET_TIMERSLACK = 29  # of prctl: by how much a thread may wake up later, in [ns]
 
 
 @dataclass(frozen=True)
