@@ -7,10 +7,12 @@
 
 #define ROOMY 4096 /* largest command in bytes that is recorded here */
 
+/* Ask Python, unless it has raised an exception. */
 static int64_t ask(ticks_t* t, int64_t question) { return t->broken ? 0 : t->ask(question); }
 
 /* --- what acts ------------------------------------------------------------------------------------------------------- */
 
+/* What the policy lets act: to hold is to go on with the last command, without one it is no effort. */
 static int64_t policy_of(const slot_t* s) {
   if (s->policy != HOLD) return s->policy;
   return s->kind ? s->kind : ZERO;
@@ -18,6 +20,7 @@ static int64_t policy_of(const slot_t* s) {
 
 int64_t slot_acting(const slot_t* s) { return s->kind ? s->kind : policy_of(s); }
 
+/* Whether a command that ages by a share of a tick is older than it may become. */
 static int64_t is_old(const slot_t* s, double share) { return !s->lasting && s->timeout && s->age + share > s->timeout; }
 
 int64_t slot_expires(const slot_t* s, double share) { return s->kind && !s->fresh && !s->stale && is_old(s, share); }

@@ -29,6 +29,7 @@ enum {
 /* What acts: efforts; a command of the servos, which Python keeps; or a policy. */
 enum { NOTHING, EFFORTS, JOINTS, BRAKE, SERVO, ZERO, HOLD, GRAVITY };
 
+/* The newest command. */
 typedef struct {
   int64_t kind;    /* of the newest command; NOTHING: none has arrived */
   int64_t fresh;   /* whether it has not acted yet */
@@ -65,6 +66,7 @@ QUICK int64_t stream_is_remembered(const stream_t* s, double now, int64_t patien
 /* Count a command of a source. */
 QUICK void stream_count(stream_t* s, double now, int64_t patience);
 
+/* Who commands, in ticks. */
 typedef struct {
   double now; /* ticks so far */
   int64_t patience;
@@ -87,6 +89,7 @@ enum { FREE, BRAKES, SERVOS };
 
 /* --- ticks ----------------------------------------------------------------------------------------------------------- */
 
+/* All that a tick needs, and what it shares with Python. */
 typedef struct {
   int64_t (*ask)(int64_t what);
   int64_t* bell;         /* nonzero: there is something in the queue */

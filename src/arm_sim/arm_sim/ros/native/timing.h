@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Time in a sim node: latencies, stamps and deadlines, each of which Python explains in ros/timing. Python reads this header, see
- * node_library.py. All times are in [ns].
+ * Time in a sim node: latencies, stamps and deadlines, each of which Python explains in ros/timing. Python reads this header,
+ * see node_library.py. All times are in [ns].
  */
 #pragma once
 #include <rcl/time.h>
@@ -46,6 +46,7 @@ QUICK int64_t trip_answered(trip_t* t, int64_t stamp, int64_t arrival);
 
 /* --- stamps.NodeTime, where the rules are explained --------------------------------------------------------------- */
 
+/* What stamps depend on; see NodeTime for the rules. */
 typedef struct {
   int64_t tick;        /* length of a tick if ticks are due at even times, else 0 */
   rcl_clock_t* foreign; /* the node's clock if it is another node's simulated time, else NULL */
@@ -68,6 +69,7 @@ int64_t times_stamp_now(times_t* t, int64_t simulated);
 
 /* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */
 
+/* When ticks are due; see RealtimeLoop for the rules. */
 typedef struct {
   int64_t deadline;  /* of the next tick */
   int64_t earliest;  /* start of the next tick */

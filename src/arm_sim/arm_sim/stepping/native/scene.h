@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A scene: what an arm brings to the engine. Generated code fills this structure, see scene_source.py; the engine only reads it.
+ * A scene: what an arm brings to the engine. Generated code fills this structure, see scene_source.py; the engine only reads
+ * it.
  *
  * Every function of the engine that needs the scene takes it as its first argument, `scene`. A unit for one scene alone may
  * define the sizes before this file, as exported libraries do: compilers then know the lengths of all arrays.
@@ -11,6 +12,7 @@
 /* A generated function: arguments, results, and its work space, see CasADi. */
 typedef int equation_t(const real** arg, real** res, long long int* iw, real* w, int mem);
 
+/* A scene. Numbers are in [rad], [m], [s], [N] and [N m]. */
 typedef struct {
   /* Sizes, on which lengths of arrays depend. */
   int nx, nu, np; /* numbers of states, joints, tunable numbers */

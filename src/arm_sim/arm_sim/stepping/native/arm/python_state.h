@@ -34,6 +34,7 @@ static int find_fields(PyObject* type, npy_intp joints, npy_intp internal, state
   return 1;
 }
 
+/* Where a state has one of its fields. */
 static PyObject** field_of(const state_t* of, PyObject* state, int field) {
   return (PyObject**)((char*)state + of->place[field]);
 }

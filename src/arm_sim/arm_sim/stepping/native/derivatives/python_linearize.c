@@ -6,6 +6,7 @@
 #include "linearize.h"
 #include "python_state.h"
 
+/* What derivatives take, and the class of states. */
 typedef struct {
   linearize_t of;
   state_t state;

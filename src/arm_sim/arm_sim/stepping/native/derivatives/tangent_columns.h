@@ -17,6 +17,7 @@ typedef struct {
   const long long* of_lane; /* the arm of each lane */
 } matrices_t;
 
+/* Where the matrix of a lane's arm has an entry. */
 static inline double* entry_at(const matrices_t* of, int lane, int row, long long column) {
   return of->numbers + of->of_lane[lane] * of->size + row * of->count + column;
 }

@@ -116,6 +116,7 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   }
 }
 
+/* See tangent_columns.h. */
 EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
                               long long last, const columns_t* to) {
   for (long long arm = first; arm < last; arm += LANES) {

@@ -12,6 +12,7 @@
 #define CORRECTIONS 10     /* corrections of penetrations, or of contacts that set joints in motion */
 #define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
+/* Whether a contact point is inside its plane, farther than by rounding. */
 static int is_inside(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   int inside = 0;

@@ -36,6 +36,7 @@ static double excess_at(const scene_t* scene, const search_t* search, double t, 
   return INFINITY;
 }
 
+/* The guards at a time in the piece, for first_positive. */
 static void guards_at(const void* context, double t, double* values) {
   const search_t* search = (const search_t*)context;
   const scene_t* scene = search->scene;

@@ -23,6 +23,7 @@ static inline geometry_t geometry_of(const scene_t* scene, const real* numbers) 
   return geometry;
 }
 
+/* Compute a geometry_t. */
 static inline void find_places(const scene_t* scene, const real* x, real* places) {
   if (NC) CALL(scene->contact_geometry, (x), (places, places + MC, places + 2 * MC));
 }

@@ -12,6 +12,7 @@
 #define LEAST_AMOUNT 1e-6    /* amount of a part's motion, as its set gives way, that is rounding, ... */
 #define OPENS 1e-3           /* ... and fraction of a contact's that is sliding if it does not only open */
 
+/* The balance of forces at x in the modes of a segment. */
 static void find_statics(const scene_t* scene, const real* x, const segment_t* segment, statics_t* balance) {
   segment->memory->work += scene->statics_cost;
   CALL(scene->statics, (x, segment->u, segment->p.all), (balance->push, balance->reaction, balance->capacity, balance->drift));

@@ -147,6 +147,7 @@ static void guess_turning(const scene_t* scene, const real* x, segment_t* segmen
   }
 }
 
+/* The modes with which pivoting begins at x. */
 static void guess_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   guess_from_velocities(scene, x, segment, geometry);
   if (scene->constrained && max_abs(x + NU, NU) > 0.0) guess_turning(scene, x, segment);

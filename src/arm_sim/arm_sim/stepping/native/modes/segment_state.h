@@ -138,4 +138,5 @@ static double stick_limit(const scene_t* scene, const segment_t* segment, int k)
   return segment->contact[k].creeps != 0.0 ? scene->friction[k] : scene->holding[k];
 }
 
+/* Whether a contact is closed and slides. */
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }

@@ -13,6 +13,7 @@ typedef struct {
   long long attempts;
 } control_t;
 
+/* Whether every number of a state is finite and not too large. */
 static int within_reach(const scene_t* scene, const real* x) {
   int reached = 1;
   for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], scene->largest);

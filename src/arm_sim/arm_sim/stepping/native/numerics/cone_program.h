@@ -92,6 +92,7 @@ static void factor_normal_matrix(int n, int m, const double* B, double* L) {
   }
 }
 
+/* Solve L L^T x = b in place. */
 static void solve_factored(int n, const double* L, double* b) {
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < i; ++j) b[i] -= L[n * i + j] * b[j];
@@ -103,6 +104,7 @@ static void solve_factored(int n, const double* L, double* b) {
   }
 }
 
+/* s = h + G y. */
 static void find_slack(const conic_t* at, const double* y, double* s) {
   for (int i = 0; i < at->rows; ++i) s[i] = at->h[i] + dot(at->G + at->unknowns * i, y, at->unknowns);
 }
