@@ -39,7 +39,7 @@ def test_it_moves_the_arm_at_the_speed_that_the_page_names(ros: Ros, tmp_path: P
     sim = ros.add(SimNode, "ur5e", lockstep=True, gravity_compensated=True)
     begin, names = sim.simulator.state.q, sim.simulator.joint_names
     speeds: list[float] = []
-    sim.engine.on_tick.append(lambda: speeds.append(abs(sim.simulator.state.v).max()))
+    sim.engine.on.tick.append(lambda: speeds.append(abs(sim.simulator.state.v).max()))
     environment = surroundings(ROS_DOMAIN_ID=str(ros.domain))
     with subprocess.Popen([sys.executable, tmp_path / "my_node.py"], env=environment) as node:
         ros.spin_until(lambda: len(speeds) >= 3000, timeout=90.0)

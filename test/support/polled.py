@@ -51,10 +51,10 @@ def each(tick: Callable[[], object], clock: Any = time) -> Callable[[Due], None]
     """Waits for a tick by a clock, begins it, and calls a function."""
 
     def run(due: Due) -> None:
-        begin, now = library().next_start(byref(due)), clock.monotonic_ns()
+        begin, now = library().due_next_start(byref(due)), clock.monotonic_ns()
         if now < begin:
             clock.sleep(1e-9 * (begin - now))
-        library().begin_tick(byref(due), clock.monotonic_ns())
+        library().due_begin_tick(byref(due), clock.monotonic_ns())
         tick()
 
     return run

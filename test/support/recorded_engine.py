@@ -41,7 +41,7 @@ def run(engine: TickEngine, ticks: int) -> None:
 def busy(engine: TickEngine) -> list[np.ndarray]:
     """A motion with everything that may happen to it; the states after each tick."""
     states: list[np.ndarray] = []
-    engine.on_tick.append(lambda: states.append(engine.simulator.arm.x.copy()))
+    engine.on.tick.append(lambda: states.append(engine.simulator.arm.x.copy()))
     run(engine, 300)
     load = payload_change(engine.simulator, 0, 0.8, [0.0, 0.0, 0.1], [2e-3, 0, 0, 2e-3, 0, 2e-3])
     engine.change(load)

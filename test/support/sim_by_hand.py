@@ -28,7 +28,7 @@ def by_hand(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
 
 def next_command(slot: LatestCommand, q: np.ndarray) -> Any:
     """What acts in a tick at q that does not age the command."""
-    return slot.command(library().acting(byref(slot)), q)
+    return slot.command(library().slot_acting(byref(slot)), q)
 
 
 class Waiting:

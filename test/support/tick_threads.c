@@ -189,7 +189,7 @@ static int64_t answer(int64_t what) {
 
 static void* ticking(void* of) {
   const loop_t* loop = of;
-  by_the_clock(loop->ticks, loop->due);
+  ticks_by_the_clock(loop->ticks, loop->due);
   return NULL;
 }
 

@@ -35,7 +35,7 @@ NAN = float("nan")
 
 def read(engine: TickEngine) -> None:
     """Read what waits, as before a tick."""
-    engine._run(library().read_commands)
+    engine._run(library().ticks_read_commands)
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: Tic
 def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
     inputs: Inputs, engine: TickEngine, stamp: int, sent: int, alone: bool, acts: float
 ) -> None:
-    library().sent(byref(engine.round_trip), sent)
+    library().trip_sent(byref(engine.round_trip), sent)
     if not alone:
         engine.arbiter.admit("other", frozenset({6}))
     offered(inputs, engine, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
@@ -147,7 +147,7 @@ def test_answers_are_timed_from_state_to_arrival(
 ) -> None:
     trip = engine.round_trip
     for stamp in 5, 6, 7:
-        library().sent(byref(trip), stamp)
+        library().trip_sent(byref(trip), stamp)
     arrival, late = int(trip._times[0]), 10**6
     if waits:
         offered(inputs, engine, [command(5, joint1=1.0), command(6, joint1=NAN)], arrival + late)

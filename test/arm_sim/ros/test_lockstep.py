@@ -65,7 +65,7 @@ def motion(ros: Ros, sim: SimNode) -> np.ndarray:
         sim.engine.ticks.paused = arm.step_count >= TICKS
 
     note()
-    sim.engine.on_tick.append(note)
+    sim.engine.on.tick.append(note)
     goal = JointTrajectoryPoint(positions=(arm.x[:2] + GOAL).tolist())
     goal.time_from_start.nanosec = 200_000_000
     trajectory = JointTrajectory(joint_names=NAMES, points=[goal])

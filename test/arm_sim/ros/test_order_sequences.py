@@ -127,10 +127,10 @@ class Sim:
         """Make ticks by the clock until all has come, or time stands still; their number."""
         engine, before = self.node.engine, self.lateness.percentiles().count
         stop = lambda: setattr(self._due, "ended", 1)  # noqa: E731
-        engine.on_idle.append(stop)
+        engine.on.idle.append(stop)
         self._due.ended = 0
-        engine.run(self._library.by_the_clock, byref(self._due))
-        engine.on_idle.remove(stop)
+        engine.run(self._library.ticks_by_the_clock, byref(self._due))
+        engine.on.idle.remove(stop)
         return self.lateness.percentiles().count - before
 
     def ticks(self, count: int) -> None:

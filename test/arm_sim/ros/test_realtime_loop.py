@@ -133,7 +133,7 @@ def test_histogram_is_exact_to_the_microsecond(rng: np.random.Generator) -> None
     values = rng.integers(0, 15_000_000, 4000)
     histogram = Histogram()
     for value in values:
-        library().count_duration(byref(histogram), int(value))
+        library().histogram_count(byref(histogram), int(value))
     summary = histogram.percentiles()
     assert summary.count == 4000
     assert summary.p50 == pytest.approx(1e-9 * np.percentile(values, 50), abs=1e-5)
@@ -146,13 +146,13 @@ def test_a_duration_lies_between_the_edges_of_its_bar() -> None:
     for duration in (0.0200005, 0.1, 1000.0):
         histogram = Histogram()
         assert histogram.bars() == ()
-        library().count_duration(byref(histogram), round(1e9 * duration))
+        library().histogram_count(byref(histogram), round(1e9 * duration))
         ((edge, count),) = histogram.bars()
         assert count == 1
         assert edge / 2 ** (1 / 32) <= duration * (1 + 1e-9) <= edge * (1 + 2e-9)
     histogram = Histogram()
     for nanoseconds in (0, 999, 1000, 19_999_999):
-        library().count_duration(byref(histogram), nanoseconds)
+        library().histogram_count(byref(histogram), nanoseconds)
     edges, counts = zip(*histogram.bars(), strict=True)
     assert edges == pytest.approx((1e-6, 2e-6, 20e-3))
     assert counts == (2, 1, 1)
@@ -162,7 +162,7 @@ def test_the_first_answer_to_a_state_counts() -> None:
     trip = RoundTrip()
     began = time.time_ns()
     for stamp in range(300):
-        library().sent(byref(trip), stamp)
+        library().trip_sent(byref(trip), stamp)
     assert trip.newest == 299
     now = time.time_ns()
     trip.answered(299, now)
@@ -181,7 +181,7 @@ def test_an_answer_acts_until_the_next_one_comes() -> None:
     """In the time of the states, whether the loop catches up or a partner does not answer."""
     trip, ms = RoundTrip(), 1_000_000
     for stamp in range(ms, 102 * ms, ms):
-        library().sent(byref(trip), stamp)
+        library().trip_sent(byref(trip), stamp)
         if stamp // ms in (1, 2, 42):
             trip.answered(stamp, 0)
     trip.answered(100 * ms, 0)
@@ -190,7 +190,7 @@ def test_an_answer_acts_until_the_next_one_comes() -> None:
     trip.forget()
     trip.answered(101 * ms, 0)
     trip.answered(1, 0)  # of another clock
-    library().sent(byref(trip), 202 * ms)
+    library().trip_sent(byref(trip), 202 * ms)
     trip.answered(202 * ms, 0)
     assert trip.take_oldest() == 0.0
 

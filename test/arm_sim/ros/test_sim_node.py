@@ -103,10 +103,10 @@ def test_a_failure_in_the_loop_pauses_it(ros: Ros, capfd: pytest.CaptureFixture[
     def fail(*_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
-    node.engine.on_tick.append(fail)
+    node.engine.on.tick.append(fail)
     node.engine.queue.ring()
     ros.spin_until(lambda: node.engine.paused)
-    node.engine.on_tick.clear()
+    node.engine.on.tick.clear()
     said = capfd.readouterr().err
     assert said.count("by surprise") == 1
     assert ros.call(Step, "/sim/step", Step.Request(steps=2)).success

@@ -66,7 +66,7 @@ def test_commands_that_have_arrived_are_in_time_though_they_are_read_late(late: 
     """As many ticks as the middleware, for want of a processor, does not hand anything over."""
     made, told = engine(), list[bool]()
     made.configure(0.003, "zero")
-    made.on_staleness.append(lambda: told.append(made.commands.stale))
+    made.on.staleness.append(lambda: told.append(made.commands.stale))
     arrives = iter(range(1, 10**6))
 
     def all_read() -> bool:
@@ -183,7 +183,7 @@ def test_servos_that_may_have_to_stop_the_arm_are_built_while_it_moves(
 def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
     made = engine()
     polled(made, lambda: 1 / 0)
-    made.run(library().tick)
+    made.run(library().ticks_tick)
     assert made.paused
     assert "ZeroDivisionError" in made.failure
     made.pause(True)

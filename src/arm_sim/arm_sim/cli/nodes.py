@@ -20,7 +20,7 @@ from arm_dynamics import InvalidInput
 from arm_sim.cli.arguments import File, Scene
 from arm_sim.cli.command import command
 
-_PR_SET_PDEATHSIG = 1
+_PR_SET_PDEATHSIG = 1  # of prctl: the signal that a process gets when its parent ends
 ForRos = Annotated[tuple[str, ...], click.UNPROCESSED, "[--ros-args …]"]
 WithParent = Annotated[bool, {"hidden": True}, "End with the parent."]
 

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import numpy as np
 
+from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
 from arm_sim.derivatives.nonsmooth_points import sided
 from arm_sim.integrators.response import rate_by_state
@@ -27,27 +29,25 @@ class CoarseSteps:
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
         self._plant, self._choice = plant, choice
-        self.rate = rate_by_state(plant) if self._warn_at_start() else None
+        self.rate: Callable[[Array], float] | None = None
+        if choice.tolerance is not None:
+            return
+        self._warn_of_sided_friction()
+        if not self._warn(fastest_rate(plant)) and _stiffens(plant.model):
+            self.rate = rate_by_state(plant)
 
     def check(self, x: Array) -> None:
         """Warn if a rate at one of these states, shape (b, nx), is too fast."""
         if self.rate and self._warn(max(map(self.rate, x))):
             self.rate = None
 
-    def _warn_at_start(self) -> bool:
-        """Warn of the scene as it begins; returns whether states have to be watched."""
-        if self._choice.tolerance is not None:
-            return False
-        model = self._plant.model
+    def _warn_of_sided_friction(self) -> None:
         for joint in np.flatnonzero(sided(self._plant)):
             _log.warning(
                 "derivatives of time steps in which joint '%s' turns back are those of %s, not of "
                 "the motion: its viscous friction differs by direction",
-                model.joint_names[joint], self._choice.method.name,
+                self._plant.model.joint_names[joint], self._choice.method.name,
             )  # fmt: skip
-        warned = self._warn(fastest_rate(self._plant))
-        couplings = (drive.coupling for drive in model.drives if drive)
-        return not warned and any(coupling and coupling.stiffening > 0.0 for coupling in couplings)
 
     def _warn(self, rate: float) -> bool:
         """Warn if what moves at a rate in [1/s] is resolved too coarsely; return whether."""
@@ -61,3 +61,9 @@ class CoarseSteps:
             method.name, dt, 1.0 / rate, min(error, 1.0),
         )  # fmt: skip
         return True
+
+
+def _stiffens(model: ArmModel) -> bool:
+    """Whether a transmission stiffens under load, so that rates depend on the state."""
+    couplings = (drive.coupling for drive in model.drives if drive)
+    return any(coupling and coupling.stiffening > 0.0 for coupling in couplings)

@@ -46,6 +46,8 @@ class Derivatives:
     def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
         """Derivatives of ticks, those by some entries of p included; kept for the next time.
 
+        It takes arrays that are not checked: for other code of the suite.
+
         Args:
             tuned: Indices in p.
         """
@@ -57,7 +59,7 @@ class Derivatives:
 
     @built_once
     def gradients(self) -> Gradients:
-        """Gradients of functions of many arms' states."""
+        """Gradients of functions of many arms' states, from arrays that are not checked."""
         all_entries = tuple(range(len(self._plant.parameters.nominal)))
         ticks = self.linearizer(all_entries).ticks
         return Gradients(self._plant, self._choice, ticks, self._backend)
@@ -113,10 +115,12 @@ class Derivatives:
                 a command at its limit, events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
+        # One call of C, which answers None where arguments have to be checked or the tick has an
+        # event: all that follows is for these.
         if type(ticks) is int and ticks == 1 and by is None and side is None:
             slope = self.linearizer().python_tick(state, tau)
             if slope is not None:
-                nx = len(slope)
+                nx = self._plant.nx
                 return slope[:, :nx], slope[:, nx:]
         x, command = self._point(state, tau, ticks)
         places = self._places(by)

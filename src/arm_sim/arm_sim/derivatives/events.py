@@ -19,8 +19,9 @@ from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.equations.contact import Mode
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.derivatives.guards import guard_functions, guard_names, mobility_across
+from arm_sim.derivatives.guards import guard_functions, guard_names
 from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.resting import resting_functions
@@ -30,11 +31,13 @@ from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.plant.symbols import dense_function
+from arm_sim.plant.symbols import dense_function, expanded_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollouts.lanes import ADDRESS, built_of_lanes, lanes_source
 
+# Mobility across the direction of sliding, relative to the whole, that is rounding.
+ROUNDING = 1e-12
 # Segments of a tick, and steps of all of them, for which there is room.
 MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
 # Functions of the engine that derivatives need as well.
@@ -74,6 +77,7 @@ MESSAGES = {
 }
 # Where a guard grazes that is not known
 UNKNOWN = "an event is grazed, or joints and contacts that held together let go"
+# Refusals that name a joint by its index, not by that of its guard
 OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
 
@@ -253,6 +257,22 @@ def acting(plant: Plant) -> ca.Function:
     x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
     u = act(x, r)
     return dense_function("acting", [x, r], u, ca.jacobian(u, x), ca.jacobian(u, r))
+
+
+def mobility_across(plant: Plant) -> ca.Function:
+    """``across`` (x, u, p) -> a number for each contact of a scene.
+
+    It is positive where forces can move the contact across its direction of sliding.
+    """
+    mobility_of, across = plant.events["contact_mobility"], list[ca.MX]()
+    x, u, p = mobility_of.mx_in()
+    W, sliding = mobility_of(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
+    for k in range(len(plant.points)):
+        own, along = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
+        lateral = ca.vertcat(0, -along[1], along[0])
+        mobility = ca.bilin(W[own, own], lateral, lateral)
+        across.append(mobility - ROUNDING * ca.trace(W[own, own]))
+    return expanded_function("across", [x, u, p], [ca.vertcat(*across)])
 
 
 def _numbers(start: int, *shape: int) -> Array:

@@ -13,15 +13,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.equations.contact import MODE, Mode
+from arm_dynamics.equations.contact import MODE
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.symbols import dense_function
+from arm_sim.plant.symbols import dense_function, expanded_function
 
 # A guard larger than this fraction of its terms is zero at no instant nearby: it would have to
 # change a thousand times as much in a tick.
 FAR = 1e-6
-# Mobility across the direction of sliding, relative to the whole, that is rounding.
-ROUNDING = 1e-12
 
 # Value of a guard, and the magnitude of its terms
 Guard = tuple[ca.MX, ca.MX]
@@ -71,8 +69,8 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
     by_x, by_u, by_p = (ca.jtimes(values, by, weights, True) for by in (x, u, p))
     by_w = ca.vertcat(by_u, by_p[list(tuned)]) if tuned else by_u
     functions = [
-        expanded("guards", arguments, results),
-        expanded("guard_gradient", [*arguments, weights], [by_x, by_w]),
+        expanded_function("guards", arguments, results),
+        expanded_function("guard_gradient", [*arguments, weights], [by_x, by_w]),
     ]
     if plant.layout.switches:
         x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
@@ -80,12 +78,6 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
         slopes = ca.jacobian(slope, ca.vertcat(x, u))
         functions.append(dense_function("motion", [x, u, p], slope, slopes))
     return tuple(functions)
-
-
-def expanded(name: str, arguments: Sequence[ca.MX], results: Sequence[ca.MX]) -> ca.Function:
-    """A function of scalar operations with dense results."""
-    dense = [ca.densify(result) for result in results]
-    return ca.Function(name, arguments, dense).expand(name, {"cse": True})
 
 
 def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
@@ -149,9 +141,10 @@ def _flags(values: Iterable[Any]) -> ca.DM:
 
 
 def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool = True) -> Guard:
-    """All guards; values of those that are not active in the modes are meaningless.
+    """All guards, in the order of ``guard_names``, which ``_watched`` follows as well.
 
-    Where nothing is ``held``, loads and forces are zero.
+    Values of those that are not active in the modes are meaningless. Where nothing is ``held``,
+    loads and forces are zero.
     """
     n, function = plant.model.n, plant.events
     _, direction, pressed, _, contacts = plant.layout.parts(p)
@@ -160,7 +153,7 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool
     if held:
         load, force, *_ = function["loads"](x, u, p)
     if held and plant.mechanics.contact:
-        heaviest = _heaviest(force, *function["contact_inertia"](x, u, p))
+        heaviest = _heaviest(force, *function["contact_mobility"](x, u, p))
     qv = x[: 2 * n]
     geometry = plant.mechanics.contact.geometry(qv) if plant.mechanics.contact else ()
     push = function["pressures"](qv) if plant.layout.pressed else ca.MX(2 * n, 1)
@@ -179,7 +172,7 @@ def _fastest(x: ca.MX, n: int) -> ca.MX:
     return 1.0 + ca.norm_inf(x[n : 2 * n])
 
 
-def _heaviest(force: ca.MX, W: ca.MX, _: ca.MX, free: ca.MX) -> list[ca.MX]:
+def _heaviest(force: ca.MX, W: ca.MX, _B: ca.MX, free: ca.MX) -> list[ca.MX]:
     """Size of the forces at each contact: of its own, and of those that would hold it alone."""
     own, rows = [], [slice(3 * k, 3 * k + 3) for k in range(force.shape[0] // 3)]
     for k in rows:
@@ -241,28 +234,3 @@ def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Gu
 def _either(condition: ca.MX, if_true: Guard, if_false: Guard) -> Guard:
     value, size = (ca.if_else(condition, a, b) for a, b in zip(if_true, if_false, strict=True))
     return value, size
-
-
-def starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:
-    """Whether a contact starts to slide under the modes in p, 1 or 0: it keeps its direction."""
-    mode, starts = Mode.of(plant.layout.parts(p)[-1]), ca.SX(0)
-    for k, point in enumerate(plant.points):
-        if point.friction > 0.0:
-            starts = ca.logic_or(starts, mode.closed[k] * (1 - mode.sticks[k]) * mode.fixed[k])
-    return starts
-
-
-def mobility_across(plant: Plant) -> ca.Function:
-    """``across`` (x, u, p) -> a number for each contact of a scene.
-
-    It is positive where forces can move the contact across its direction of sliding.
-    """
-    inertia, across = plant.events["contact_inertia"], list[ca.MX]()
-    x, u, p = inertia.mx_in()
-    W, sliding = inertia(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
-    for k in range(len(plant.points)):
-        own, along = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
-        lateral = ca.vertcat(0, -along[1], along[0])
-        mobility = ca.bilin(W[own, own], lateral, lateral)
-        across.append(mobility - ROUNDING * ca.trace(W[own, own]))
-    return expanded("across", [x, u, p], [ca.vertcat(*across)])

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from arm_sim.derivatives.guards import expanded
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.symbols import jacobian_by
+from arm_sim.plant.symbols import expanded_function, jacobian_by
 
 
 def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
@@ -46,7 +45,7 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
     for y in (after, residual):
         results.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
         results.append(ca.jacobian(y, impulse))
-    return expanded("impact_laws", arguments, results)
+    return expanded_function("impact_laws", arguments, results)
 
 
 def _residuals(

@@ -75,12 +75,15 @@ def one_sided(
     begin, columns = after(point), list[Array]()
     for entry, name in enumerate(names):
         near, far = (point.moved(entry, side * k * DISTANCE, tuned) for k in (1, 2))
-        first, second = (slope(beside)[:, entry] for beside in (near, far))
-        column, scale = 2.0 * first - second, 1.0 + abs(first).max()
+        at_near, at_far = (slope(beside)[:, entry] for beside in (near, far))
+        column = 2.0 * at_near - at_far  # extrapolated to the point
+        # Of one entry, as rounded: all others are the same.
         step = (near.x - point.x).sum() + (near.r - point.r).sum() + (near.p - point.p).sum()
-        jump = abs(after(near) - begin - 0.5 * step * (column + first)).max()
-        rounding = ROUNDING * (1.0 + abs(begin).max())
-        if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:
+        scale, rounding = 1.0 + abs(at_near).max(), ROUNDING * (1.0 + abs(begin).max())
+        bends = abs(at_near - at_far).max() > SAME * scale
+        missed = after(near) - begin - 0.5 * step * (column + at_near)
+        jumps = abs(missed).max() > SAME * abs(step) * scale + rounding
+        if bends or jumps:
             raise NotDifferentiable(
                 f"linearize: no derivative by {name} on the side {side:+d}: the state after the "
                 "time step jumps, or changes ever faster"

@@ -38,5 +38,5 @@ def python_linearize(tangents: Tangents, plant: Plant, p: Array, dt: float) -> L
         entry.value, code.scene.value, address_of(code.own, TANGENTS),
         engine and ctypes.addressof(engine), address(p), dt,
     )  # fmt: skip
-    source, kept = _FOLDER / "python_linearize.c", (code, engine, p)
-    return function_of_structure(source, arguments, plant.model.n, plant.nz, kept)
+    source, owner = _FOLDER / "python_linearize.c", (code, engine, p)
+    return function_of_structure(source, arguments, plant.model.n, plant.nz, owner)

@@ -17,7 +17,7 @@ from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.derivatives.events import EventfulTicks, acting, diverged
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
-from arm_sim.derivatives.tangents.choice import CompiledTangents
+from arm_sim.derivatives.tangents.compiled_tangents import CompiledTangents
 from arm_sim.exceptions import NotDifferentiable
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_step

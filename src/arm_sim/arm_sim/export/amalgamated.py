@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The engine and a scene in one file of C."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ The simulator's engine chooses the modes, as in a tick, for the arm without cont
 drives, which forward dynamics leave out.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics import ArmModel
@@ -20,7 +18,7 @@ from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.options import Options
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import braces, scene_source, sizes
+from arm_sim.stepping.scene_source import braces, scene_source, sizes
 
 # Begins the names of this part of a library
 PREFIX = "rest_"

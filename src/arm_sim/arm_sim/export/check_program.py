@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The test program of an exported library: its functions against the numbers expected."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array
@@ -13,7 +11,7 @@ from arm_sim.export.library import Library, comment, wrapped
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
-_ROUNDING = 1e-12
+_ROUNDING = 1e-12  # difference of results here and there, relative to the largest or 1
 
 
 def check_program(library: Library, expected: Expected, points: Sequence[Point]) -> str:

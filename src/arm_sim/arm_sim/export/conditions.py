@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """C source without the parts that its own definitions rule out."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

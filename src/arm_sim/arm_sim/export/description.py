@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an exported library says of itself: the first comment of its files, and its README."""
 
-from __future__ import annotations
-
 import math
 import re
 

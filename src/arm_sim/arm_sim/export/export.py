@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export of a scene."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Collection, Sequence
 from os import PathLike

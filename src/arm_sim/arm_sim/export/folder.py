@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of an export, in which a new export replaces an earlier one."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile

@@ -6,8 +6,6 @@ one. A library keeps the functions and the helpers that they use, all of them st
 several libraries can be linked into one program. The arithmetic is not touched.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The header and the source of an exported library."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Sequence
@@ -19,7 +17,7 @@ from arm_sim.export.tick import Tick
 
 _TYPES = "#define casadi_real real\n#define casadi_int long long\n"
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
-_COLUMNS = 100
+_COLUMNS = 100  # of lines of the header
 # Code in lines that are not too long, unless a name is, which stays whole
 wrapped = partial(textwrap.fill, width=98, break_long_words=False, break_on_hyphens=False)
 _PRAGMAS = """\

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derivatives of ticks in C: those without events, as the simulator's compiled code has them."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_sim.derivatives.tangents import TangentFunctions, tangents_source

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names in exported C code: that of the library, and those of frames."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

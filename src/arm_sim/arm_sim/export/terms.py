@@ -5,8 +5,6 @@ Their expressions are those that ``Dynamics`` and the simulator evaluate. Matric
 since CasADi stores them by columns and C by rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 

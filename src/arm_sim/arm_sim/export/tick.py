@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tick of an exported library: the simulator's engine, and functions that call it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +20,7 @@ from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
 from arm_sim.simulation.simulator import Simulator
-from arm_sim.stepping.engine import braces, scene_source, sizes
+from arm_sim.stepping.scene_source import braces, scene_source, sizes
 from arm_sim.stepping.tick_functions import tick_functions
 
 _PERIOD = "/* Length of a tick in [s]. */\n#define LIBRARY_PERIOD"

@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 
 _BLOCK = 64  # number of ticks whose numbers are drawn together
-_ARMS = 1 << 32
+_ARMS = 1 << 32  # more than there are: channel and arm are one number
 
 
 class Channel(IntEnum):

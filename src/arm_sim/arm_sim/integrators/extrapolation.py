@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-PARTS = (1, 2, 3, 4)
+PARTS = (1, 2, 3, 4)  # into which a step is divided, in the harmonic sequence
 ORDER = len(PARTS)
 SOURCE = "Deuflhard, SIAM Review 27(4), 1985"
 

@@ -37,17 +37,17 @@ def slopes(
 
     ``alone`` gives that of a stage which shares its position with no other.
     """
-    slopes: list[ca.MX] = []
+    k: list[ca.MX] = []
     pair = _at_one_position(rhs, n)
-    while (i := len(slopes)) < len(tableau.a):
-        y = stage(tableau, i, slopes, x, h, n)
+    while (i := len(k)) < len(tableau.a):
+        y = stage(tableau, i, k, x, h, n)
         if not _shares(tableau, i):
-            slopes.append(alone(i, y))
+            k.append(alone(i, y))
             continue
         row = tableau.a[i + 1]
-        before = x + h * weighed_sum(row[:i], slopes, x) if any(row[:i]) else x
-        slopes += pair.call([y, before, h * row[i], u, p])
-    return slopes
+        before = x + h * weighed_sum(row[:i], k, x) if any(row[:i]) else x
+        k += pair.call([y, before, h * row[i], u, p])
+    return k
 
 
 def stage(tableau: Tableau, i: int, slopes: Sequence[ca.MX], x: ca.MX, h: ca.MX, n: int) -> ca.MX:
@@ -85,7 +85,25 @@ def tangent(
 def adjoint(
     tableau: Tableau, slope: Slope, pull: Pullback, n: int, x: ca.MX, h: ca.MX, weight: ca.MX
 ) -> Gradients:
-    """The transposed derivative of a step, see ``adjoints``."""
+    """The transposed derivative of a step, see ``adjoints``.
+
+    From the last stage to the first, with the gradients μ_j by the later states (q, w)_j, the last
+    of which is the result:
+
+        ∂L/∂k_i = h (Σ a_ji μ_j^v + h Σ ā_ji μ_j^q) for the velocities, h Σ a_ji μ_j^z for z,
+        μ_i = (∂x'/∂x)ᵀ ∂L/∂k_i.
+
+    The state at the beginning enters each of them as it is, and its velocity by c_j h v.
+
+    Args:
+        tableau: The method.
+        slope: x' at a state.
+        pull: Gradients at a state, from x' there and the gradient by x'.
+        n: Degrees of freedom.
+        x: State at the beginning.
+        h: Length of the step.
+        weight: Gradient by the state at the end.
+    """
     k: list[ca.MX] = []
     y: list[ca.MX] = []
     for i in range(len(tableau.a)):

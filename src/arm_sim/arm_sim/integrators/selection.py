@@ -17,9 +17,9 @@ from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
 from arm_sim.integrators.stability import grows, longest_step, worst
 from arm_sim.plant.plant import Plant
 
-DT_RANGE = (1e-9, 10.0)
+DT_RANGE = (1e-9, 10.0)  # [s] that a tick may last
 LONG_TICK = 0.1  # [s]
-TOLERANCE_RANGE = (1e-14, 1e-1)
+TOLERANCE_RANGE = (1e-14, 1e-1)  # from rounding to what is no accuracy
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1). Half of that is allowed where the arm begins; it is
 # faster in other postures, of which only some are looked at.

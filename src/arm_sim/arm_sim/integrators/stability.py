@@ -26,7 +26,7 @@ from arm_sim.integrators.tableaux import Tableau
 GROWTH = 1e-3
 # A mode with a growth below this part of its rate is a decay or swing, but for rounding.
 ROUNDING = 1e-6
-HALVINGS = 40
+HALVINGS = 40  # bisections for the longest stable step
 
 
 def polynomial(tableau: Tableau) -> Array:

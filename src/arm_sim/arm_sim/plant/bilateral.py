@@ -30,6 +30,8 @@ ROUNDING = 1e-15
 # to rest has none at its end. Beyond, the step has left its branch of the motion or its
 # accelerations were invalid.
 ASTRAY = 0.1
+# Corrections of speeds in [m/s] or [rad/s] that are never too large; of positions, LEFT_OPEN.
+SLOW = 1e-9
 # A state so large is rejected by every stepper.
 REFUSED = 1e200
 
@@ -95,9 +97,9 @@ class Bilateral(Response):
             p: The vector of tunable numbers and modes.
 
         Returns:
-            CasADi function (x before a step, x after it, p) -> x after it, projected, beyond all
-            bounds if that was not possible; and the residuals before projection, in [m] or [rad]
-            and in [m/s] or [rad/s].
+            CasADi function (x before a step, x after it, p) -> x after it, projected, with
+            numbers of the size ``REFUSED`` if that was not possible; and the residuals before
+            projection, in [m] or [rad] and in [m/s] or [rad/s].
         """
         s, n, metric, rows = self._s, self._n, self._metric, self.rows
         before, after = ca.SX.sym("before", 2 * n), ca.SX.sym("after", 2 * n)
@@ -111,7 +113,8 @@ class Bilateral(Response):
         v = s.v + metric.motion(moving.nearest(still, -(A @ s.v)))
         every = ca.substitute(rows.every, s.q, q)
         left = ca.fmax(_largest(every) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING)
-        astray = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v, before[n:])
+        astray = _astray(q - s.q, LEFT_OPEN, q - before[:n])
+        astray += _astray(v - s.v, SLOW, v, before[n:])
         refused = REFUSED * (ca.fmax(0, left) + astray)
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
         results = [ca.vertcat(q, v) + refused, *gap]
@@ -123,10 +126,10 @@ class Bilateral(Response):
         return self._obeyed.solved(free, -self.rows.drift)
 
 
-def _astray(correction: ca.SX, *wholes: ca.SX) -> ca.SX:
-    """Positive if a correction is large relative to the largest of some whole changes."""
+def _astray(correction: ca.SX, small: float, *wholes: ca.SX) -> ca.SX:
+    """Positive if a correction is not small, and large relative to the largest whole change."""
     largest = ca.mmax(ca.vertcat(*map(ca.sumsqr, wholes)))
-    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * largest - LEFT_OPEN**2)
+    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * largest - small**2)
 
 
 def _largest(values: ca.SX) -> ca.SX:

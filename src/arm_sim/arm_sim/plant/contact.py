@@ -61,14 +61,14 @@ class ContactFunctions:
         return Reactions(self._a, loads, held, push, A.T @ self._shares, A)
 
     @property
-    def inertia(self) -> ca.Function:
-        """``contact_inertia`` (q, v, tau, p) -> compliance, and motion without contact forces.
+    def mobility(self) -> ca.Function:
+        """``contact_mobility`` (q, v, tau, p) -> mobility, and motion without contact forces.
 
-        These are the acceleration of the points per force on them, of the joints per force, and of
-        the points without contact forces.
+        These are the Delassus matrix, which is the acceleration of the points per force on them;
+        the acceleration of the joints per force; and that of the points without contact forces.
         """
         results = self._delassus.W, self._B, self._free
-        return dense_function("contact_inertia", self._arguments, *results)
+        return dense_function("contact_mobility", self._arguments, *results)
 
     @built_once
     def geometry(self) -> ca.Function:

@@ -74,13 +74,13 @@ class Mechanics:
     def loads(self) -> tuple[ca.Function, ...]:
         """CasADi functions (q, v, tau, p) that event handling evaluates.
 
-        ``loads``, with contacts ``contact_inertia``, with bilateral constraints ``bilateral``,
+        ``loads``, with contacts ``contact_mobility``, with bilateral constraints ``bilateral``,
         where parts may hold together ``statics``; none where nothing sticks or touches.
         """
         reactions = self._reactions
         if reactions is None or not self._eventful:
             return ()
-        functions = [self.contact.inertia] if self.contact else []
+        functions = [self.contact.mobility] if self.contact else []
         functions.append(self._loads(reactions))
         if self._bilateral:
             functions.append(self._bilateral_torques(reactions, self._bilateral))

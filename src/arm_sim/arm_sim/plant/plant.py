@@ -40,7 +40,8 @@ class Plant:
     compliant stops; then the case distinctions of cords and drives; last the modes of the
     contacts.
 
-    Equations are built on first use: if their compiled code is cached, they are not needed.
+    Equations are built on first use: if their compiled code is cached, they are not needed. They
+    are built by one thread at a time, since CasADi is not safe for more.
 
     Attributes:
         model: The robot.
@@ -72,9 +73,11 @@ class Plant:
         self.parameters = Parameters(model)
         laws = laws_of(model) if options.drives else ()
         self.laws = EnergyFlows(laws, model.n) if options.energies else Ensemble(laws, model.n)
-        self._drives: SwitchedDrives | None = None
+        # Variants that differ in other options than stops share symbols and drives with the plant
+        # of the scene, so that entries of p mean the same in all of them.
         of_scene = Options(stops=options.stops)
         self._scene_plant = shared = self if options == of_scene else self._under(of_scene)
+        self._drives: SwitchedDrives | None = None  # away from stops drives do not switch
         if options.stops:
             own = laws, model.n, model.friction.gears
             self._drives = SwitchedDrives(*own) if shared is self else shared._drives
@@ -122,7 +125,7 @@ class Plant:
         ``loads`` (x, u, p), the last of which are torques of stops and x', with bilateral
         constraints ``bilateral`` (x, u, p), with stops ``impact_map`` and ``pressures``, with
         ``Symbols.switches`` (x, u, p) their switching functions and the magnitude of the terms of
-        each, with contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and
+        each, with contacts ``contact_mobility`` (x, u, p), ``contact_geometry`` and
         ``contact_close``, and where parts may hold together ``statics`` (x, u, p).
         """
         return self._state_space.events if self.eventful else {}

@@ -168,6 +168,14 @@ def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Fun
     return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})
 
 
+def expanded_function(
+    name: str, arguments: Sequence[ca.MX], results: Sequence[ca.MX]
+) -> ca.Function:
+    """A function of scalar operations with dense results."""
+    dense = [ca.densify(result) for result in results]
+    return ca.Function(name, arguments, dense).expand(name, {"cse": True})
+
+
 def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
     """Derivative by entries of p, at no cost if there are none."""
     if not tuned:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Condition of the parts of the sim node, for ``/diagnostics``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from arm_dynamics.exceptions import known_names

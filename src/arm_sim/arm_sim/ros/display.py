@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics for visualization: joint states of all joints, locked and mimic ones too, and frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import count
 

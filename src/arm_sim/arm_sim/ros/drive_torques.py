@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Torques of drives, which joint states report if they differ from the commands."""
 
-from __future__ import annotations
-
 from ctypes import addressof, c_void_p
 
 import casadi as ca

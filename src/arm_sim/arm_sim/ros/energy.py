@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account on the topic ``~/energy``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account of a running simulation, from the trail of ticks that C keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from threading import Lock
 from typing import Any

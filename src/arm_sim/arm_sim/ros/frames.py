@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames of the links on ``/tf`` and ``/tf_static``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

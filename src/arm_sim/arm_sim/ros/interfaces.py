@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics of the sim node; those it shares with other nodes are in ``arm_dynamics.ros``."""
 
-from __future__ import annotations
-
 from arm_msgs.msg import Energy, Multipliers
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lockstep of simulator and controller: a tick is executed when its state has been answered."""
 
-from __future__ import annotations
-
 import time
 from ctypes import byref
 
@@ -12,7 +10,7 @@ from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs.inputs import Inputs
-from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.node_library import TICKS, library
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
@@ -32,7 +30,7 @@ class Lockstep:
     Attributes:
         repeated: Number of states that were published again.
         gone: Whether the partner is reported gone.
-        waiting: The state whose answer is awaited: ``waiting_t`` of loop.h, where its fields are.
+        waiting: The state whose answer is awaited: ``waiting_t`` of ticks.h, where its fields are.
     """
 
     def __init__(
@@ -46,12 +44,12 @@ class Lockstep:
         self._timeout = round(1e9 * params.lockstep_timeout)
         self._period = 0.5 * params.lockstep_retry
         self.repeated, self.gone = 0, False
-        self.waiting = LOOP.structure("waiting_t")(soon=_SOON, stamp=-1)
+        self.waiting = TICKS.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.polled.read_from(self._subscription.handle.pointer, self._take)
         steady_timer(node, self._period, self.watch)
-        engine.on_jump.append(self.wait)
-        engine.on_pause += [outputs.publish, self.wait]
+        engine.on.jump.append(self.wait)
+        engine.on.pause.extend((outputs.publish, self.wait))
 
     def reset_counters(self) -> None:
         """Reset the counters."""
@@ -72,7 +70,9 @@ class Lockstep:
         engine, arm = self._engine, self._engine.simulator.arm
         self.waiting.end = 0 if self._yielding else time.monotonic_ns() + _STRETCH
         stamp, before = self._inputs.on_joint_commands(raw, time.time_ns()), arm.step_count
-        engine.run(library().in_lockstep, byref(self.waiting), -1 if stamp is None else stamp)
+        engine.run(
+            library().ticks_in_lockstep, byref(self.waiting), -1 if stamp is None else stamp
+        )
         if engine.paused:
             self.wait()
         executor = self._node.executor

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The C code of the sim node: rules of the loop, recording, ticks."""
 
-from __future__ import annotations
-
 from ctypes import CDLL
 from functools import cache
 from pathlib import Path
@@ -15,9 +13,9 @@ from arm_dynamics.ros.joint_state.joint_state_library import SOURCE as JOINT_STA
 from arm_sim.stepping.arm import ARM
 
 _HERE = Path(__file__).parent
-_FILES = tuple(_HERE / name for name in ("native/loop", "record/native/record", "native/ticks"))
-LOOP, RECORD = (Header(file.with_suffix(".h"), ENTRY) for file in _FILES[:2])
-TICKS = Header(_FILES[2].with_suffix(".h"), JOINT_STATE, LOOP, RECORD, ARM)
+_FILES = tuple(_HERE / name for name in ("native/timing", "record/native/record", "native/ticks"))
+TIMING, RECORD = (Header(file.with_suffix(".h"), ENTRY) for file in _FILES[:2])
+TICKS = Header(_FILES[2].with_suffix(".h"), JOINT_STATE, TIMING, RECORD, ARM)
 
 
 @cache
@@ -28,4 +26,6 @@ def library(*others: Path) -> CDLL:
         KernelError: If they are not available.
     """
     files = (JOINT_STATE_SOURCE, *(file.with_suffix(".c") for file in _FILES), *others)
-    return code_of_nodes(*files, headers=(JOINT_STATE, LOOP, RECORD, TICKS), folders=(ARM.folder,))
+    return code_of_nodes(
+        *files, headers=(JOINT_STATE, TIMING, RECORD, TICKS), folders=(ARM.folder,)
+    )

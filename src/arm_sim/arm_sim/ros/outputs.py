@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that the sim node publishes in the course of ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from ctypes import addressof, byref
 from typing import Any
@@ -71,9 +69,9 @@ class Outputs:
         if self._by_the_clock:
             steady_timer(node, _POLL, self._update)
         self._share(params.publish_every)
-        engine.on_idle.append(lambda: self.repeat(simulator.dt))
-        engine.on_jump.append(self.publish)
-        engine.on_pause.append(self._release)
+        engine.on.idle.append(lambda: self.repeat(simulator.dt))
+        engine.on.jump.append(self.publish)
+        engine.on.pause.append(self._release)
 
     def _advertise_states(self, node: Node, params: SimParams) -> None:
         """Joint states, of all joints if that is set, and the exact ones if there are sensors."""
@@ -109,7 +107,7 @@ class Outputs:
         ticks.fills = self._all is not None or (drives is not None and drives.place is None)
         if self._multipliers is not None or not self._by_the_clock:
             ticks.seldom = self.energy.every
-            self._engine.on_seldom.append(self._publish_seldom)
+            self._engine.on.seldom.append(self._publish_seldom)
         # What C could not publish is published again, which raises the reason.
         ticks.answer(fill=self._fill, unsent=lambda: self.states.publish(bytes(self.states.raw)))
 
@@ -121,7 +119,7 @@ class Outputs:
     def publish(self) -> None:
         """Publish the current state, and the clock."""
         ticks = self._engine.ticks
-        library().publish_state(byref(ticks))
+        library().ticks_publish_state(byref(ticks))
         self.tap(JOINT_STATES, self.states.raw, ticks.published)
 
     def _fill(self) -> None:

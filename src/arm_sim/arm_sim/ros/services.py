@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Services of the sim node, executed between two ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

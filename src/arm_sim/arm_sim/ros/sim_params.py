@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the sim node."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from arm_dynamics import InvalidInput

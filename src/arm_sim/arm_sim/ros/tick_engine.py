@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ticks of a running simulation, without ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from ctypes import addressof, byref, c_double, c_void_p, cast
+from dataclasses import dataclass, field
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -13,20 +12,18 @@ from numpy.typing import ArrayLike
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.exceptions import SimulationDiverged
-from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
-from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.servos import Servos
 from arm_sim.ros.commands.stopping import Stopping
+from arm_sim.ros.commands.wrenches import AppliedWrenches
 from arm_sim.ros.energy_trail import EnergyTrail
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
 from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.servo import JointCommand
-from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
@@ -40,6 +37,29 @@ class Listeners(list[Callable[[], None]]):
         """Call them in the order in which they were added."""
         for listener in self:
             listener()
+
+
+@dataclass(frozen=True)
+class Events:
+    """Who listens to an engine.
+
+    Attributes:
+        tick: Called after each tick.
+        seldom: Called after every so many ticks, see ``Ticks.seldom``.
+        idle: Called instead of a tick while time stands still.
+        jump: Called when state or model changed other than by a tick.
+        pause: Called when the simulation was paused or resumed.
+        failure: Called when the simulation has paused itself.
+        staleness: Called when the stale policy starts or stops acting.
+    """
+
+    tick: Listeners = field(default_factory=Listeners)
+    seldom: Listeners = field(default_factory=Listeners)
+    idle: Listeners = field(default_factory=Listeners)
+    jump: Listeners = field(default_factory=Listeners)
+    pause: Listeners = field(default_factory=Listeners)
+    failure: Listeners = field(default_factory=Listeners)
+    staleness: Listeners = field(default_factory=Listeners)
 
 
 class TickEngine:
@@ -58,18 +78,13 @@ class TickEngine:
         energy: The energy account.
         round_trip: Time from a state to its command.
         wrenches: What acts on the frames.
+        on: Who is told of ticks, jumps, pauses and failures.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
-        guard: Held while C executes ticks.
-        arriving: Returns whether messages may have arrived that cannot be read yet.
-        on_tick: Called after each tick.
-        on_seldom: Called after every so many ticks, see ``Ticks.seldom``.
-        on_idle: Called instead of a tick while time stands still.
-        on_jump: Called when state or model changed other than by a tick.
-        on_pause: Called when the simulation was paused or resumed.
-        on_failure: Called when the simulation has paused itself.
-        on_staleness: Called when the stale policy starts or stops acting.
+        guard: Held while C executes ticks; a recorder sets it.
+        arriving: Returns whether messages may have arrived that cannot be read yet; the node sets
+            it, since it knows the middleware.
     """
 
     def __init__(
@@ -96,17 +111,14 @@ class TickEngine:
         self.failure = ""
         self._self_running = self_running
         self.stopping = Stopping(self._arm, Servos(self._arm, background))
-        self.wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
+        self.wrenches = AppliedWrenches(simulator, wrench_reference)
         self._wrench_ticks = self.duration(wrench_timeout)
-        self._pushable = self._pushing = False
         self.guard: AbstractContextManager[Any] = nullcontext()
         self.arriving: Callable[[], bool] = lambda: False
-        self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
-        self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
-        self.on_seldom = Listeners()
+        self.on = Events()
         self.ticks = ticks = Ticks()
         self.energy, self.round_trip = EnergyTrail(self._arm, ticks), RoundTrip()
-        for listeners in (self.on_jump, self.on_pause, self.on_staleness):
+        for listeners in (self.on.jump, self.on.pause, self.on.staleness):
             listeners.append(self.round_trip.forget)
         self._share(ticks)
         ticks.paused, ticks.waits = paused, wait_for_command
@@ -122,18 +134,18 @@ class TickEngine:
         ticks.joints, ticks.states = arm.n, arm.plant.nx
         ticks.take = cast(library().joint_state_take, c_void_p).value
         ticks.answer(
-            serve=self.queue.serve, idle=self.on_idle, prepare=self._prepare,
+            serve=self.queue.serve, idle=self.on.idle, prepare=self._prepare,
             expire=self._may_come, move=self._move, sense=arm.passed, ticked=self._ticked,
         )  # fmt: skip
-        ticks.refresh.append(self._refresh)
+        ticks.before_ticks.append(self._refresh)
 
     def _refresh(self) -> None:
         arm, ticks, stopping = self._arm, self.ticks, self.stopping
         ticks.arm = None if arm.pointers is None else addressof(arm.pointers)
         ticks.stopping, ticks.locked = stopping.acts, stopping.locked
         ticks.notices, ticks.senses = arm.notices_cuts, arm.sensors is not None
-        ticks.prepares = self._pushed or self.commands.line is not None
-        ticks.listens = bool(self.on_tick)
+        ticks.prepares = self.wrenches.act or self.commands.line is not None
+        ticks.listens = bool(self.on.tick)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
         """Set the simulated time in [s] until commands are stale, 0: never, and the policy."""
@@ -171,7 +183,7 @@ class TickEngine:
 
     def tick(self) -> None:
         """Run the queue and read commands; then advance by one tick unless time stands still."""
-        self._run(library().tick)
+        self._run(library().ticks_tick)
 
     def run(self, function: Any, *arguments: Any) -> None:
         """Execute ticks by a function of ticks.h; an exception pauses the simulation."""
@@ -183,7 +195,7 @@ class TickEngine:
     def _run(self, function: Any, *arguments: Any) -> Any:
         ticks = self.ticks
         with self.guard:
-            ticks.refreshed()
+            ticks.refresh()
             result = function(byref(ticks), *arguments)
         if ticks.broken:
             error, ticks.error, ticks.broken = ticks.error, None, 0
@@ -204,31 +216,22 @@ class TickEngine:
             raise InvalidInput(f"steps = {steps}; allowed: 1 to {MAX_STEPS}")
         if self._self_running and not self.paused:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
-        self._run(library().read_commands)
-        completed = self._run(library().advance, steps)
+        self._run(library().ticks_read_commands)
+        completed = self._run(library().ticks_advance, steps)
         if completed < steps:
             raise SimulationDiverged(f"after {completed} of {steps} steps; that state is kept")
 
     def _fail(self, reason: str) -> None:
         self.ticks.paused, self.failure = True, reason
-        self.on_failure()
+        self.on.failure()
 
     # --- what C asks for -----------------------------------------------------------------------
 
     def _prepare(self) -> None:
         """Put the delayed command that has arrived, and apply the wrenches in the next tick."""
-        step = self._arm.step_count
-        self.commands.arrive(step)
-        if self._pushed:
-            tau = self.wrenches.torque(self._q, step)
-            self.energy.note()  # with the quantities that acted
-            self.simulator.set_parameter(EXTERNAL, tau)
-            self._pushing = bool(self.wrenches.active)
-
-    @property
-    def _pushed(self) -> bool:
-        """Whether wrenches act, or did so in the last tick."""
-        return self._pushable and (self._pushing or bool(self.wrenches.active))
+        self.commands.arrive(self._arm.step_count)
+        if self.wrenches.act:
+            self.wrenches.apply(self.energy.note)  # with the quantities that acted
 
     def _may_come(self) -> bool:
         """Whether a command that expires may have a successor that has arrived already.
@@ -237,9 +240,11 @@ class TickEngine:
         from handing it over; but not for ever, so that an arm without commands stops.
         """
         commands, arriving = self.commands, self.arriving()
-        library().read_commands(byref(self.ticks))  # all that had arrived, unless more is arriving
+        library().ticks_read_commands(
+            byref(self.ticks)
+        )  # all that had arrived, unless more is arriving
         commands.arrive(self._arm.step_count)
-        expires = library().expires(byref(commands), c_double(self.ticks.share))
+        expires = library().slot_expires(byref(commands), c_double(self.ticks.share))
         return arriving and expires and commands.age - commands.timeout < self.duration(_SILENCE)
 
     def _acting(self) -> Command | None:
@@ -276,11 +281,11 @@ class TickEngine:
         ticks = self.ticks
         self.energy.note_before_full()
         if self._arm.step_count % ticks.seldom == 0:
-            self.on_seldom()
-        self.on_tick()
+            self.on.seldom()
+        self.on.tick()
         if self.commands.stale != ticks.was_stale:
             ticks.was_stale = self.commands.stale
-            self.on_staleness()
+            self.on.staleness()
 
     # --- requests ------------------------------------------------------------------------------
 
@@ -289,7 +294,7 @@ class TickEngine:
         self.ticks.paused = stop
         if not stop:
             self.failure = ""
-        self.on_pause()
+        self.on.pause()
 
     def reset(self, *state: Any) -> None:
         """Reset to time zero and a state, see ``Simulator.reset``, without commands."""
@@ -306,13 +311,11 @@ class TickEngine:
         self._accounted(action)
         if self.stopping.acts:
             self.stopping.hold()  # where it is now
-        self.on_jump()
+        self.on.jump()
 
     def _accounted(self, action: Callable[[], Any]) -> None:
         self.energy.change(action)
         self.commands.dynamics = self.simulator.dynamics  # gravity may have changed
-
-    # --- wrenches ------------------------------------------------------------------------------
 
     def push(self, frame: str, wrench: ArrayLike) -> None:
         """Apply a wrench to a frame from the next tick on, replacing the previous one.
@@ -323,11 +326,10 @@ class TickEngine:
         Raises:
             InvalidInput: If the frame is unknown or fixed, or a number is not finite.
         """
-        simulator = self.simulator
-        if not self._pushable:
-            ExternalWrenches(simulator.model).push(frame, wrench, 0)  # refuses at once
-            pushable = external_change(simulator)
-            self.queue.run(lambda: self._accounted(pushable))
-            self._pushable = True
+        wrenches = self.wrenches
+        if not wrenches.possible:
+            change = wrenches.prepared(frame, wrench)
+            self.queue.run(lambda: self._accounted(change))
+            wrenches.possible = True
         last = self._wrench_ticks - 1
-        self.queue.run(lambda: self.wrenches.push(frame, wrench, self._arm.step_count + last))
+        self.queue.run(lambda: wrenches.push(frame, wrench, self._arm.step_count + last))

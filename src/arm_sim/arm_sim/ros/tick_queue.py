@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Actions of other threads that the ticking thread runs between two ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from ctypes import c_int64

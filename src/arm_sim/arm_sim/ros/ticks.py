@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What C and Python share of the ticks of a sim node, and what C asks Python for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from ctypes import CFUNCTYPE, Structure, c_int64, c_void_p, cast
 
 from arm_sim.ros.node_library import TICKS
 
 _ASK = CFUNCTYPE(c_int64, c_int64)
-_NEVER = 1 << 62
+_NEVER = 1 << 62  # ticks: more than there will be
 
 
 class Ticks(Structure):
     """``ticks_t`` of ticks.h, where the fields are explained.
 
     Attributes:
-        refresh: Called before C executes ticks, and after each question, to pass changes to C.
+        before_ticks: Called before C executes ticks, and after each answer, to pass changes to C.
         error: Exception that an answer has raised, for which C has returned.
     """
 
@@ -24,7 +22,7 @@ class Ticks(Structure):
 
     def __init__(self) -> None:
         self._answers: dict[int, Callable[[], object]] = {}
-        self.refresh = list[Callable[[], object]]()
+        self.before_ticks = list[Callable[[], object]]()
         self.error: BaseException | None = None
         self._ask = _ASK(self._reply)
         ask = cast(self._ask, c_void_p).value
@@ -42,13 +40,13 @@ class Ticks(Structure):
     def _reply(self, question: int) -> int:
         try:
             answer = self._answers[question]()
-            self.refreshed()
-        except BaseException as error:
+            self.refresh()
+        except BaseException as error:  # also KeyboardInterrupt: C must return first
             self.error, self.broken = error, 1
             return 0
         return answer if isinstance(answer, int) else 0
 
-    def refreshed(self) -> None:
+    def refresh(self) -> None:
         """Pass changes to C."""
-        for part in self.refresh:
-            part()
+        for listener in self.before_ticks:
+            listener()

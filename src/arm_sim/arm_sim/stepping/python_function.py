@@ -23,21 +23,21 @@ def unanswered(*_: object) -> None:
 
 
 def function_of_structure(
-    source: Path, structure: Any, n: int, nz: int, kept: object
+    source: Path, structure: Any, n: int, nz: int, owner: object
 ) -> Callable[..., Any]:
     """A Python function in C, bound to a structure; ``unanswered`` where it cannot be compiled.
 
     Args:
         source: A file of ``native/``, which defines ``python_function``.
-        structure: What that takes a pointer to, and has to live as long as ``kept``.
+        structure: What that takes a pointer to; C copies it, or keeps the pointer.
         n: Degrees of freedom.
         nz: Number of internal states.
-        kept: What the function keeps alive.
+        owner: Kept alive as long as the function is; it owns all memory that C refers to.
     """
     try:
         make = python_function(source, _TAKES, source.parent, ARM.folder)
     except (KernelError, OSError) as error:
         _log.info("calls from Python are slower: %s", error)
         return unanswered
-    function: Callable[..., Any] = make(byref(structure), n, nz, State, kept)
+    function: Callable[..., Any] = make(byref(structure), n, nz, State, owner)
     return function

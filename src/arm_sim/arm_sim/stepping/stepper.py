@@ -32,8 +32,9 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.arm import Arm
-from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
+from arm_sim.stepping.engine import INCLUDED, Compiled, library
 from arm_sim.stepping.events import EventReport, Modes, Trouble
+from arm_sim.stepping.scene_source import scene_source
 from arm_sim.stepping.slices import slices
 from arm_sim.stepping.tick_functions import FREE, MOVING, tick_functions
 

@@ -20,7 +20,7 @@ from arm_sim.view.page import View
 if TYPE_CHECKING:
     import viser
 
-SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
+SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")  # of simulated time, to choose from
 BUDGET = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
 SAMPLED = 0.02  # [s] between points of curves, in simulated time

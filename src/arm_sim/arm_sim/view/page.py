@@ -28,7 +28,7 @@ from arm_sim.view.server import address, close_server
 if TYPE_CHECKING:
     import viser
 
-SIZE = 960, 600
+SIZE = 960, 600  # of pictures, in pixels
 RATE = 25.0  # [Hz] frame rate of a film
 MOST = 3000  # pictures of a page or film; of long motions they are farther apart
 UPDATES = 60.0  # [Hz] at which pictures change at most

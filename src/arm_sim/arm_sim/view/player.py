@@ -25,7 +25,7 @@ from arm_sim.view.page import View
 if TYPE_CHECKING:
     import viser
 
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")  # of the recording, to choose from
 WAY_POINTS = 1500  # points of the path of the end effector
 POINTS = 4000  # points of curves of energies
 FIGURES = (

@@ -23,11 +23,11 @@ _log = logging.getLogger(__name__)
 # Red, green, blue and opacity, 0 to 1
 type Colour = tuple[float, ...]
 
-METAL: Colour = (0.36, 0.47, 0.6, 1.0)
-LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
-SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)
-TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)
-BEARING: Colour = (0.25, 0.27, 0.3, 1.0)
+METAL: Colour = (0.36, 0.47, 0.6, 1.0)  # links without a mesh
+LOAD: Colour = (0.93, 0.55, 0.15, 1.0)  # payloads and point masses
+SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)  # planes of contacts
+TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)  # contact points
+BEARING: Colour = (0.25, 0.27, 0.3, 1.0)  # pivots and rails
 PIVOT, RAIL = "pivot", "rail"  # names of what is drawn in place of a base
 DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads and point masses
 THIN, THICK = 0.016, 0.08  # least and largest radius of capsules, relative to the robot's reach

@@ -18,9 +18,9 @@ SHARE_OF_RANGE = 0.3  # largest excursion as a fraction of a joint's range
 MARGIN = 0.05  # margin at the ends of a joint's range, as a fraction of it
 SPEED_SHARE, EFFORT_SHARE = 0.7, 0.8  # fraction of the limits that the motion may use
 WEIGHT_SHARE = 0.6  # fraction of the effort limits that holding the start may require
-SECONDS_A_POINT = 1.4
-SHRINK, TRIES = 0.8, 30
-SAMPLES_A_SECOND = 100
+SECONDS_A_POINT = 1.4  # of the motion, from one way point to the next
+SHRINK, TRIES = 0.8, 30  # of the excursion with each try, until limits are kept
+SAMPLES_A_SECOND = 100  # at which the limits are checked
 
 
 class DemoMotion(NamedTuple):

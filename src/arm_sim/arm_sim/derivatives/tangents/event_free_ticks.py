@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_sim.derivatives.guards import clearance, starts_to_slide
+from arm_dynamics.equations.contact import Mode
+from arm_sim.derivatives.guards import clearance
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.resting import may_go_on
 from arm_sim.derivatives.tangents.rest_projection import RestProjection
@@ -78,7 +79,16 @@ def _margins(plant: Plant, name: str, held: bool) -> ca.Function:
     for begins in (False, True):
         doubt = NonsmoothPoints(plant).rests_bent(x)
         if held:
-            of_held = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins))
+            of_held = ca.logic_or(_starts_to_slide(plant, p), may_go_on(plant, p, begins))
             doubt = ca.logic_or(doubt, of_held)
         margins.append(ca.if_else(doubt, -1, margin))
     return ca.Function(name, [x, u, p, limit], [ca.vertcat(*margins)], {"cse": True})
+
+
+def _starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:
+    """Whether a contact starts to slide under the modes in p, 1 or 0: it keeps its direction."""
+    mode, starts = Mode.of(plant.layout.parts(p)[-1]), ca.SX(0)
+    for k, point in enumerate(plant.points):
+        if point.friction > 0.0:
+            starts = ca.logic_or(starts, mode.closed[k] * (1 - mode.sticks[k]) * mode.fixed[k])
+    return starts

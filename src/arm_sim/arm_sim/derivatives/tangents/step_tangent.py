@@ -34,7 +34,9 @@ class StepTangent:
         dense: As for ``build_tangent``.
 
     Attributes:
-        advance, propagate: The step with its coefficients, and the propagation of columns.
+        advance: CasADi function (x, u, p, h) -> x at the end, and coefficients c.
+        propagate: CasADi function (c, dx, dw, dh) -> dx at the end, w being u and the tuned
+            quantities; of columns, any number.
     """
 
     def __init__(
@@ -46,14 +48,14 @@ class StepTangent:
         self.advance, self.propagate = build_tangent(
             choice.method, plant.rhs, Slopes(plant, tuned), self._n, project, scaled, tuned, dense
         )
-        if prefix:
+        if prefix:  # functions that are compiled beside others need names of their own
             arguments = self.advance.mx_in()
             results = self.advance.call(arguments)
             self.advance = ca.Function(f"{prefix}advance", arguments, results)
 
     @built_once
     def jvp(self) -> ca.Function:
-        """As ``propagate``, for steps of constant length."""
+        """CasADi function (c, dx, dw) -> dx at the end: ``propagate`` for a constant length."""
         c, dx, dw = (ca.SX.sym(name, self.propagate.size1_in(i)) for i, name in enumerate("cxw"))
         moved = self.propagate(c, dx, dw, 0)
         return ca.Function(f"{self._prefix}jvp", [c, dx, dw], [moved], {"cse": True})
@@ -77,12 +79,16 @@ class StepTangent:
         moved = self.jvp(c, dx, ca.vertcat(command_jvp(c_command, dx, dr), dp))
         coefficients = ca.vertcat(c_command, c)
 
-        def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
+        def row_product(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
             product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
             arguments = [coefficients, row]
             return ca.Function(f"{self._prefix}{name}", arguments, [product], {"cse": True})
 
-        return of("vjp_q", moved[:n], row[:n]), of("vjp_rest", moved[n:], row[n:])
+        by_q, by_rest = (
+            row_product("vjp_q", moved[:n], row[:n]),
+            row_product("vjp_rest", moved[n:], row[n:]),
+        )
+        return by_q, by_rest
 
 
 def command_tangent(plant: Plant) -> tuple[ca.Function, ca.Function]:

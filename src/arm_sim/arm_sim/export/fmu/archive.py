@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functional mock-up units of an exported library, for co-simulation by FMI 3.0 and FMI 2.0."""
 
-from __future__ import annotations
-
 import io
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file ``modelDescription.xml`` of a functional mock-up unit, by FMI 2.0 and FMI 3.0."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Variables of a functional mock-up unit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -8,6 +8,7 @@
 
 #include "modes/modes.h"
 
+/* Whether a joint is at rest that dry friction may hold. */
 static int is_resting(const double* v) {
   const scene_t* scene = &own_scene;
   int any = 0;

@@ -55,6 +55,7 @@ typedef struct {
   int64_t ticks_of_last_step; /* 0 if there was none */
 } memory_t;
 
+/* A unit, as the importer refers to it. */
 typedef struct {
   void* place;                         /* of all that follows in memory, not aligned */
   memory_t* memory;                    /* and behind it the simulations: */

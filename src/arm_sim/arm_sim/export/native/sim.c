@@ -36,6 +36,7 @@ void library_sim_range(double* lower, double* upper) {
   }
 }
 
+/* Whether no number is NaN or infinite. */
 static int all_finite(const double* values, int count) {
   int finite = 1;
   for (int i = 0; i < count; ++i) finite &= values[i] - values[i] == 0.0;

@@ -23,7 +23,7 @@ from arm_sim.recording.origin import URDF_FILE, Origin
 METADATA, FORMAT = "arm_sim", "1"
 # Sub-step of a change of external torques only
 UNCHANGED = -1.0
-_INFO = 20
+_INFO = 20  # level of rcl_interfaces/Log
 _ROWS = 500  # ticks per chunk
 
 

@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Admits one stream of commands at a time for each joint."""
 
-from __future__ import annotations
-
 from ctypes import Structure, addressof, byref
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.exceptions import plain
-from arm_sim.ros.node_library import LOOP, TICKS, library
+from arm_sim.ros.node_library import TICKS, library
 
 STREAM = 10  # commands without a long pause that form a stream
 
 
 class Source(Structure):
-    """A source of commands: ``stream_t`` of loop.h, where the fields are explained.
+    """A source of commands: ``stream_t`` of ticks.h, where the fields are explained.
 
     Attributes:
         joints: The joints that it commanded last.
     """
 
-    _fields_ = LOOP.fields("stream_t")
+    _fields_ = TICKS.fields("stream_t")
     joints: frozenset[int] = frozenset()
 
 
@@ -89,11 +87,11 @@ class Arbiter(Structure):
                     raise InvalidInput(f"{self.last_refusal}; allowed: one stream for each joint")
         stream = self._streams.setdefault(source, Source())
         stream.joints = joints
-        library().count_command(byref(stream), self.now, self.patience)
+        library().stream_count(byref(stream), self.now, self.patience)
         self._share_only()
 
     def _is_recent(self, stream: Source) -> bool:
-        return bool(library().is_remembered(byref(stream), self.now, self.patience))
+        return bool(library().stream_is_remembered(byref(stream), self.now, self.patience))
 
     def forget(self) -> None:
         """Forget all sources."""

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands of some joints, merged into one command of all joints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,12 +12,29 @@ from arm_sim.ros.commands.latest import Command
 from arm_sim.servo import JointCommand
 
 
+class JointMessage(NamedTuple):
+    """Numbers for some joints.
+
+    Attributes:
+        stamp: In [ns].
+        numbers: Efforts of n joints, which are those of earlier messages where this one names no
+            joint; or efforts, positions and velocities of n joints, NaN where it has none.
+        source: Who sent it, see ``Arbiter``.
+        joints: Indices of the joints that it names.
+    """
+
+    stamp: int
+    numbers: list[Numbers]
+    source: str
+    joints: frozenset[int]
+
+
 class JointCommands:
     """The last command of each joint, from messages that name some of them.
 
     A message commands the joints for which it has a number; the others keep their last command, an
     effort, a velocity or a position. While all joints have efforts, a command consists of efforts
-    only. A reader calls ``admit`` or ``note`` for each message, whose numbers ``command`` takes.
+    only.
 
     Args:
         model: The arm.
@@ -27,18 +43,7 @@ class JointCommands:
 
     def __init__(self, model: ArmModel, admit: Callable[[str, frozenset[int]], None]) -> None:
         self._model, self._admit = model, admit
-        self._named: frozenset[int] = frozenset()
-        self._source = ""
         self.forget()
-
-    def admit(self, source: str, joints: frozenset[int]) -> None:
-        """Register the joints of a message of efforts, if its source may command them."""
-        self._admit(source, joints)
-        self._named = joints
-
-    def note(self, source: str, joints: frozenset[int]) -> None:
-        """Register the source of a message that may lack numbers for some of its joints."""
-        self._source, self._named = source, joints
 
     def forget(self) -> None:
         """Discard all commands."""
@@ -49,32 +54,31 @@ class JointCommands:
         """Register efforts of all joints that were read elsewhere."""
         self._last, self._efforts = None, efforts
 
-    def command(self, stamp: int, numbers: list[Numbers]) -> Command | None:
-        """The command of all joints; None if the message, of ``stamp`` in [ns], commands none.
-
-        ``numbers`` are efforts of n joints, merged with those of earlier messages; or efforts,
-        positions and velocities, NaN where the message has none.
+    def command(self, message: JointMessage) -> Command | None:
+        """The command of all joints; None if the message commands none.
 
         Raises:
-            InvalidInput: If its source may not command these joints.
+            InvalidInput: If the source of positions or velocities may not command these joints;
+                that of efforts has been admitted.
         """
-        if len(numbers) == 1 and (self._last is None or len(self._named) == self._model.n):
+        numbers, joints, n = message.numbers, message.joints, self._model.n
+        efforts_only = len(numbers) == 1
+        if efforts_only and (self._last is None or len(joints) == n):
             self._last, self._efforts = None, numbers[0]
             return numbers[0]
-        n = self._model.n
         rows, before = np.full((2, 3, n), np.nan)  # efforts, positions, velocities
         rows[: len(numbers)] = numbers
-        if len(numbers) == 1:  # the others are from earlier messages
-            rows[:, [i for i in range(n) if i not in self._named]] = np.nan
+        if efforts_only:  # of the other joints they are from earlier messages
+            rows[:, [i for i in range(n) if i not in joints]] = np.nan
         commanded = np.isfinite(rows).any(axis=0)
         if not commanded.any():
             return None
-        if len(numbers) > 1:
-            self._admit(self._source, frozenset(np.flatnonzero(commanded).tolist()))
+        if not efforts_only:
+            self._admit(message.source, frozenset(np.flatnonzero(commanded).tolist()))
         if self._last is not None:
             before[:] = self._last.effort, self._last.position, self._last.velocity
         elif self._efforts is not None:
             before[0] = self._efforts
         effort, position, velocity = np.where(commanded, rows, before)
-        self._last = JointCommand.of_rows(position, velocity, effort, stamp)
+        self._last = JointCommand.of_rows(position, velocity, effort, message.stamp)
         return self._last

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The next effective command: the newest one, or the policy if that is stale."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from ctypes import Structure
 

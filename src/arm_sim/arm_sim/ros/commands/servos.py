@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The servos of a running arm, which take a while to build."""
 
-from __future__ import annotations
-
 from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.simulation.simulated_arm import SimulatedArm
 

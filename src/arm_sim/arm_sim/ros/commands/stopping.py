@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stopping and holding an arm without commands."""
 
-from __future__ import annotations
-
 from arm_sim.ros.commands.latest import BRAKE
 from arm_sim.ros.commands.servos import Servos
 from arm_sim.servo import JointCommand

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads commands by joint name, with efforts clipped to their limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import copysign
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import any_beyond
-from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader, Numbers, Read, parsed
-from arm_sim.ros.commands.joint_commands import JointCommands
+from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader, Numbers, parsed
+from arm_sim.ros.commands.arbiter import Arbiter
+from arm_sim.ros.commands.joint_commands import JointMessage
 from arm_sim.simulation.saturation import clipping_message
 
 
@@ -21,25 +20,39 @@ class CommandReader:
         references: Reads efforts, positions and velocities, of all others.
     """
 
-    def __init__(
-        self, model: ArmModel, joints: JointCommands, warn: Callable[[str], object]
-    ) -> None:
-        self._model, self._warn = model, warn
+    def __init__(self, model: ArmModel, arbiter: Arbiter, warn: Callable[[str], object]) -> None:
+        self._model, self._arbiter, self._warn = model, arbiter, warn
+        self._note("", frozenset())
         self._limits = model.command_limit.tolist()
         names, clip = model.joint_names, Clip(self._limits, self.clip)
         efforts = Expected(names, ("effort",), partial=True)
         every = Expected(names, ("effort", "position", "velocity"), partial=True, gaps=True)
-        self.efforts = JointStateReader(efforts, joints.admit, clip)
-        self.references = JointStateReader(every, joints.note, clip)
+        self.efforts = JointStateReader(efforts, self._admit, clip)
+        self.references = JointStateReader(every, self._note, clip)
 
-    def read(self, raw: bytes) -> Read:
-        """See ``JointStateReader.read``; one row of numbers, or three."""
+    def read(self, raw: bytes) -> JointMessage:
+        """The content of a serialized JointState.
+
+        Raises:
+            InvalidInput: See ``JointStateReader.read``; also if the source of efforts may not
+                command these joints.
+        """
         for reader in (self.efforts, self.references):
             if (values := reader.read_known(raw)) is not None:
-                return values
-        message = parsed(raw)
-        reader = self.references if message.position or message.velocity else self.efforts
-        return reader.read_new(message)
+                break
+        else:
+            message = parsed(raw)
+            reader = self.references if message.position or message.velocity else self.efforts
+            values = reader.read_new(message)
+        return JointMessage(*values, self._source, self._joints)
+
+    def _note(self, source: str, joints: frozenset[int]) -> None:
+        """Note whose message is being read, and which joints it names."""
+        self._source, self._joints = source, joints
+
+    def _admit(self, source: str, joints: frozenset[int]) -> None:
+        self._arbiter.admit(source, joints)
+        self._note(source, joints)
 
     def clip(self, efforts: Numbers) -> Numbers:
         """Efforts of all joints, clipped, with a warning of the first beyond its limit."""

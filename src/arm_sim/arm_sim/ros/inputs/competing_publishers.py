@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Other publishers of the joint states of this arm: a second sim, or the driver of the robot."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Incoming commands and wrenches: checked, and refused with a warning."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -44,7 +42,7 @@ class Inputs:
         self._competitors = competitors
         self._model = engine.simulator.model
         self._joints = JointCommands(self._model, engine.arbiter.admit)
-        self.reader = CommandReader(self._model, self._joints, self._log.warning)
+        self.reader = CommandReader(self._model, engine.arbiter, self._log.warning)
         self.reset_counters()
         self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
         self._explained = False
@@ -72,18 +70,18 @@ class Inputs:
         self.tap(JOINT_COMMANDS, raw)
         try:
             self._catch_up()
-            stamp, numbers = self.reader.read(raw)
-            self._competitors.check(stamp)
+            message = self.reader.read(raw)
+            self._competitors.check(message.stamp)
             if not slot.any:
                 self._joints.forget()
-            command = self._joints.command(stamp, numbers)
+            command = self._joints.command(message)
         except InvalidInput as error:
             self._refuse(error)
             return None
         if command is not None:
             slot.put(command)
-        self._engine.round_trip.answered(stamp, arrival)
-        return stamp
+        self._engine.round_trip.answered(message.stamp, arrival)
+        return message.stamp
 
     def _catch_up(self) -> None:
         """Register efforts of all joints that C has read."""

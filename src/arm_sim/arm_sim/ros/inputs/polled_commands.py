@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands by joint name that are read before each tick: most by C, the others by Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from rclpy.node import Node
@@ -37,7 +35,7 @@ class PolledCommands:
         self._subscription: PolledSubscription | None = None
         self._take_again: Take = lambda: None
         engine.ticks.answer(read=self._read)
-        engine.ticks.refresh.append(self._refresh)
+        engine.ticks.before_ticks.append(self._refresh)
 
     def open(self, node: Node) -> None:
         """Subscribe, for messages to be read before each tick."""

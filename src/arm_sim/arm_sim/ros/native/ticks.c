@@ -7,22 +7,25 @@
 
 #define ROOMY 4096 /* largest command in bytes that is recorded here */
 
+/* Ask Python, unless it has raised an exception. */
 static int64_t ask(ticks_t* t, int64_t question) { return t->broken ? 0 : t->ask(question); }
 
 /* --- what acts ------------------------------------------------------------------------------------------------------- */
 
+/* What the policy lets act: to hold is to go on with the last command, without one it is no effort. */
 static int64_t policy_of(const slot_t* s) {
   if (s->policy != HOLD) return s->policy;
   return s->kind ? s->kind : ZERO;
 }
 
-int64_t acting(const slot_t* s) { return s->kind ? s->kind : policy_of(s); }
+int64_t slot_acting(const slot_t* s) { return s->kind ? s->kind : policy_of(s); }
 
+/* Whether a command that ages by a share of a tick is older than it may become. */
 static int64_t is_old(const slot_t* s, double share) { return !s->lasting && s->timeout && s->age + share > s->timeout; }
 
-int64_t expires(const slot_t* s, double share) { return s->kind && !s->fresh && !s->stale && is_old(s, share); }
+int64_t slot_expires(const slot_t* s, double share) { return s->kind && !s->fresh && !s->stale && is_old(s, share); }
 
-int64_t choose(slot_t* s, double share, int64_t extend) {
+int64_t slot_choose(slot_t* s, double share, int64_t extend) {
   if (!s->kind) return policy_of(s);
   if (s->fresh) s->fresh = s->age = s->stale = 0;
   const int64_t stale = is_old(s, share) && !extend;
@@ -34,12 +37,21 @@ int64_t choose(slot_t* s, double share, int64_t extend) {
   return policy_of(s);
 }
 
+/* --- sources of commands ---------------------------------------------------------------------------------------------- */
+
+int64_t stream_is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->last_time <= patience; }
+
+void stream_count(stream_t* s, double now, int64_t patience) {
+  s->count = stream_is_remembered(s, now, patience) ? s->count + 1 : 1;
+  s->last_time = now;
+}
+
 /* --- commands -------------------------------------------------------------------------------------------------------- */
 
 /* Whether there is space in the recording for so many bytes, now. */
 static int has_space(ticks_t* t, int64_t size) {
   t->log = time_of(CLOCK_REALTIME);
-  return t->chunk && has_room(t->chunk, t->log, size);
+  return t->chunk && chunk_has_room(t->chunk, t->log, size);
 }
 
 /* Whether the command that was read last need not be seen by Python, which has admitted its source. */
@@ -53,12 +65,12 @@ static int64_t accept(ticks_t* t) {
   slot_t* s = t->slot;
   t->stamp = t->reader->stamp;
   memcpy(s->efforts, t->reader->numbers, 8 * t->joints);
-  count_command(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
+  stream_count(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
   s->kind = EFFORTS;
   s->fresh = s->any = s->unread = 1;
   s->lasting = 0;
-  if (t->copy) put_record(t->chunk, t->commands, t->log, t->log, t->reader->raw, t->reader->length);
-  return answered(t->trip, t->stamp, t->reader->arrival);
+  if (t->copy) chunk_put(t->chunk, t->commands, t->log, t->log, t->reader->raw, t->reader->length);
+  return trip_answered(t->trip, t->stamp, t->reader->arrival);
 }
 
 /* Process a message; returns whether no newer one is expected. */
@@ -69,7 +81,7 @@ static int64_t process(ticks_t* t, int64_t outcome) {
   return ask(t, READ);
 }
 
-void read_commands(ticks_t* t) {
+void ticks_read_commands(ticks_t* t) {
   for (int64_t i = 0; i < t->at_once && !t->broken; ++i) {
     const int64_t outcome = t->take(t->source, t->reader);
     if (outcome == NONE || process(t, outcome)) break;
@@ -89,7 +101,7 @@ static int64_t move(ticks_t* t, int64_t acts) {
     if (!t->arm->tick(t->arm)) return 0;
   }
   ++t->step_count;
-  t->hold = braked;
+  t->hold = braked ? BRAKES : FREE;
   if (t->senses || (t->notices && is_free && memcmp(t->arm->command, t->effort, 8 * t->joints))) ask(t, SENSE);
   return 1;
 }
@@ -100,7 +112,7 @@ static void keep(ticks_t* t) {
   const int64_t row = t->kept % t->room;
   memcpy(t->trail + row * t->states, t->x, 8 * t->states);
   memcpy(t->acted + row * t->joints, t->effort, 8 * t->joints);
-  t->ticks[row] = t->hold == 1 ? -t->step_count : t->step_count;
+  t->ticks[row] = t->hold == BRAKES ? -t->step_count : t->step_count;
   __atomic_store_n(&t->kept, t->kept + 1, __ATOMIC_RELEASE);
 }
 
@@ -111,11 +123,12 @@ static int is_full(ticks_t* t) { return t->room && t->kept - __atomic_load_n(&t-
 
 static int64_t simulated_time(const ticks_t* t) { return llrint(1e9 * (t->step_count * t->dt)); }
 
-void publish_state(ticks_t* t) {
-  const int64_t simulated = simulated_time(t), stamp = t->published = t->times ? stamp_now(t->times, simulated) : simulated;
+void ticks_publish_state(ticks_t* t) {
+  const int64_t simulated = simulated_time(t),
+                stamp = t->published = t->times ? times_stamp_now(t->times, simulated) : simulated;
   const entry_t* f = t->drives;
   t->idle = 0.0;
-  sent(t->trip, stamp);
+  trip_sent(t->trip, stamp);
   if (f) f->function(f->arguments, f->results, f->integers, f->reals, 0);
   if (t->fills) ask(t, FILL);
   if (joint_state_send(t->joint_states, stamp) || (t->ground_truth && joint_state_send(t->ground_truth, stamp))
@@ -129,14 +142,14 @@ static void record_tick(ticks_t* t, int publishes) {
   t->needs = size + t->copy->size + 2 * HEADER;
   while (!has_space(t, t->needs))
     if (!ask(t, SPACE)) return;
-  record(t->chunk, t->copy, t->log, simulated_time(t), t->hold, size ? t->joint_states->raw : NULL, size, t->published);
+  chunk_record(t->chunk, t->copy, t->log, simulated_time(t), t->hold, size ? t->joint_states->raw : NULL, size, t->published);
   ++t->recorded;
 }
 
 /* Publish and record the last tick. */
 static void write_tick(ticks_t* t) {
   const int publishes = t->joint_states && t->step_count % t->every == 0;
-  if (publishes) publish_state(t);
+  if (publishes) ticks_publish_state(t);
   if (t->copy) record_tick(t, publishes);
   if (t->listens || t->step_count % t->seldom == 0 || t->slot->stale != t->was_stale || is_full(t)) ask(t, TICKED);
 }
@@ -147,8 +160,8 @@ static void write_tick(ticks_t* t) {
 static int update(ticks_t* t, int64_t ages) {
   slot_t* s = t->slot;
   if (t->prepares) ask(t, PREPARE);
-  const int64_t extend = ages && expires(s, t->share) && ask(t, EXPIRE);
-  if (t->broken || !move(t, ages ? choose(s, t->share, extend) : acting(s))) {
+  const int64_t extend = ages && slot_expires(s, t->share) && ask(t, EXPIRE);
+  if (t->broken || !move(t, ages ? slot_choose(s, t->share, extend) : slot_acting(s))) {
     t->broken = 1;
     return 0;
   }
@@ -157,19 +170,19 @@ static int update(ticks_t* t, int64_t ages) {
   return 1;
 }
 
-void tick(ticks_t* t) {
+void ticks_tick(ticks_t* t) {
   if (__atomic_load_n(t->bell, __ATOMIC_ACQUIRE)) ask(t, SERVE);
   t->arbiter->now += t->share;
-  if (!t->paused) read_commands(t);
+  if (!t->paused) ticks_read_commands(t);
   if (!t->paused && (t->slot->any || !t->waits)) update(t, 1);
   else ask(t, IDLE);
 }
 
-void by_the_clock(ticks_t* t, due_t* due) {
+void ticks_by_the_clock(ticks_t* t, due_t* due) {
   while (!t->broken && !__atomic_load_n(&due->ended, __ATOMIC_ACQUIRE)) {
-    await_tick(due);
+    due_await_tick(due);
     t->share = due->share;
-    tick(t);
+    ticks_tick(t);
   }
 }
 
@@ -187,21 +200,24 @@ static int next_answer(ticks_t* t, const waiting_t* w) {
   return 0;
 }
 
-void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
+/* The ticks that follow the answer to the awaited state; then the next state is awaited. */
+static void go_on(ticks_t* t, waiting_t* w) {
+  do ticks_tick(t);
+  while (!t->paused && !t->broken && t->step_count % t->every);
+  w->stamp = t->paused ? -1 : simulated_time(t);
+  w->published = w->first = time_of(CLOCK_MONOTONIC);
+}
+
+void ticks_in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
   t->share = 1.0;
   t->stamp = stamp;
   do {
-    const int64_t answers = t->stamp >= 0 && t->stamp == w->stamp;
-    w->ignored += !answers && t->stamp >= 0;
-    if (!answers) continue;
-    do tick(t);
-    while (!t->paused && !t->broken && t->step_count % t->every);
-    w->stamp = t->paused ? -1 : simulated_time(t);
-    w->published = w->first = time_of(CLOCK_MONOTONIC);
+    if (t->stamp >= 0 && t->stamp == w->stamp) go_on(t, w);
+    else w->ignored += t->stamp >= 0;
   } while (w->stamp >= 0 && next_answer(t, w));
 }
 
-int64_t advance(ticks_t* t, int64_t count) {
+int64_t ticks_advance(ticks_t* t, int64_t count) {
   int64_t completed = 0;
   while (completed < count && update(t, 0)) ++completed;
   return completed;

@@ -6,8 +6,8 @@
 #pragma once
 #include "arm.h"
 #include "joint_state.h"
-#include "loop.h"
 #include "record.h"
+#include "timing.h"
 
 /* What Python is asked for, in the order of a tick. */
 enum {
@@ -29,6 +29,7 @@ enum {
 /* What acts: efforts; a command of the servos, which Python keeps; or a policy. */
 enum { NOTHING, EFFORTS, JOINTS, BRAKE, SERVO, ZERO, HOLD, GRAVITY };
 
+/* The newest command. */
 typedef struct {
   int64_t kind;    /* of the newest command; NOTHING: none has arrived */
   int64_t fresh;   /* whether it has not acted yet */
@@ -43,24 +44,52 @@ typedef struct {
 } slot_t;
 
 /* What acts in a tick that does not make the command older. */
-QUICK int64_t acting(const slot_t* s);
+QUICK int64_t slot_acting(const slot_t* s);
 
 /* Whether the command that acts is too old for a tick, or the part of one, that makes it older. */
-QUICK int64_t expires(const slot_t* s, double share);
+QUICK int64_t slot_expires(const slot_t* s, double share);
 
 /* What acts in the next tick, which is counted; `extend`: the command goes on acting, whatever its age. */
-QUICK int64_t choose(slot_t* s, double share, int64_t extend);
+QUICK int64_t slot_choose(slot_t* s, double share, int64_t extend);
 
 /* --- arbiter.Arbiter ------------------------------------------------------------------------------------------------- */
 
+/* A source of commands: time of the last command, and number of commands without a silence. */
+typedef struct {
+  double last_time;
+  int64_t count;
+} stream_t;
+
+/* Whether a source has commanded within the last `patience` ticks. */
+QUICK int64_t stream_is_remembered(const stream_t* s, double now, int64_t patience);
+
+/* Count a command of a source. */
+QUICK void stream_count(stream_t* s, double now, int64_t patience);
+
+/* Who commands, in ticks. */
 typedef struct {
   double now; /* ticks so far */
   int64_t patience;
   stream_t* only; /* the only source that is remembered; NULL: there is none, or more than one */
 } arbiter_t;
 
+/* --- lockstep.Lockstep -------------------------------------------------------------------------------------------- */
+
+/* The state whose answer is awaited. */
+typedef struct {
+  int64_t stamp;        /* its stamp; -1: none */
+  int64_t published, first; /* when it was published last and first, in time of the monotonic clock */
+  int64_t ignored;      /* number of commands that did not answer a waiting state */
+  int64_t soon;         /* time within which busy-waiting for an answer pays */
+  int64_t end;          /* when other callbacks get their turn */
+} waiting_t;
+
+/* What held the arm in a tick, see arm_msgs/Tick. */
+enum { FREE, BRAKES, SERVOS };
+
 /* --- ticks ----------------------------------------------------------------------------------------------------------- */
 
+/* All that a tick needs, and what it shares with Python. */
 typedef struct {
   int64_t (*ask)(int64_t what);
   int64_t* bell;         /* nonzero: there is something in the queue */
@@ -82,7 +111,7 @@ typedef struct {
   /* The arm. */
   arm_t* arm; /* NULL: Python advances it */
   const double *x, *effort;
-  int64_t step_count, hold; /* ticks since the last reset, and what held the arm in the last one */
+  int64_t step_count, hold; /* ticks since the last reset; in the last one FREE, BRAKES or SERVOS */
   double dt;
   int64_t joints, states;
   int64_t acts;             /* what acts in a tick that Python makes */
@@ -110,19 +139,19 @@ typedef struct {
 } ticks_t;
 
 /* Read the messages that have arrived. */
-EXPORT void read_commands(ticks_t* t);
+EXPORT void ticks_read_commands(ticks_t* t);
 
 /* A tick, unless time stands still. */
-EXPORT void tick(ticks_t* t);
+EXPORT void ticks_tick(ticks_t* t);
 
 /* Ticks by the clock, until they end, see RealtimeLoop. */
-EXPORT void by_the_clock(ticks_t* t, due_t* due);
+EXPORT void ticks_by_the_clock(ticks_t* t, due_t* due);
 
 /* The ticks triggered by a command with this stamp, and by those that arrive soon after it, see Lockstep. */
-EXPORT void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp);
+EXPORT void ticks_in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp);
 
 /* Some ticks that do not make the command older; returns how many were made. */
-EXPORT int64_t advance(ticks_t* t, int64_t count);
+EXPORT int64_t ticks_advance(ticks_t* t, int64_t count);
 
 /* Publish the current state. */
-EXPORT void publish_state(ticks_t* t);
+EXPORT void ticks_publish_state(ticks_t* t);

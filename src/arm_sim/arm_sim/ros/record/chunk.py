@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A buffer of messages, filled in C."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from ctypes import Structure, addressof, c_void_p
 from struct import Struct
@@ -34,12 +32,12 @@ class Chunk(Structure):
 
     def fits(self, now: int, size: int) -> bool:
         """Whether there is room for so many bytes, and it is not too old, at the time in [ns]."""
-        return bool(library().has_room(self.address, now, size))
+        return bool(library().chunk_has_room(self.address, now, size))
 
     def put(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> None:
         """Copy a message that fits, with its times in [ns]."""
         place = data if isinstance(data, bytes) else address(data)
-        library().put_record(self.address, channel, log, publish, place, len(data))
+        library().chunk_put(self.address, channel, log, publish, place, len(data))
 
     def messages(self) -> Iterator[tuple[int, int, bytes, int]]:
         """Channel, log time, data and publish time of each message."""

@@ -7,8 +7,6 @@ number of chunks is fixed: when the disk is too slow, messages are dropped and c
 that is larger than a chunk gets one of its own.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import threading

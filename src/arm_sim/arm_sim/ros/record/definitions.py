@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message types by name, and their definitions as in bags: the type's own, and those it uses."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

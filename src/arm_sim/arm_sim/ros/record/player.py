@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plays a recording on topics, with its original timing."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from threading import Event, Thread

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records every tick of a simulation, and the messages between ticks."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -21,7 +19,7 @@ from arm_sim.ros.record.chunk_thread import ChunkThread
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
-INFO, ERROR = 20, 40
+INFO, ERROR = 20, 40  # levels of rcl_interfaces/Log
 _PARTS = ("state", "command", "error")  # and time_stepped, which follows it
 _MANY = 100  # largest number of messages between two ticks
 
@@ -93,13 +91,13 @@ class TickRecorder:
         ticks = engine.ticks
         ticks.copy, ticks.chunk = addressof(self._copy), None
         ticks.answer(space=self._make_space)
-        ticks.refresh.append(self._refresh)
+        ticks.before_ticks.append(self._refresh)
         engine.guard = self.thread.lock
-        engine.on_idle.append(self._write_idle)
-        engine.on_jump.append(lambda: self._begin("changed"))
-        engine.on_failure.append(lambda: self.note(engine.failure, ERROR))
-        engine.on_staleness.append(self._staleness)
-        engine.on_pause.append(lambda: self.note("paused" if engine.paused else "continues"))
+        engine.on.idle.append(self._write_idle)
+        engine.on.jump.append(lambda: self._begin("changed"))
+        engine.on.failure.append(lambda: self.note(engine.failure, ERROR))
+        engine.on.staleness.append(self._staleness)
+        engine.on.pause.append(lambda: self.note("paused" if engine.paused else "continues"))
 
     @property
     def ticks(self) -> int:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records the topics of a running system, as ``ros2 bag record`` does."""
 
-from __future__ import annotations
-
 import time
 from array import array
 from collections import defaultdict

@@ -120,15 +120,15 @@ class SimNode(Node):
             background=self._background,
         )
         engine.configure(params.command_timeout, params.stale_policy)
-        engine.on_failure.append(self._report_failure)
-        engine.on_staleness.append(self._report_staleness)
-        engine.on_pause.append(self._report_pause)
+        engine.on.failure.append(self._report_failure)
+        engine.on.staleness.append(self._report_staleness)
+        engine.on.pause.append(self._report_pause)
         return engine
 
     def _loop_of(self, params: SimParams) -> RealtimeLoop:
         factor = params.realtime_factor
         return RealtimeLoop(
-            lambda due: self.engine.run(library().by_the_clock, byref(due)),
+            lambda due: self.engine.run(library().ticks_by_the_clock, byref(due)),
             self.simulator.dt / factor if factor else 0.0,
             overrun=params.overrun,
             prepare=self._claim_privileges,

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entities of the simulation by name: the robot, and its links as ``robot/link``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

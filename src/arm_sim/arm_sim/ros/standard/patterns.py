@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """POSIX extended regular expressions, which the standard prescribes, by the C library."""
 
-from __future__ import annotations
-
 import ctypes
 
 from arm_dynamics import InvalidInput

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Result codes of simulation_interfaces, and exceptions that carry one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any

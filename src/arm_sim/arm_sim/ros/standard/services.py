@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services of simulation_interfaces that apply to a single arm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

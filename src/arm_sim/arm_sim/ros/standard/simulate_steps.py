@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The action SimulateSteps: many ticks while paused, with feedback; may be cancelled."""
 
-from __future__ import annotations
-
 import asyncio
 from functools import partial
 from typing import Any

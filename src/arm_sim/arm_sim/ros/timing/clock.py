@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated time for nodes with ``use_sim_time``."""
 
-from __future__ import annotations
-
 from rclpy.node import Node
 
 from arm_dynamics.cdr import NATIVE, time_bytes

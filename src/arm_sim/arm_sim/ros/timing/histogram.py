@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A histogram of durations, which C counts, and its percentiles."""
 
-from __future__ import annotations
-
 from ctypes import Structure
 from dataclasses import dataclass
 
 import numpy as np
 
-from arm_sim.ros.node_library import LOOP
+from arm_sim.ros.node_library import TIMING
 
-_FINE, _COARSE, _STEPS = (LOOP.constants[name] for name in ("FINE", "COARSE", "STEPS"))
+_FINE, _COARSE, _STEPS = (TIMING.constants[name] for name in ("FINE", "COARSE", "STEPS"))
 
 
 @dataclass(frozen=True)
@@ -31,10 +29,10 @@ class Percentiles:
 class Histogram(Structure):
     """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes.
 
-    ``histogram_t`` of loop.h; ``longest`` is the longest duration in [ns].
+    ``histogram_t`` of timing.h; ``longest`` is the longest duration in [ns].
     """
 
-    _fields_ = LOOP.fields("histogram_t")
+    _fields_ = TIMING.fields("histogram_t")
 
     def __init__(self) -> None:
         # Persistent arrays: allocating large arrays every second would fragment the memory of a

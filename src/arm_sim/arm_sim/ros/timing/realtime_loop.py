@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thread that ticks at absolute deadlines and measures its lateness."""
 
-from __future__ import annotations
-
 import ctypes
 import threading
 import time
@@ -12,12 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from arm_dynamics.ros.common.threads.scheduling import shorten_slice
-from arm_sim.ros.node_library import LOOP
+from arm_sim.ros.node_library import TIMING
 from arm_sim.ros.timing.histogram import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
 OVERRUN = (CATCH_UP, SKIP, SLOW_DOWN)
-_PR_SET_TIMERSLACK = 29
+_PR_SET_TIMERSLACK = 29  # of prctl: by how much a thread may wake up later, in [ns]
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,8 @@ class LoopReport:
         return self.ticks / self.elapsed if self.elapsed else 0.0
 
 
-# Deadlines of ticks, in [ns]: ``due_t`` of loop.h, where the fields are explained
-Due = LOOP.structure("due_t")
+# Deadlines of ticks, in [ns]: ``due_t`` of timing.h, where the fields are explained
+Due = TIMING.structure("due_t")
 
 
 class RealtimeLoop:
@@ -58,8 +56,8 @@ class RealtimeLoop:
     With a period of zero, ticks follow one another as fast as they can, and nothing is late.
 
     Args:
-        run: Waits for ticks, begins them by ``begin_tick`` of loop.h and executes them, until
-            ``Due.ended``, or returns after one of them; it must not raise.
+        run: Waits for ticks, begins them by ``due_begin_tick`` of timing.h and executes them,
+            until ``Due.ended``, or returns after one of them; it must not raise.
         period: Time between deadlines in [s]; 0: none.
         overrun: ``catch_up``, ``skip`` or ``slow_down``.
         closest: Shortest time between ticks while catching up, as a fraction of the period.

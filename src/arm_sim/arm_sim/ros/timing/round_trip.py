@@ -1,28 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The round trip of commands: from a state to its answer."""
 
-from __future__ import annotations
-
 from ctypes import Structure, addressof, byref
 
 import numpy as np
 
-from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.node_library import TIMING, library
 from arm_sim.ros.timing.histogram import Histogram
 
-_SENT = LOOP.constants["SENT"]
+_SENT = TIMING.constants["SENT"]
 
 
 class RoundTrip(Structure):
     """Time from a joint state to the command with its stamp.
 
-    ``trip_t`` of loop.h; ``newest`` is the stamp of the state published last, in [ns].
+    ``trip_t`` of timing.h; ``newest`` is the stamp of the state published last, in [ns].
 
     Attributes:
         histogram: Times of the answers so far.
     """
 
-    _fields_ = LOOP.fields("trip_t")
+    _fields_ = TIMING.fields("trip_t")
 
     def __init__(self) -> None:
         self._stamps, self._times = np.full(_SENT, -1), np.zeros(_SENT, np.int64)
@@ -40,7 +38,7 @@ class RoundTrip(Structure):
         Returns:
             Whether that state is the newest.
         """
-        return bool(library().answered(byref(self), stamp, arrival))
+        return bool(library().trip_answered(byref(self), stamp, arrival))
 
     def awaits(self, stamp: int) -> bool:
         """Whether a state of ``stamp`` in [ns] was published lately and has no answer yet."""

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps of the sim node's messages: simulated time, or time of the node's clock."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from ctypes import Structure, addressof, byref, c_int64
 from typing import Any
 
-from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.node_library import TIMING, library
 
 AUTO, ROS, SIM = "auto", "ros", "sim"
 CHOICES = (AUTO, ROS, SIM)
@@ -53,7 +51,7 @@ class NodeTime(Structure):
       back by more than a second.
 
     If ticks are not due at even times, or the clock is another node's simulated time, stamps are
-    the time of the clock. It is ``times_t`` of loop.h, where the fields are explained.
+    the time of the clock. It is ``times_t`` of timing.h, where the fields are explained.
 
     Args:
         clock: The node's ``rclpy.clock.Clock``.
@@ -62,7 +60,7 @@ class NodeTime(Structure):
         steady: Time of the monotonic clock in [ns].
     """
 
-    _fields_ = LOOP.fields("times_t")
+    _fields_ = TIMING.fields("times_t")
     name = ROS
 
     def __init__(
@@ -88,7 +86,7 @@ class NodeTime(Structure):
     def at(self, simulated: int) -> int:
         """The stamp of a state, in [ns], from its simulated time; time that stands still stays."""
         next_check, now = self.next_check, self.now
-        stamp = library().stamp_at(byref(self), simulated, now, self._steady())
+        stamp = library().times_stamp_at(byref(self), simulated, now, self._steady())
         if self.next_check != next_check:  # once a second
             self.update_source()
         return int(stamp)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A scene: what an arm brings to the engine. Generated code fills this structure, see engine.py; the engine only reads it.
+ * A scene: what an arm brings to the engine. Generated code fills this structure, see scene_source.py; the engine only reads
+ * it.
  *
  * Every function of the engine that needs the scene takes it as its first argument, `scene`. A unit for one scene alone may
  * define the sizes before this file, as exported libraries do: compilers then know the lengths of all arrays.
@@ -11,7 +12,9 @@
 /* A generated function: arguments, results, and its work space, see CasADi. */
 typedef int equation_t(const real** arg, real** res, long long int* iw, real* w, int mem);
 
+/* A scene. Numbers are in [rad], [m], [s], [N] and [N m]. */
 typedef struct {
+  /* Sizes, on which lengths of arrays depend. */
   int nx, nu, np; /* numbers of states, joints, tunable numbers */
   int nc, nm;     /* contacts, rows of bilateral constraints */
   int nd, nq;     /* joints with a direction of friction, and with compliant stops (all or none) */
@@ -20,6 +23,7 @@ typedef struct {
                                           projections at both ends, guards */
   int sz_w;     /* work space of the generated functions */
 
+  /* What follows are no sizes: scene_source.py relies on `adaptive` being the first. */
   int adaptive, order, most_substeps; /* error control, if any: order of its estimate plus one, sub-steps of a tick */
   double tolerance;
   double largest; /* number of a state */
@@ -44,12 +48,12 @@ typedef struct {
   const double *friction, *holding, *restitution; /* of contacts: coefficients of sliding and static friction */
 
   /* Operations of one call of functions, and those in a tick above which it is time-stepped. */
-  long long step_cost, slope_cost, loads_cost, inertia_cost, impact_cost, statics_cost, most_work;
+  long long step_cost, slope_cost, loads_cost, mobility_cost, impact_cost, statics_cost, most_work;
 
   /* Generated functions; those that a scene does not need are null. */
   equation_t *tick, *step, *attempt, *free_step, *free_attempt, *moving_step, *moving_attempt;
   equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *impact_map, *statics;
-  equation_t *contact_geometry, *contact_inertia, *contact_close;
+  equation_t *contact_geometry, *contact_mobility, *contact_close;
   equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
   equation_t *impact_laws, *across, *at_rest, *closing, *nonsmooth, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
   equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;

@@ -9,7 +9,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.codegen import compiler
 from arm_sim.stepping.engine import Compiled
 
-WIDTHS = (8, 4, 2, 1)
+WIDTHS = (8, 4, 2, 1)  # doubles in registers of AVX-512, AVX2 and SSE2; and without lanes
 
 
 def check_lanes(lanes: int | None) -> None:

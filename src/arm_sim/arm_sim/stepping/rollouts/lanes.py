@@ -18,12 +18,13 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
+from arm_sim.stepping.engine import INCLUDED, Compiled, library
+from arm_sim.stepping.scene_source import scene_source
 from arm_sim.stepping.tick_functions import MOVING, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
 # Functions of events that ticks without events need as well, see native/lanes/eventful_ticks.h.
-PREDICTED = ("loads", "contact_geometry", "contact_inertia", "contact_close")
+PREDICTED = ("loads", "contact_geometry", "contact_mobility", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
 _CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")

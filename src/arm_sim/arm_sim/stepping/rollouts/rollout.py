@@ -50,16 +50,18 @@ class Rollouts:
         control: CompiledControl | None = None,
     ) -> None:  # fmt: skip
         self._plant, self._choice, self._stepper, self._control = plant, choice, stepper, control
-        # Arms that meet a stop are advanced once more, alone. With dry friction or contacts, lanes
-        # compute the motions without events, and the engine of one arm does the rest.
+        # Away from stops: arms that meet one are advanced once more, alone.
         self._smooth = plant.free or plant
-        together = not self._smooth.eventful or choice.tolerance is None
+        eventful, controlled = self._smooth.eventful, choice.tolerance is not None
+        # With dry friction or contacts, lanes compute the motions without events, and the engine
+        # of one arm does the rest; that is not done under error control.
+        together = not (eventful and controlled)
         together &= not has_unmonitored_switches(plant)
         self._in_registers = together and backend != "vm"
-        self._controlled = choice.tolerance is not None and not self._smooth.eventful
+        self._entry = "controlled_rollout" if controlled and not eventful else "rollout"
         self._equal_steps = takes_equal_steps(plant, choice)
         self._code_of, self._is_compiled = cache(self._built), False
-        self._engine = Engine.of(stepper) if self._smooth.eventful else None
+        self._engine = Engine.of(stepper) if eventful else None
         self._idle = list[Stepper]()
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
@@ -106,8 +108,7 @@ class Rollouts:
         """Advance arms side by side; those that would have met a stop are marked."""
         tau = batch.tau[:, : batch.steps]
         arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, self._engine)
-        rollout = code.engine.controlled_rollout if self._controlled else code.engine.rollout
-        rollout(
+        getattr(code.engine, self._entry)(
             code.scene, ctypes.byref(arms), first, last, address(batch.out), batch.out.ndim == 2,
             None if batch.effort is None else address(batch.effort),
         )  # fmt: skip
@@ -142,10 +143,9 @@ class Rollouts:
         """Compiled code that advances so many arms side by side."""
         if width == 1 and (self._choice.tolerance is not None or self._smooth.eventful):
             return None
-        name = "controlled_rollout" if self._controlled else "rollout"
         types = [ADDRESS, NUMBER, NUMBER, ADDRESS, ctypes.c_int, ADDRESS]
         plant = self._plant if self._smooth.eventful else self._smooth
         write = partial(ticks_of_lanes, plant, self._choice, control=self._control)
-        code = built_of_lanes(write, width, name, types)
+        code = built_of_lanes(write, width, self._entry, types)
         self._is_compiled |= code is not None
         return code

@@ -17,11 +17,11 @@ typedef struct __attribute__((packed)) {
 
 _Static_assert(sizeof(head_t) == HEADER, "MCAP has no gaps");
 
-int64_t has_room(const chunk_t* c, int64_t now, int64_t size) {
+int64_t chunk_has_room(const chunk_t* c, int64_t now, int64_t size) {
   return c->at + size <= c->size && !(c->at && now - c->since > c->oldest);
 }
 
-void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size) {
+void chunk_put(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size) {
   uint8_t* to = c->raw + c->at;
   const head_t head = {.opcode = 5, .length = HEADER - 9 + size, .channel = channel, .log = log, .publish = publish};
   memcpy(to, &head, HEADER);
@@ -31,12 +31,12 @@ void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const
   c->at += HEADER + size;
 }
 
-void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,
-            int64_t state_stamp) {
+void chunk_record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,
+                  int64_t state_stamp) {
   const uint32_t time[2] = {stamp / 1000000000, stamp % 1000000000};
   memcpy(t->raw + t->stamp_at, time, sizeof time);
   for (int i = 0; i < 3; ++i) memcpy(t->raw + t->at[i], t->numbers[i], t->sizes[i]);
   t->raw[t->hold_at] = hold;
-  if (size) put_record(c, t->state_channel, now, state_stamp, state, size);
-  put_record(c, t->tick_channel, now, stamp, t->raw, t->size);
+  if (size) chunk_put(c, t->state_channel, now, state_stamp, state, size);
+  chunk_put(c, t->tick_channel, now, stamp, t->raw, t->size);
 }

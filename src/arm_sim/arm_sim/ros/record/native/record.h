@@ -20,7 +20,7 @@ typedef struct {
 } chunk_t;
 
 /* Whether records of this many bytes, which arrive now, fit; not in a chunk that is too old. */
-QUICK int64_t has_room(const chunk_t* c, int64_t now, int64_t size);
+QUICK int64_t chunk_has_room(const chunk_t* c, int64_t now, int64_t size);
 
 /* The data copied with every tick. */
 typedef struct {
@@ -32,8 +32,8 @@ typedef struct {
 } tick_t;
 
 /* Copy a message of a channel; `log` and `publish` are times in [ns]. */
-QUICK void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size);
+QUICK void chunk_put(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size);
 
 /* Copy the tick of this stamp in [ns], executed at `now`; before it the published joint state, if `size` is not 0. */
-QUICK void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,
-                  int64_t state_stamp);
+QUICK void chunk_record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,
+                        int64_t state_stamp);

@@ -30,6 +30,7 @@ EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, const double* co
   return k;
 }
 
+/* See arm_t.tick. */
 EXPORTED int arm_tick(arm_t* arm) {
   const scene_t* scene = arm->scene;
   real acted[NU], after[NX];
@@ -38,6 +39,7 @@ EXPORTED int arm_tick(arm_t* arm) {
   return 1;
 }
 
+/* See traced_tick.h. */
 EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
                         trace_t* trace, real* after) {
   report_t report = {0};

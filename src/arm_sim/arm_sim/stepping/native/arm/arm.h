@@ -4,6 +4,7 @@
  */
 #pragma once
 
+/* An arm and its memory. Times are in [s], other units those of the scene. */
 typedef struct arm {
   int (*tick)(struct arm*); /* advances by a tick: 0 if it cannot be computed, and then all is kept */
   const void* scene;

@@ -15,26 +15,26 @@ typedef struct {
   npy_intp joints, internal;
 } state_t;
 
-/* 0 with an exception if the fields of the class are not slots. */
+/* Find the fields of the class of states: 0 with an exception if they are not slots, or NumPy cannot be used. */
 static int find_fields(PyObject* type, npy_intp joints, npy_intp internal, state_t* state) {
   static const char* const field[FIELDS] = {"time", "step", "q", "v", "z", "error", "time_stepped"};
+  if (!PyArray_API && _import_array() < 0) return 0;
   state->type = (PyTypeObject*)type;
   state->joints = joints;
   state->internal = internal;
   for (int i = 0; i < FIELDS; ++i) {
     PyObject* const member = PyObject_GetAttrString(type, field[i]);
     if (!member) return 0;
-    if (!Py_IS_TYPE(member, &PyMemberDescr_Type)) {
-      Py_DECREF(member);
-      PyErr_Format(PyExc_TypeError, "%s is not a slot", field[i]);
-      return 0;
-    }
-    state->place[i] = ((PyMemberDescrObject*)member)->d_member->offset;
+    const int is_slot = Py_IS_TYPE(member, &PyMemberDescr_Type);
+    if (is_slot) state->place[i] = ((PyMemberDescrObject*)member)->d_member->offset;
+    else PyErr_Format(PyExc_TypeError, "%s is not a slot", field[i]);
     Py_DECREF(member);
+    if (!is_slot) return 0;
   }
   return 1;
 }
 
+/* Where a state has one of its fields. */
 static PyObject** field_of(const state_t* of, PyObject* state, int field) {
   return (PyObject**)((char*)state + of->place[field]);
 }

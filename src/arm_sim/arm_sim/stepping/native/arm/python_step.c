@@ -66,7 +66,6 @@ static PyObject* advance(PyObject* capsule, PyObject* const* arguments, Py_ssize
 /* The function for a tick of an arm; `kept` keeps its memory. */
 EXPORT PyObject* python_function(arm_t* arm, Py_ssize_t joints, Py_ssize_t internal, PyObject* state, PyObject* kept) {
   static PyMethodDef method = {"advance", (PyCFunction)(void (*)(void))advance, METH_FASTCALL, NULL};
-  if (!PyArray_API && _import_array() < 0) return NULL;
   stepped_t of = {.arm = arm};
   if (!find_fields(state, joints, internal, &of.state)) return NULL;
   return bound_function(&method, &of, sizeof of, kept);

@@ -40,6 +40,7 @@ static void own_block(const scene_t* scene, const double* W, int k, double block
     for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
 }
 
+/* The trace of that part, a measure of the contact's mobility. */
 static double own_trace(const scene_t* scene, const double* W, int k) {
   return AT(W, MC, 3 * k, 3 * k) + AT(W, MC, 3 * k + 1, 3 * k + 1) + AT(W, MC, 3 * k + 2, 3 * k + 2);
 }

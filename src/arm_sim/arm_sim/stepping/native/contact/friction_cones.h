@@ -10,6 +10,7 @@
 
 #define CONTINUED 20 /* continuation steps in which friction grows from zero, as the last resort */
 
+/* Set the fraction of all friction with which the problem is solved. */
 static void scale_friction(const scene_t* scene, cones_t* cones, double part) {
   for (int k = 0; k < NC; ++k) {
     cones->mu[k] = cones->friction[k] * part;

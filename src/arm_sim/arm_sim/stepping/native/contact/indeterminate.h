@@ -22,7 +22,7 @@
 typedef struct {
   double* set;          /* its set of self-stresses, from 1 on; 0: none */
   double* excess;       /* of each set, at most one for each force: the s above, or a clearly negative one */
-  double *share, *way; /* of each part, in the motion in which its set gives way: amount, direction of two numbers */
+  double *amount, *motion; /* of each part, in the motion in which its set gives way: amount, and direction in two numbers */
 } indeterminate_t;
 #define INDETERMINATE (4 * PARTS + FORCES + 1)
 
@@ -45,9 +45,9 @@ static double find_excess(const scene_t* scene, const part_t* parts, const stres
   for (int k = 0, i = 0; k < limits.conic.cones; i += limits.conic.size[k++]) {
     const int part = limits.part[k];
     if (part < 0) continue;
-    sets->share[part] += z[i];
-    sets->way[2 * part] += limits.conic.size[k] == 3 ? z[i + 1] : limits.side[k] * z[i];
-    sets->way[2 * part + 1] += limits.conic.size[k] == 3 ? z[i + 2] : 0.0;
+    sets->amount[part] += z[i];
+    sets->motion[2 * part] += limits.conic.size[k] == 3 ? z[i + 1] : limits.side[k] * z[i];
+    sets->motion[2 * part + 1] += limits.conic.size[k] == 3 ? z[i + 2] : 0.0;
   }
   return excess;
 }

@@ -73,6 +73,7 @@ static void add_row(limits_t* to, double constant, double factor, int reaction, 
   row[to->stresses] = slack;
 }
 
+/* End a cone of the last rows, which is that of a part (-1: none), for a joint at its lower or upper bound (-1, 1). */
 static void end_cone(limits_t* to, int part, int side, int rows) {
   to->conic.size[to->conic.cones] = rows;
   to->side[to->conic.cones] = side;
@@ -99,6 +100,7 @@ static void add_limits(const scene_t* scene, limits_t* to, const part_t* part, i
   }
 }
 
+/* Set up the limits of a set, enlarged by `more`, and by the slack times `slack`. */
 static void begin_limits(const scene_t* scene, limits_t* to, const part_t* parts, const stresses_t* from, int number,
                          double more, double slack) {
   to->conic.cones = to->conic.rows = to->stresses = 0;

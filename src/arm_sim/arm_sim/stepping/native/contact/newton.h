@@ -18,6 +18,7 @@
 #define ROUNDED 1e-10 /* ... the same where rounding prevents that, ... */
 #define REGULAR 1e-12 /* ... and multiple of the rows' scales that keeps them regular */
 
+/* Motions w = W r + c of all contacts. */
 static void find_motion(const scene_t* scene, const cones_t* cones, const double* r, double* w) {
   for (int i = 0; i < MC; ++i) {
     w[i] = cones->c[i];
@@ -79,6 +80,7 @@ static double equations(const scene_t* scene, const cones_t* cones, const double
   return sum;
 }
 
+/* States of the contacts and their sliding directions, from forces that satisfy the laws. */
 static void read_answers(const scene_t* scene, const cones_t* cones, const double* r, answer_t* answers) {
   double w[MC + 1];
   find_motion(scene, cones, r, w);

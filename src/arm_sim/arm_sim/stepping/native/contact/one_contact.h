@@ -28,8 +28,10 @@ typedef struct {
 
 static const answer_t apart = {APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
 
+/* Acceleration of the gap per normal force, for a contact that slides in the direction (d0, d1). */
 static double grip_of(double W[3][3], double mu, double d0, double d1) { return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1); }
 
+/* Let a contact slide in the direction (d0, d1) under a normal force. */
 static void put_sliding(answer_t* answer, double normal, double mu, double d0, double d1) {
   answer->state = SLIDES;
   answer->force[0] = normal;

@@ -5,11 +5,12 @@
 
 #pragma once
 #include "contact/friction_cones.h"
+#include "numerics/linear.h"
 
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
 #define SHARES (NM + FORCES)    /* forces of constraints, and reactions */
-#define CANCELS 1e-12    /* the same of an entry of a self-stress, and of a whole column */
+#define CANCELS 1e-12 /* entry of a self-stress, or column of the balance, that is rounding, relative to the largest */
 
 /* The balance of forces at a state. */
 typedef struct {
@@ -26,8 +27,12 @@ static statics_t statics_of(const scene_t* scene, real* numbers) {
   return statics;
 }
 
-/* A part: a held joint with the bounds of its reaction; a contact that sticks up to a fraction of its normal force, or only
- * presses; or none of these. */
+/* A part: a joint or contact that is held, a contact that only presses, or none of these.
+ *
+ * force:    reaction: of a contact as in loads_t, of a joint its holding torque and nothing else.
+ * least:    lower bound of the holding torque, or of the normal force; `most` the upper one.
+ * fraction: of its normal force, up to which a contact sticks.
+ */
 typedef struct {
   int held, sticks;
   double force[3], least, most, fraction;

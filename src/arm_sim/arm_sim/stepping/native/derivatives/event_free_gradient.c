@@ -5,8 +5,6 @@
  */
 #include "derivatives/event_free_ticks.h"
 
-#include <string.h>
-
 /* What is kept of a tick: its state before, the ends of its motion, and its modes. */
 typedef struct {
   double *x, *begin, *end, *p;

@@ -38,7 +38,7 @@ static void predict_modes(const scene_t* scene, const engine_t* engine, predicti
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->predict(engine->scene, tick + j);
-    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not predicted */
+    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].has_near = 0; /* loads and the like are not predicted */
     lanes->held |= !all_moves(scene, tick[j].p);
   }
   read_arms(lanes->p, P_LENGTH, tick->p, PREDICTION, of_lane);

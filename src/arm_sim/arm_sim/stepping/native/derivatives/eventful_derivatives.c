@@ -174,8 +174,7 @@ EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const
   if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->step_count > trace->most_steps)
     return DIVERGES;
   if (trace->time_stepped || trace->count > trace->most) return ACCUMULATE;
-  for (int i = 0; i < NX; ++i)
-    if (BEYOND(after[i], scene->largest)) return DIVERGES;
+  if (!within_reach(scene, after)) return DIVERGES;
   if (!slope) return NO_REFUSAL;
   if (strict) refused = check_ends(scene, &tick, trace, begins);
   clear(motion.all, MOTION);

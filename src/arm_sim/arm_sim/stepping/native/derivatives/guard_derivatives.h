@@ -12,6 +12,8 @@
 #define GRAZING 1e-4    /* rate of a guard that grazes zero, relative to that at the beginning */
 #define SAME_EVENT 1e-9 /* relative difference of the derivatives of an instant that is none */
 
+/* All guards at a state: their values, the magnitudes of their terms, their rates, 1 where they are active in the modes; and
+ * the accelerations of the joints. */
 typedef struct {
   real *value, *size, *rate, *active, *a;
 } guards_t;
@@ -31,6 +33,7 @@ static int is_near(const guards_t* at, int i, double h) {
   return fabs(at->value[i]) <= INSTANT * h * fabs(at->rate[i]) + TERMS * at->size[i];
 }
 
+/* Whether a guard hardly changes in a tick. */
 static int stays(const guards_t* at, int i, double h) { return !(fabs(at->rate[i]) * h > TERMS * at->size[i]); }
 
 /* Whether a loop holds a joint in a sliding mode at rest because other joints stick. */
@@ -53,6 +56,7 @@ static int find_zero(const scene_t* scene, const guards_t* at, const real* x, co
   return count;
 }
 
+/* Whether two lists of numbers differ by more than rounding. */
 static int are_different(const real* a, const real* b, int count) {
   double most = 0.0, size = 0.0;
   for (int i = 0; i < count; ++i) {

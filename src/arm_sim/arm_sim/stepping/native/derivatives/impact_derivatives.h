@@ -27,6 +27,8 @@ static jump_t jump_of(const scene_t* scene, real* numbers) {
   return jump;
 }
 
+/* Velocities of joints and contacts after an impact, and derivatives by what is given (GIVEN_JUMP columns) and by the impulses:
+ * of the velocities, and of the laws, which are zero. */
 typedef struct {
   real *v, *speed, *by_x, *by_impulse, *law, *law_by_impulse;
 } jump_derivatives_t;

@@ -6,6 +6,7 @@
 #include "linearize.h"
 #include "python_state.h"
 
+/* What derivatives take, and the class of states. */
 typedef struct {
   linearize_t of;
   state_t state;
@@ -38,7 +39,6 @@ static PyObject* linearize(PyObject* capsule, PyObject* const* arguments, Py_ssi
 EXPORT PyObject* python_function(const linearize_t* of, Py_ssize_t joints, Py_ssize_t internal, PyObject* state,
                                  PyObject* kept) {
   static PyMethodDef method = {"linearize", (PyCFunction)(void (*)(void))linearize, METH_FASTCALL, NULL};
-  if (!PyArray_API && _import_array() < 0) return NULL;
   linearized_t own = {.of = *of};
   if (!find_fields(state, joints, internal, &own.state)) return NULL;
   return bound_function(&method, &own, sizeof own, kept);

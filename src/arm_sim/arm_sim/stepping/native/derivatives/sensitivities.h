@@ -9,7 +9,6 @@
 #pragma once
 #include "modes/tick_record.h"
 
-#include <math.h>
 #include <string.h>
 
 #define NW (NU + NT) /* what is held: command and tunable quantities */
@@ -42,12 +41,14 @@ typedef struct {
   long long* subjects;
 } tick_t;
 
+/* A refusal because of one guard, joint or contact. */
 static enum refusal refuse(const tick_t* tick, enum refusal reason, int index) {
   tick->subjects[0] = 1;
   tick->subjects[1] = index;
   return reason;
 }
 
+/* Whether friction or a stop holds a joint in a segment. */
 static int is_held(const scene_t* scene, const record_t* segment, int joint) {
   return ND && segment->p.direction[joint] == 0.0;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Tangents in columns, see columns.h; where LANES > 1 a column holds those of LANES arms, one per lane. Matrices of columns
- * are stored by rows, `count` numbers per row.
+ * Tangents in columns, see columns.h, and their propagation over ticks; where LANES > 1 a column holds those of LANES arms,
+ * one per lane. Of many columns, columns_t says where they are and what is asked of them, matrices_t is one of its matrices.
  */
 
 #pragma once
@@ -14,10 +14,11 @@
 typedef struct {
   double* numbers;
   long long size, count; /* size 0: the same matrix for all arms */
-  const long long* of_lane;
+  const long long* of_lane; /* the arm of each lane */
 } matrices_t;
 
-static inline double* entry_of(const matrices_t* of, int lane, int row, long long column) {
+/* Where the matrix of a lane's arm has an entry. */
+static inline double* entry_at(const matrices_t* of, int lane, int row, long long column) {
   return of->numbers + of->of_lane[lane] * of->size + row * of->count + column;
 }
 
@@ -26,18 +27,19 @@ static inline void read_columns(column* to, const matrices_t* from, int rows, lo
   const long long left = from->count - first;
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < LANES; ++j) {
-      const double* row = entry_of(from, j, i, first);
+      const double* row = entry_at(from, j, i, first);
       if (LANES == 1 && left >= WIDTH) memcpy(to + i, row, sizeof *to);
       else
         for (int k = 0; k < WIDTH; ++k) LANE(PLACE(to[i], k), j) = k < left ? row[k] : 0.0;
     }
 }
 
+/* The inverse of read_columns; columns beyond `count` are not written. */
 static inline void write_columns(const column* from, const matrices_t* to, int rows, long long first) {
   const long long left = to->count - first;
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < LANES; ++j) {
-      double* row = entry_of(to, j, i, first);
+      double* row = entry_at(to, j, i, first);
       if (LANES == 1 && left >= WIDTH) memcpy(row, from + i, sizeof *from);
       else
         for (int k = 0; k < WIDTH && k < left; ++k) row[k] = LANE(PLACE(from[i], k), j);
@@ -48,7 +50,7 @@ static inline void write_columns(const column* from, const matrices_t* to, int r
 static inline void write_rows(const column* from, const matrices_t* to, int rows, int first) {
   for (int j = 0; j < LANES; ++j)
     for (int k = 0; k < WIDTH && first + k < rows; ++k) {
-      double* row = entry_of(to, j, first + k, 0);
+      double* row = entry_at(to, j, first + k, 0);
 #pragma GCC unroll 8
       for (int i = 0; i < to->count; ++i) row[i] = LANE(PLACE(from[i], k), j);
     }

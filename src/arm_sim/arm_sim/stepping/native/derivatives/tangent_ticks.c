@@ -8,7 +8,7 @@
 #include "derivatives/event_free_ticks.h"
 #include "derivatives/tangent_columns.h"
 
-/* Arms side by side in a tick. */
+/* Arms side by side in a tick: which, their states at its beginning and end, effective commands and tunable numbers. */
 typedef struct {
   const tangents_t* tangents;
   long long of_lane[LANES];
@@ -37,45 +37,52 @@ static void make_step(const scene_t* scene, group_t* group, const real* x, const
        (group->next, group->limits + NA, dense, dense ? dense + NX : 0, dense ? dense + 2 * NX : 0));
 }
 
-/* Make tick k of the arms that have no event in it, and mark the others: the number of arms that make one. The engine of one
- * arm finds their modes, and takes the steps that are made in predicted ones. */
-static int make_event_free_ticks(const scene_t* scene, group_t* group, const arms_t* arms, const columns_t* to, long long k) {
-  LOCAL_PREDICTIONS(of_begin);
+/* Begin the ticks of a group. Where the derivative of a step also tells all that the engine of one arm asks of a step, steps
+ * are made here, in predicted modes, for it to take. */
+static void begin_group(const scene_t* scene, group_t* group, const engine_t* engine, prediction_t* begun) {
   real place[PLACES + 1], dense[3 * NX];
-  int count = 0;
-  begin_ticks(scene, group->x, group->u, group->p, &group->length, of_begin, place);
-  if (scene->dense_derivative) {
-    predict_modes(scene, arms->engine, of_begin, &group->tick);
-    make_step(scene, group, group->x, group->tick.p, dense);
-    find_places(scene, group->next, place);
-    write_steps(scene, group->next, dense, 0, place, of_begin);
-  }
-  make_event_free(scene, of_begin, group->x, group->u, arms->engine, to->initial_state_varied && !k, group->event_free,
+  begin_ticks(scene, group->x, group->u, group->p, &group->length, begun, place);
+  if (!scene->dense_derivative) return;
+  predict_modes(scene, engine, begun, &group->tick);
+  make_step(scene, group, group->x, group->tick.p, dense);
+  find_places(scene, group->next, place);
+  write_steps(scene, group->next, dense, 0, place, begun);
+}
+
+/* Make tick k of the arms that have no event in it, with the coefficients of its derivative, and mark the others: 0 if those
+ * are all. The engine of one arm finds their modes. */
+static int make_event_free_ticks(const scene_t* scene, group_t* group, const arms_t* arms, const columns_t* to, long long k) {
+  LOCAL_PREDICTIONS(begun);
+  const event_free_lanes_t* tick = &group->tick;
+  int any = 0;
+  begin_group(scene, group, arms->engine, begun);
+  make_event_free(scene, begun, group->x, group->u, arms->engine, to->initial_state_varied && !k, group->event_free,
                   &group->tick);
   for (int j = 0; j < LANES; ++j) {
-    count += group->event_free[j];
+    any |= group->event_free[j];
     if (group->event_free[j]) to->ticks_before_event[group->of_lane[j]] = k + 1;
     else arms->unfinished[group->of_lane[j]] = 1;
   }
-  if (!count) return 0;
-  const event_free_lanes_t* tick = &group->tick;
+  if (!any) return 0;
   if (tick->held) CALL(scene->rest_begin, (tick->begin, group->u, tick->p), (group->at_begin));
   if (tick->closed) CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (group->at_end));
   if (!tick->predicted) make_step(scene, group, tick->begin, tick->p, 0);
   copy(group->next, tick->after, NX);
-  return count;
+  return 1;
 }
 
-/* The first tick row by row: derivatives of weighed sums of its end. */
+/* The first tick row by row. Where the columns at the beginning are a unit matrix, see starts_from_identity, parts of it are
+ * the weights by which transposed derivatives give rows of the result: those of positions by a function of their own, and then
+ * those of the other numbers of the state. */
 static void differentiate_by_rows(const scene_t* scene, const group_t* group, const columns_t* to) {
   column weight[NX], derivative[NX + NU + NT];
   const column* weights[1] = {weight};
   const matrices_t columns = {to->columns, to->columns_arm, to->count, group->of_lane};
   for (int part = 0; part < 2; ++part) {
     const int start = part ? NU : 0, end = part ? NX : NU;
-    const matrices_t weights_of = {(double*)to->initial + start * to->count, to->initial_arm, to->count, group->of_lane};
+    const matrices_t unit = {(double*)to->initial + start * to->count, to->initial_arm, to->count, group->of_lane};
     for (int row = start; row < end; row += WIDTH) {
-      read_columns(weight, &weights_of, end - start, row);
+      read_columns(weight, &unit, end - start, row);
       const tangents_t* by = group->tangents;
       if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, derivative);
       else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, derivative);
@@ -109,6 +116,7 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   }
 }
 
+/* See tangent_columns.h. */
 EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
                               long long last, const columns_t* to) {
   for (long long arm = first; arm < last; arm += LANES) {
@@ -120,9 +128,9 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
     choose_arms(arm, last, group.of_lane);
     read_arms(group.x, NX, arms->x0, NX, group.of_lane);
     read_arms(group.p, NP, arms->p, arms->p_arm, group.of_lane);
-    for (int j = 0; scene->eventful && j < LANES; ++j) {
+    for (int j = 0; j < LANES; ++j) {
       group.event_free[j] = 1;
-      to->ticks_before_event[group.of_lane[j]] = 0;
+      if (scene->eventful) to->ticks_before_event[group.of_lane[j]] = 0;
     }
     for (long long k = 0; k < arms->ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, group.of_lane, r);

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Projection of positions and velocities onto closed contacts, and onto the anchors of sticking ones.
+ * Corrections of a state: its projection onto closed contacts and the anchors of sticking ones; joints that stop.
  */
 
 #pragma once
 #include "modes/evaluations.h"
 
-#define PROJECTED 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
+#define PROJECTED 1e-9   /* correction to contacts whose square is far below rounding: a second step is unnecessary */
+#define SUDDEN_STOP 1e-6 /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
 
 /* Whether a closed contact has a gap or a velocity to be corrected. */
 static int is_off(const scene_t* scene, const real* x, const segment_t* segment, const geometry_t* geometry) {
@@ -67,4 +68,20 @@ static void rest_touching(const scene_t* scene, real* x, const segment_t* segmen
 /* Position of each point in its plane's tangents. */
 static void find_anchors(const scene_t* scene, const geometry_t* geometry, real* anchor) {
   for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
+}
+
+/* Set joints that have just reached zero speed at rest: 0 if one was still fast, since the motion was not continuous. */
+static int stop_joints(const scene_t* scene, real* x, const segment_t* segment) {
+  const double fastest = max_abs(x + NU, NU);
+  for (int i = 0; i < ND; ++i)
+    if (may_stick(scene, i) && x[NU + i] * segment->p.direction[i] <= 0.0) {
+      if (fabs(x[NU + i]) > SUDDEN_STOP * (1.0 + fastest)) return 0;
+      x[NU + i] = 0.0;
+    }
+  return 1;
+}
+
+/* Move joints that are beyond a rigid stop by rounding to the stop. */
+static void stop_at_limits(const scene_t* scene, real* x) {
+  for (int i = 0; scene->rigid && i < NU; ++i) x[i] = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
 }

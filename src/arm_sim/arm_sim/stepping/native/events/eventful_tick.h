@@ -25,25 +25,29 @@ static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x
   return record;
 }
 
+/* Record the modes of a segment, and the state with which its motion begins. */
 static void record_begin(const scene_t* scene, record_t* record, const segment_t* segment, const real* x) {
   if (!record) return;
   copy(record->p.all, segment->p.all, P_LENGTH);
   for (int k = 0; k < NC; ++k) record->stick_limit[k] = stick_limit(scene, segment, k);
-  for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
+  copy(record->begin, x, NX);
 }
 
+/* Record the end of a segment's motion, before its contacts are closed. */
 static void record_end(const scene_t* scene, record_t* record, const real* x, double length, int event_free) {
   if (!record) return;
   record->length = length;
   record->event_free = event_free;
-  for (int i = 0; i < NX; ++i) record->end[i] = x[i];
+  copy(record->end, x, NX);
 }
 
+/* Advance x by h into `now`: NONE, or why that is not possible. Each pass of the loop is a segment: choose its modes, find how
+ * far they can be followed, advance, and apply what has ended them. `trace` receives the segments, or is null. */
 static enum trouble tick_with_events(const scene_t* scene, const real* x, segment_t* segment, double h, report_t* report,
                                      trace_t* trace, real* now) {
   long long losses = 0;
   double left = h;
-  for (int i = 0; i < NX; ++i) now[i] = x[i];
+  copy(now, x, NX);
   if (is_inside(scene, now, segment)) return INSIDE;
   segment->trace = trace;
   while (segment->memory->work < scene->most_work) {
@@ -55,8 +59,9 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     fix_straight_contacts(scene, now, segment, h);
     const double reach = fmin(left, find_reach(scene, segment, h));
     record_begin(scene, record, segment, now);
-    if (NX == 2 * NU && is_held(scene, now, segment)) { /* a drive with internal states may still break it loose */
-      for (int i = NU; i < NX; ++i) now[i] = 0.0;
+    /* Without internal states nothing changes until the end; a drive that has some may still break it loose. */
+    if (NX == 2 * NU && is_held(scene, now, segment)) {
+      clear(now + NU, NU);
       record_end(scene, record, now, left, 1);
       record_step(segment, left);
       return NONE;
@@ -66,11 +71,11 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     record_end(scene, record, after, length, event_free);
     find_ended_modes(scene, after, segment, event_free);
     close_contacts(scene, after, segment, anchor);
-    for (int i = 0; record && i < 2 * NU; ++i)
-      record->closing_change = fmax(record->closing_change, fabs(after[i] - record->end[i]));
+    if (record)
+      for (int i = 0; i < 2 * NU; ++i) record->closing_change = fmax(record->closing_change, fabs(after[i] - record->end[i]));
     if (!stop_joints(scene, after, segment)) return NUMBERS;
     stop_at_limits(scene, after);
-    for (int i = 0; i < NX; ++i) now[i] = after[i];
+    copy(now, after, NX);
     if ((event_free && reach == left) || left - length <= 0.0) return NONE;
     left -= length;
   }

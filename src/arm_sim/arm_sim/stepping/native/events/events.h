@@ -8,6 +8,7 @@
 #include "events/predicted_tick.h"
 #include "events/shortcut.h"
 
+/* A tick of length h from x under a command that acts, its limits applied: 0 if it cannot be computed, see the report. */
 static int tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
                 report_t* report, real* after) {
   LOCAL(beginning_t, begun, beginning_of, BEGINNING);

@@ -8,7 +8,7 @@
 
 #define REST_SPEED 1e-9          /* speed treated as rounding if all joints of an arm are held */
 
-/* Rank of a positive semidefinite matrix whose rows may be of very different size. */
+/* Rank of a positive semidefinite matrix whose rows may be of very different size; W is overwritten. */
 static int rank_of(const scene_t* scene, real* W) {
   double trace = 0.0, root[MC + 1];
   int basic[MC + 1], count = 0;
@@ -22,10 +22,11 @@ static int rank_of(const scene_t* scene, real* W) {
   return count;
 }
 
-/* Whether friction, constraints and contacts leave no degree of freedom. */
+/* Whether friction, constraints and contacts leave no degree of freedom. None is counted twice: the rank of
+ * constraints is that of the joints that slide, and the mobility of contacts that which both leave. */
 static int is_held(const scene_t* scene, const real* x, const segment_t* segment) {
   if (max_abs(x + NU, NU) > REST_SPEED) return 0;
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   int free = NU;
   for (int i = 0; i < ND; ++i) free -= segment->p.direction[i] == 0.0;
   if (scene->constrained) {
@@ -34,11 +35,11 @@ static int is_held(const scene_t* scene, const real* x, const segment_t* segment
     free -= (int)(rank + 0.5);
   }
   if (free > MC) return 0;
-  find_inertia(scene, x, segment, &inertia);
+  find_mobility(scene, x, segment, &mobility);
   for (int i = 0; i < MC; ++i)
     for (int j = 0; j < MC; ++j) {
       const contact_mode_t *a = segment->p.contact + i / 3, *b = segment->p.contact + j / 3;
-      AT(inertia.W, MC, i, j) *= a->closed * b->closed * (i % 3 ? a->sticks : 1.0) * (j % 3 ? b->sticks : 1.0);
+      AT(mobility.W, MC, i, j) *= a->closed * b->closed * (i % 3 ? a->sticks : 1.0) * (j % 3 ? b->sticks : 1.0);
     }
-  return rank_of(scene, inertia.W) >= free;
+  return rank_of(scene, mobility.W) >= free;
 }

@@ -15,7 +15,6 @@
 #define REBOUND_HALVINGS 60 /* bisections to find the largest rebound that adds no energy */
 #define IMPACT_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* changes of the stops that take part in an impact ... */
 #define IMPACT_WORST_FIRST (3 * NU)                         /* ... and before the first violation is chosen */
-enum hits { HITS = 1, REBOUNDS = 2 }; /* joints or contacts in an impact: whether one hits, and one rebounds */
 #define MISSED 1e-6   /* relative error of the velocities after an impulse: a jammed contact cannot rebound */
 #define PULLING 1e-12 /* tolerated pulling impulse of a stop, relative to the largest */
 
@@ -36,18 +35,19 @@ static jump_t jump_of(const scene_t* scene, double* numbers) {
   return jump;
 }
 
-/* Impulses of contacts that meet with `before` under the mobility of the other parts: the energy they add. */
-static double find_impulse(const scene_t* scene, const inertia_t* inertia, const real* before, double part,
+/* Impulses of contacts that meet with the velocities `before`, with a fraction of the full rebound, under the mobility that
+ * the stops leave: the energy they add. */
+static double find_impulse(const scene_t* scene, const mobility_t* mobility, const real* before, double fraction,
                            const contact_t* contact, jump_t* jump) {
   double c[MC + 1], gain = 0.0;
   answer_t answers[NC + 1];
   LOCAL(cones_t, cones, cones_of, CONES);
-  cones.W = inertia->W;
+  cones.W = mobility->W;
   cones.c = c;
   cones.friction = cones.holding = scene->friction;
   for (int i = 0; i < MC; ++i) c[i] = before[i];
   for (int k = 0; k < NC; ++k) {
-    c[3 * k] -= part * jump->rebound[k];
+    c[3 * k] -= fraction * jump->rebound[k];
     cones.allowed[k] = contact[k].touching;
     cones.slides[k] = 0;
   }
@@ -59,7 +59,7 @@ static double find_impulse(const scene_t* scene, const inertia_t* inertia, const
   const double largest = max_abs(c, MC);
   for (int i = 0; i < MC; ++i) {
     double change = 0.0;
-    for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * jump->impulse[j];
+    for (int j = 0; j < MC; ++j) change += AT(mobility->W, MC, i, j) * jump->impulse[j];
     gain += jump->impulse[i] * (before[i] + 0.5 * change);
     const enum contact_state state = answers[i / 3].state;
     const int is_reached = state == STICKS || (state == SLIDES && i % 3 == 0);
@@ -68,23 +68,24 @@ static double find_impulse(const scene_t* scene, const inertia_t* inertia, const
   return gain;
 }
 
-/* Velocities after an impact in which joints without direction change by `change`, and the impulses of their stops. */
+/* Velocities after an impact in which the joints whose stops take part, of direction 0, change by `change`, and the impulses
+ * of these stops. */
 static void apply_impact_map(const scene_t* scene, const real* x, const segment_t* segment, const real* change,
-                             const double* impulse, real* after, real* held) {
-  CALL(scene->impact_map, (x, segment->p.all, change, impulse), (after, held));
+                             const double* impulse, real* after, real* stop_impulse) {
+  CALL(scene->impact_map, (x, segment->p.all, change, impulse), (after, stop_impulse));
   segment->memory->work += scene->impact_cost;
 }
 
 /* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */
 static int find_infeasible_stop(const scene_t* scene, const real* x, const segment_t* segment, const real* after,
-                                const real* held, int first) {
-  const double fastest = 1.0 + max_abs(x + NU, NU), hardest = max_abs(held, NU);
+                                const real* stop_impulse, int first) {
+  const double fastest = 1.0 + max_abs(x + NU, NU), hardest = max_abs(stop_impulse, NU);
   double most = 0.0;
   int worst = -1;
   for (int i = 0; i < NU; ++i) {
     const int side = at_stop(scene, x, i);
     if (!side) continue;
-    const double excess = segment->p.direction[i] == 0.0 ? side * held[i] / fmax(hardest, 1e-300) - PULLING
+    const double excess = segment->p.direction[i] == 0.0 ? side * stop_impulse[i] / fmax(hardest, 1e-300) - PULLING
                                                          : side * after[i] / fastest - SPEED_ROUNDING;
     if (!(excess > most)) continue;
     most = excess;
@@ -95,43 +96,44 @@ static int find_infeasible_stop(const scene_t* scene, const real* x, const segme
 }
 
 /* The result of an impact with a fraction of the full rebound where no joint has a rigid stop. */
-static void solve_impact_of_contacts(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+static void solve_impact_of_contacts(const scene_t* scene, const real* x, segment_t* segment, double fraction, jump_t* jump) {
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  find_inertia(scene, x, segment, &inertia);
+  find_mobility(scene, x, segment, &mobility);
   find_geometry(scene, x, segment, &geometry);
-  jump->gain = find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump);
+  jump->gain = find_impulse(scene, &mobility, geometry.speed, fraction, segment->contact, jump);
   if (jump->gain == INFINITY) return;
   for (int i = 0; i < NU; ++i) {
     jump->after[i] = x[NU + i];
-    for (int j = 0; j < MC; ++j) jump->after[i] += AT(inertia.B, NU, i, j) * jump->impulse[j];
+    for (int j = 0; j < MC; ++j) jump->after[i] += AT(mobility.B, NU, i, j) * jump->impulse[j];
   }
 }
 
-/* Find which contacts and stops take part in an impact with a fraction of the full rebound, and its result. */
-static void solve_impact(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+/* Find which contacts and stops take part in an impact with a fraction of the full rebound, and its result. The direction of a
+ * joint is 0 while its stop takes part, else 1. */
+static void solve_impact(const scene_t* scene, const real* x, segment_t* segment, double fraction, jump_t* jump) {
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  real met[2 * NU], change[NU], held[NU];
+  real met[2 * NU], change[NU], stop_impulse[NU];
   if (!scene->rigid) {
-    solve_impact_of_contacts(scene, x, segment, part, jump);
+    solve_impact_of_contacts(scene, x, segment, fraction, jump);
     return;
   }
   jump->gain = INFINITY;
   copy(met, x, NU);
   for (int i = 0; i < NU; ++i) segment->p.direction[i] = at_stop(scene, x, i) * x[NU + i] > 0.0 ? 0.0 : 1.0;
   for (int k = 0; k < IMPACT_PIVOTS; ++k) {
-    for (int i = 0; i < NU; ++i) change[i] = segment->p.direction[i] == 0.0 ? part * jump->leaves[i] - x[NU + i] : 0.0;
+    for (int i = 0; i < NU; ++i) change[i] = segment->p.direction[i] == 0.0 ? fraction * jump->leaves[i] - x[NU + i] : 0.0;
     for (int i = 0; i < MC; ++i) jump->impulse[i] = 0.0;
-    apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, held);
+    apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, stop_impulse);
     if (jump->touching) {
       copy(met + NU, jump->after, NU);
-      find_inertia(scene, x, segment, &inertia);
+      find_mobility(scene, x, segment, &mobility);
       find_geometry(scene, met, segment, &geometry);
-      if (find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump) == INFINITY) return;
-      apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, held);
+      if (find_impulse(scene, &mobility, geometry.speed, fraction, segment->contact, jump) == INFINITY) return;
+      apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, stop_impulse);
     }
-    const int wrong = find_infeasible_stop(scene, x, segment, jump->after, held, k >= IMPACT_WORST_FIRST);
+    const int wrong = find_infeasible_stop(scene, x, segment, jump->after, stop_impulse, k >= IMPACT_WORST_FIRST);
     if (wrong >= 0) {
       segment->p.direction[wrong] = 1.0 - segment->p.direction[wrong];
       continue;
@@ -139,8 +141,8 @@ static void solve_impact(const scene_t* scene, const real* x, segment_t* segment
     find_geometry(scene, x, segment, &geometry);
     jump->gain = 0.0;
     for (int i = 0; i < NU; ++i) {
-      if (segment->p.direction[i] == 0.0) jump->after[i] = part * jump->leaves[i];
-      jump->gain += 0.5 * held[i] * (x[NU + i] + jump->after[i]);
+      if (segment->p.direction[i] == 0.0) jump->after[i] = fraction * jump->leaves[i];
+      jump->gain += 0.5 * stop_impulse[i] * (x[NU + i] + jump->after[i]);
     }
     copy(met + NU, jump->after, NU);
     for (int i = 0; i < MC; ++i) jump->gain += 0.5 * jump->impulse[i] * geometry.speed[i];
@@ -152,7 +154,7 @@ static void solve_impact(const scene_t* scene, const real* x, segment_t* segment
 
 /* Joints set at rest on their stops after a blow take their loops with them. */
 static void rest_linked(const scene_t* scene, real* x, segment_t* segment, jump_t* jump) {
-  real change[NU], held[NU], after[NU];
+  real change[NU], stop_impulse[NU], after[NU];
   int any = 0;
   if (!(scene->constrained && scene->rigid)) return;
   for (int i = 0; i < NU; ++i) {
@@ -163,58 +165,20 @@ static void rest_linked(const scene_t* scene, real* x, segment_t* segment, jump_
   if (!any) return;
   for (int i = 0; i < MC; ++i) jump->impulse[i] = 0.0;
   for (int i = 0; i < NU; ++i) x[NU + i] = jump->after[i];
-  apply_impact_map(scene, x, segment, change, jump->impulse, after, held);
+  apply_impact_map(scene, x, segment, change, jump->impulse, after, stop_impulse);
   for (int i = 0; i < NU; ++i) x[NU + i] = segment->p.direction[i] == 0.0 ? 0.0 : after[i];
 }
 
 /* Record an impact with a fraction of the full rebound in a traced tick. */
-static void record_impact(const scene_t* scene, record_t* record, const segment_t* segment, const jump_t* jump, double part) {
+static void record_impact(const scene_t* scene, record_t* record, const segment_t* segment, const jump_t* jump,
+                          double fraction) {
   if (!record) return;
   record->has_impact = 1;
-  record->rebound_fraction = part;
+  record->rebound_fraction = fraction;
   copy(record->impact_direction, segment->p.direction, ND);
   for (int i = 0; i < NU; ++i) record->leaves[i] = jump->leaves[i];
   for (int k = 0; k < NC; ++k) record->rebound[k] = jump->rebound[k];
   for (int i = 0; i < MC; ++i) record->impulse[i] = jump->impulse[i];
-}
-
-/* Velocities of joints after they hit their stops. */
-static int find_stop_rebounds(const scene_t* scene, const real* x, segment_t* segment, int rebounds, double rounding,
-                              double* leaves) {
-  int hits = 0, has_slope = 0;
-  real slope[NX];
-  for (int i = 0; i < NU; ++i) {
-    const int side = at_stop(scene, x, i);
-    const double speed = side * x[NU + i];
-    leaves[i] = 0.0;
-    if (!(speed > rounding)) continue;
-    hits |= HITS;
-    const double rebound = rebounds ? scene->rebound_of[side > 0][i] * speed : 0.0;
-    if (rebound <= LEAST_REBOUND) continue;
-    if (!has_slope) find_slope(scene, x, segment, slope);
-    has_slope = 1;
-    if (rebound <= rounding_rebound_of_joint(x[i], slope[NU + i])) continue;
-    leaves[i] = -side * rebound;
-    hits |= REBOUNDS;
-  }
-  return hits;
-}
-
-/* Velocities of touching contacts, which begin as zero, after they hit their planes. */
-static int find_contact_rebounds(const scene_t* scene, const real* x, const segment_t* segment, int rebounds, double rounding,
-                                 const geometry_t* geometry, double* leaves) {
-  double least_rebound[NC + 1];
-  int hits = 0;
-  for (int k = 0; k < NC; ++k) {
-    const double speed = geometry->speed[3 * k], rebound = -scene->restitution[k] * speed;
-    if (segment->contact[k].touching == 0.0 || !(speed < -rounding)) continue;
-    if (!hits) find_rounding_rebounds(scene, x, segment, geometry, least_rebound);
-    hits |= HITS;
-    if (!rebounds || rebound <= least_rebound[k]) continue;
-    leaves[k] = rebound;
-    hits |= REBOUNDS;
-  }
-  return hits;
 }
 
 /* Change the velocities where a touching contact approaches, or a joint hits its stop: energy lost, or -1 if no impulse
@@ -229,7 +193,7 @@ static double impact(const scene_t* scene, real* x, segment_t* segment, int rebo
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   if (!NC && !scene->rigid) return 0.0;
   LOCAL(jump_t, jump, jump_of, JUMP);
-  double part = 1.0;
+  double fraction = 1.0;
   find_geometry(scene, x, segment, geometry);
   find_closed_gaps(scene, segment, geometry);
   const double rounding = speed_rounding(scene, x);
@@ -247,10 +211,10 @@ static double impact(const scene_t* scene, real* x, segment_t* segment, int rebo
       else low = middle;
     }
     solve_impact(scene, x, segment, low, &jump);
-    part = low;
+    fraction = low;
   }
   if (jump.gain == INFINITY) return -1.0;
-  record_impact(scene, segment->record, segment, &jump, part);
+  record_impact(scene, segment->record, segment, &jump, fraction);
   for (int i = 0; i < NU; ++i) x[NU + i] = jump.after[i];
   rest_on_stops(scene, x, segment);
   rest_linked(scene, x, segment, &jump);

@@ -6,9 +6,10 @@
 #pragma once
 #include "events/eventful_tick.h"
 
-/* Find the probable modes of a tick. */
-EXPORTED void predict(const void* of, prediction_t* tick) {
-  const scene_t* scene = (const scene_t*)of;
+/* Guess the modes of a tick and the anchors of its contacts, and tell which evaluations at its beginning and end the tick will
+ * ask for: of loads (rests), of the mobility (slides), of closed contacts (closes). */
+EXPORTED void predict(const void* scene_of_tick, prediction_t* tick) {
+  const scene_t* scene = (const scene_t*)scene_of_tick;
   LOCAL_TICK(segment, tick->u);
   geometry_t geometry = geometry_of(scene, tick->geometry);
   copy(segment.p.all, tick->p, P_LENGTH);
@@ -23,28 +24,28 @@ EXPORTED void predict(const void* of, prediction_t* tick) {
   }
 }
 
-/* A predicted tick: NONE, or why it cannot be computed. */
-static enum trouble make_predicted(const scene_t* scene, const prediction_t* tick, trace_t* trace, double* after) {
+/* Make a tick that is predicted: NONE, or why it cannot be computed. */
+static enum trouble make_predicted_tick(const scene_t* scene, const prediction_t* tick, trace_t* trace, double* after) {
   report_t report = {0};
   LOCAL_TICK(segment, tick->u);
   segment.predicted = tick;
-  copy(segment.p.all, tick->p, NP);
+  copy(segment.p.all, tick->p, NP); /* without the modes: they are found anew; what is predicted in the same ones is used */
   return tick_with_events(scene, tick->x, &segment, tick->length, &report, trace, after);
 }
 
 /* The predicted tick, whatever happens in it: 0 if it cannot be computed. */
-EXPORTED int predicted_tick(const void* of, const prediction_t* tick, double* after) {
-  const scene_t* scene = (const scene_t*)of;
-  return make_predicted(scene, tick, 0, after) == NONE;
+EXPORTED int predicted_tick(const void* scene_of_tick, const prediction_t* tick, double* after) {
+  const scene_t* scene = (const scene_t*)scene_of_tick;
+  return make_predicted_tick(scene, tick, 0, after) == NONE;
 }
 
-/* The predicted tick without events: 0 if there is one, or it cannot be computed. */
-EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* result) {
-  const scene_t* scene = (const scene_t*)of;
+/* The predicted tick if it has no event: 0 if it has one, or cannot be computed. */
+EXPORTED int event_free_tick(const void* scene_of_tick, const prediction_t* tick, event_free_t* result) {
+  const scene_t* scene = (const scene_t*)scene_of_tick;
   real numbers[RECORD];
   record_t record;
   trace_t trace = {.records = &record, .numbers = numbers, .most = 1};
-  if (make_predicted(scene, tick, &trace, result->after) != NONE) return 0;
+  if (make_predicted_tick(scene, tick, &trace, result->after) != NONE) return 0;
   if (trace.count != 1 || !record.event_free || record.has_impact || trace.time_stepped) return 0;
   copy(result->p, record.p.all, P_LENGTH);
   copy(result->stick_limit, record.stick_limit, NC);

@@ -12,6 +12,7 @@
 #define CORRECTIONS 10     /* corrections of penetrations, or of contacts that set joints in motion */
 #define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
+/* Whether a contact point is inside its plane, farther than by rounding. */
 static int is_inside(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   int inside = 0;
@@ -40,9 +41,9 @@ static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segm
   const double lost = impact(scene, x, segment, *losses < MOST_REBOUNDS, &geometry);
   for (int i = 0; i < NU; ++i) hit |= x[NU + i] != before[i]; /* an elastic impact loses no energy */
   if (stop_rounding(scene, x)) find_geometry(scene, x, segment, &geometry);
-  for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
+  for (int k = 0; k < NC; ++k) segment->contact[k].creeps = 0;
   if (lost < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
-  if (mark_slow_contacts(scene, x, segment, tick)) {
+  if (mark_creeping_contacts(scene, x, segment, tick)) {
     if (!solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
     stop_reversed_contacts(scene, x, segment);
     find_geometry(scene, x, segment, &geometry);

@@ -1,13 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Motion over a smooth segment, to the end of its modes, and corrections there.
+ * Motion over a smooth segment, to the end of its modes, and which of them have ended there.
  */
 
 #pragma once
-#include "events/closing.h"
 #include "guards/guard_search.h"
-
-#define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
 
 #define MOST_STEPS (scene->adaptive ? scene->most_substeps : 1)
 
@@ -32,9 +29,8 @@ static void record_step(const segment_t* segment, double length) {
 }
 
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
- * fixed length the only one, under error control each that is accepted. For a second look, fixed steps that begin or end
- * with an event are halved: ticks of half the length would not test a motion that begins and ends within them, as the
- * contact with a stiff stop does.
+ * fixed length the only one, under error control each that is accepted; there an attempt may also be cut at an event,
+ * and tried again if it is not accurate up to that. `after` receives the state at the end; `event_free`: whether no event ended it.
  */
 static double advance_segment(const scene_t* scene, const real* x, segment_t* segment, double reach, real* after,
                               int* event_free) {
@@ -117,20 +113,4 @@ static void find_ended_modes(const scene_t* scene, const real* x, segment_t* seg
       for (int i = 0; i < 2; ++i) contact->slips[i] = -r[1 + i] / size;
     }
   }
-}
-
-/* Set joints that have just reached zero speed at rest: 0 if one was still fast, since the motion was not continuous. */
-static int stop_joints(const scene_t* scene, real* x, const segment_t* segment) {
-  const double fastest = max_abs(x + NU, NU);
-  for (int i = 0; i < ND; ++i)
-    if (may_stick(scene, i) && x[NU + i] * segment->p.direction[i] <= 0.0) {
-      if (fabs(x[NU + i]) > SUDDEN_STOP * (1.0 + fastest)) return 0;
-      x[NU + i] = 0.0;
-    }
-  return 1;
-}
-
-/* Move joints that are beyond a rigid stop by rounding to the stop. */
-static void stop_at_limits(const scene_t* scene, real* x) {
-  for (int i = 0; scene->rigid && i < NU; ++i) x[i] = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
 }

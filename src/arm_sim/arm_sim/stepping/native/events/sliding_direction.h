@@ -1,17 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * How friction turns the velocity of a sliding contact: which contacts creep, and over what length they can be followed.
+ *
+ * Let a contact slide at the speed s along e, with the acceleration a, the normal force lambda, and the mobility w across e.
+ * Friction mu lambda is against its velocity, so a small speed d across e decays: d' = turn - (mu lambda w / s) d, where
+ * turn = |e x a| is what else acts across e. It settles at drift = turn / (mu lambda w / s). The speed itself decays at
+ * slows = max(-e . a, 0) / s, and rate = mu lambda w / s + slows tells how fast both change the velocity: see turning_t.
  */
 
 #pragma once
 #include "events/closing.h"
 
-#define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
-#define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
+#define MOST_PARTS 32   /* parts of a tick, whose length is the shortest over which the turn of a contact is followed */
+#define TURN_ERROR 1e-8 /* error of its velocity by a turn in a step of fixed length */
 
 /* Speed of a contact across its direction, while it slides, that need not be followed. */
 static double drift_tolerance(const scene_t* scene, const segment_t* segment) {
   return scene->adaptive ? 10.0 * segment->control->tolerance : TURN_ERROR;
+}
+
+/* Acceleration of a contact across a direction of sliding, per force across it. */
+static double mobility_across(const scene_t* scene, const real* W, int k, const real* along) {
+  double mobility = along[1] * along[1] * AT(W, MC, 3 * k + 1, 3 * k + 1);
+  mobility += along[0] * along[0] * AT(W, MC, 3 * k + 2, 3 * k + 2);
+  return mobility - 2.0 * along[1] * along[0] * AT(W, MC, 3 * k + 1, 3 * k + 2);
 }
 
 /* Find how friction turns each sliding contact at the beginning of a segment, unless that is known. */
@@ -19,7 +31,7 @@ static void find_turning(const scene_t* scene, const real* x, segment_t* segment
   if (segment->turns || !NC) return;
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   int any = 0;
   segment->turns = 1;
   for (int k = 0; k < NC; ++k) {
@@ -29,17 +41,14 @@ static void find_turning(const scene_t* scene, const real* x, segment_t* segment
   if (!any) return;
   find_loads(scene, x, segment, &loads);
   find_geometry(scene, x, segment, &geometry);
-  find_inertia(scene, x, segment, &inertia);
+  find_mobility(scene, x, segment, &mobility);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
     const real *s = geometry.speed + n + 1, *a = loads.rate + n + 1, *along = segment->p.contact[k].along;
     turning_t* turning = segment->turning + k;
     if (!(scene->friction[k] > 0.0 && is_sliding(segment->p.contact + k))) continue;
-    double mobility = along[1] * along[1] * AT(inertia.W, MC, n + 1, n + 1); /* across its direction */
-    mobility += along[0] * along[0] * AT(inertia.W, MC, n + 2, n + 2);
-    mobility -= 2.0 * along[1] * along[0] * AT(inertia.W, MC, n + 1, n + 2);
-    const double speed = fmax(hypot(s[0], s[1]), scene->slowest),
-                 rate = scene->friction[k] * loads.force[n] * mobility / speed;
+    const double speed = fmax(hypot(s[0], s[1]), scene->slowest);
+    const double rate = scene->friction[k] * loads.force[n] * mobility_across(scene, mobility.W, k, along) / speed;
     if (!(rate > 0.0)) continue;
     turning->slows = fmax(-(along[0] * a[0] + along[1] * a[1]), 0.0) / speed;
     turning->rate = rate + turning->slows;
@@ -48,25 +57,25 @@ static void find_turning(const scene_t* scene, const real* x, segment_t* segment
   }
 }
 
-/* Contacts that are treated as at rest though they creep: 1 if there are any.
+/* Mark contacts that creep, which are treated as at rest: 1 if there are any.
  *
- * Friction rotates the velocity of a contact towards its direction at the rate mu lambda w / s, with w the transverse
- * acceleration per force and s its speed. Of one that speeds up this direction is that in which it would start from rest;
- * where an explicit method could not keep up, a contact that has reached it is given it, and in a time-stepped tick any.
+ * Such a contact turns too fast for an explicit method. If it does not lose speed and has settled in its direction, or in a
+ * time-stepped tick whatever it does, it starts anew, in the direction in which it would start to slide from rest.
  */
-static int mark_slow_contacts(const scene_t* scene, const real* x, segment_t* segment, double tick) {
+static int mark_creeping_contacts(const scene_t* scene, const real* x, segment_t* segment, double tick) {
   int any = 0;
   find_turning(scene, x, segment);
   for (int k = 0; k < NC; ++k) {
     const turning_t* turning = segment->turning + k;
     const int settled = turning->slows == 0.0 && turning->drift <= drift_tolerance(scene, segment);
-    segment->contact[k].slow = turning->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
-    any |= segment->contact[k].slow != 0.0;
+    segment->contact[k].creeps = turning->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
+    any |= segment->contact[k].creeps != 0.0;
   }
   return any;
 }
 
-/* Let contacts that move on a straight line keep their direction where they would turn within a part of the tick. */
+/* Let contacts that move on a straight line keep their direction where they would turn within a part of the tick: the error of
+ * their speed across it stays below the tolerance, or below the slowest speed where they stop within that part. */
 static void fix_straight_contacts(const scene_t* scene, const real* x, segment_t* segment, double tick) {
   const double part = tick / MOST_PARTS;
   find_turning(scene, x, segment);
@@ -95,7 +104,7 @@ static double find_reach(const scene_t* scene, const segment_t* segment, double 
   return reach;
 }
 
-/* Stop slow contacts that move against the direction in which they would start. */
+/* Stop creeping contacts that move against the direction in which they would start from rest. */
 static void stop_reversed_contacts(const scene_t* scene, real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1];
@@ -106,7 +115,7 @@ static void stop_reversed_contacts(const scene_t* scene, real* x, const segment_
   for (int k = 0; k < NC; ++k) {
     const real* s = geometry.speed + 3 * k + 1;
     contact_mode_t* mode = stopped.p.contact + k;
-    if (segment->contact[k].slow == 0.0 || mode->closed == 0.0 || mode->along[0] * s[0] + mode->along[1] * s[1] > 0.0)
+    if (segment->contact[k].creeps == 0.0 || mode->closed == 0.0 || mode->along[0] * s[0] + mode->along[1] * s[1] > 0.0)
       continue;
     mode->sticks = 1.0;
     any = 1;

@@ -63,10 +63,7 @@ static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
 static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
   fill(scene, &guards, -INFINITY);
-  guarded_t at;
-  at.x = x;
-  at.segment = segment;
-  at.t = 0.0;
+  const guarded_t at = {.x = x, .segment = segment};
   evaluate_stop_guards(scene, &at, &guards);
   return max_of(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }

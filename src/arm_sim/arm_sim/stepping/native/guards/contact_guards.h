@@ -67,6 +67,7 @@ static int contacts_hold_firmly(const scene_t* scene, const segment_t* segment, 
   return 1;
 }
 
+/* Whether a contact may touch, slip, open or come to rest inside a piece. */
 static int contacts_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   const piece_t* piece = &search->piece;
   const segment_t* segment = search->segment;
@@ -82,6 +83,7 @@ static int contacts_may_cross(const scene_t* scene, const search_t* search, cons
   return 0;
 }
 
+/* Time at which the first open contact touches. */
 static double contact_arrival(const scene_t* scene, const guarded_t* at, const real* slope) {
   double soonest = INFINITY;
   (void)slope;

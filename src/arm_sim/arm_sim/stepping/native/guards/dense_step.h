@@ -6,11 +6,12 @@
 #pragma once
 #include "modes/evaluations.h"
 
-/* A step of the method in a segment, with its continuous output: derivatives at its ends, and the state in its middle. */
+/* A step of the method in a segment: states at both ends, and as its continuous output in `inside` x' at the beginning, x' at
+ * the end, and the state in the middle, NX numbers each. */
 typedef struct {
   real *begin, *end, *inside;
-  loads_t near;  /* load and force alone, where the method has a stage at the end ... */
-  int nears;     /* ... and this is set */
+  loads_t near;      /* load and force alone, where the method has a stage at the end ... */
+  int has_near;      /* ... and this is set */
   double from;   /* its beginning since that of the segment */
   double length;
 } piece_t;
@@ -22,14 +23,14 @@ static piece_t piece_of(const scene_t* scene, real* numbers) {
   return piece;
 }
 
-/* The slope at the beginning of a piece, with which its steps begin; where nothing is held they find it themselves. */
+/* Find the slope at the beginning of a piece, which make_step needs; where nothing is held steps find it themselves. */
 static void begin_piece(const scene_t* scene, const segment_t* segment, piece_t* piece) {
   if (scene->moving && all_moves(scene, segment->p.all)) return;
   find_slope(scene, piece->begin, segment, piece->inside);
 }
 
-/* Make a step of length h from the beginning of a piece: 1 if every number stayed finite. `error` receives the scaled error
- * and that of q, with an estimate. The step may be predicted.
+/* Make a step of length h from the beginning of a piece, after begin_piece: 1 if every number stayed finite. `error` receives
+ * the scaled error and that of q, with an estimate. The step may be predicted.
  */
 static int make_step(const scene_t* scene, const segment_t* segment, double h, piece_t* piece, real* error) {
   const prediction_t* prediction = segment->predicted;
@@ -41,10 +42,10 @@ static int make_step(const scene_t* scene, const segment_t* segment, double h, p
     copy(piece->end, prediction->after, NX);
     copy(piece->inside, prediction->inside, 3 * NX);
     copy(piece->near.all, prediction->near, NEARS);
-    piece->nears = prediction->nears != 0;
+    piece->has_near = prediction->has_near != 0;
     return within_reach(scene, piece->end);
   }
-  piece->nears = !moves && scene->near_loads && STEADY;
+  piece->has_near = !moves && scene->near_loads && STEADY;
   if (moves && scene->adaptive)
     CALL(scene->moving_attempt, (piece->begin, segment->u, segment->p.all, &length),
          (piece->end, error, error + 1, inside, slope, middle));

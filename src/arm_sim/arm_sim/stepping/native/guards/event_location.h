@@ -22,16 +22,15 @@ typedef struct {
 
 /* Let a trial replace the end of the interval that is on its side of the first zero. */
 static void update_bracket(bracket_t* at, int count, double trial, const double* values) {
-  const size_t size = (size_t)count * sizeof *values;
   const int is_on_same_side = (max_of(values, count) > 0.0) == (max_of(at->f1, count) > 0.0);
   at->x3 = is_on_same_side ? at->x1 : at->x2;
-  memcpy(at->f3, is_on_same_side ? at->f1 : at->f2, size);
+  copy(at->f3, is_on_same_side ? at->f1 : at->f2, count);
   if (!is_on_same_side) {
     at->x2 = at->x1;
-    memcpy(at->f2, at->f1, size);
+    copy(at->f2, at->f1, count);
   }
   at->x1 = trial;
-  memcpy(at->f1, values, size);
+  copy(at->f1, values, count);
 }
 
 /* Zero of a value, as a fraction of the interval from x1 to x2: inverse quadratic interpolation where three values allow it,

@@ -37,6 +37,7 @@ static int friction_may_cross(const scene_t* scene, const search_t* search, cons
   return 0;
 }
 
+/* Time at which the first sliding joint comes to rest. */
 static double friction_arrival(const scene_t* scene, const guarded_t* at, const real* slope) {
   double soonest = INFINITY;
   for (int i = 0; i < NU; ++i) {

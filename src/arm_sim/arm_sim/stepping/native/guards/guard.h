@@ -32,6 +32,7 @@ static guard_values_t guard_values_of(const scene_t* scene, double* numbers) {
   return guards;
 }
 
+/* Give all guards one value: INFINITY where a state cannot be reached, -INFINITY for none. */
 static void fill(const scene_t* scene, guard_values_t* guards, double value) {
   for (int i = 0; i < GUARD_VALUES; ++i) guards->all[i] = value;
 }

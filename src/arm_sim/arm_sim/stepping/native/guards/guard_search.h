@@ -4,6 +4,7 @@
  */
 
 #pragma once
+#include "guards/event_location.h"
 #include "guards/guards.h"
 
 #define VIOLATION_ROUNDING 1e-15 /* violation treated as rounding */
@@ -35,6 +36,7 @@ static double excess_at(const scene_t* scene, const search_t* search, double t, 
   return INFINITY;
 }
 
+/* The guards at a time in the piece, for first_positive. */
 static void guards_at(const void* context, double t, double* values) {
   const search_t* search = (const search_t*)context;
   const scene_t* scene = search->scene;
@@ -143,7 +145,7 @@ static double end_at_event(const scene_t* scene, search_t* search, double later,
 /* A time in a piece of length h, whose end may be out of reach, at which a mode is violated; 0 if all are satisfied. */
 static double find_violation(const scene_t* scene, const search_t* search, double h, int reached, guard_values_t* guards) {
   const piece_t* piece = &search->piece;
-  const loads_t* near = piece->nears ? &piece->near : 0;
+  const loads_t* near = piece->has_near ? &piece->near : 0;
   LOCAL(guard_values_t, peak, guard_values_of, GUARD_VALUES);
   if (!reached) fill(scene, guards, INFINITY);
   if (!reached || evaluate_guards(scene, piece->end, search->segment, search->ground, piece->from + h, near, guards) > 0.0)

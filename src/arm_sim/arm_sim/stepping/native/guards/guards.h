@@ -5,7 +5,6 @@
 
 #pragma once
 #include "guards/contact_guards.h"
-#include "guards/event_location.h"
 #include "guards/friction_guards.h"
 #include "guards/set_guards.h"
 #include "guards/stop_guards.h"

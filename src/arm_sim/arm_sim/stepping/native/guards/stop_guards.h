@@ -34,6 +34,7 @@ static int stop_may_cross(const scene_t* scene, const search_t* search, const gu
   return 0;
 }
 
+/* Time at which the first joint reaches a rigid stop. */
 static double stop_arrival(const scene_t* scene, const guarded_t* at, const real* slope) {
   double soonest = INFINITY;
   for (int i = 0; scene->rigid && i < NU; ++i) {

@@ -7,6 +7,7 @@
 #include "lanes/lanes.h"
 #include "motion/step_control.h"
 
+/* An arm in a lane, and its tick and sub-step. */
 typedef struct {
   long long arm, tick;
   long long tried; /* sub-steps of this tick */
@@ -28,6 +29,7 @@ typedef struct {
   real length;
 } group_t;
 
+/* Store the state of a lane's arm, unless only the last one is asked for. */
 static void store(const scene_t* scene, const group_t* group, int j) {
   const lane_t* own = group->lane + j;
   double* to = group->out + own->arm * NX * (group->last_only ? 1 : group->arms->ticks + 1);

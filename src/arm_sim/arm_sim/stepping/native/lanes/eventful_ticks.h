@@ -10,27 +10,28 @@
 
 #define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
-/* Steps of lanes whose modes are certain, which the engine of one arm may then take from `tick`: 1 in `done` for those that
- * surely have no event, so that it need not be asked. Returns the number of other lanes, of the first `used`; where they
- * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
-static int predict_event_free(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* h,
-                              const real* place, int used, prediction_t* tick, real* next, real* done) {
-  real p[P_LENGTH + 1], after[PLACES + 1];
-  LOCAL(loads_t, loads, loads_of, LOADS);
+/* Lanes of the first `used` for which a mask is zero. */
+static inline int count_left(const real* mask, int used) {
+  int left = 0;
+  for (int j = 0; j < used; ++j) left += LANE(*mask, j) == 0.0;
+  return left;
+}
+
+/* Make the steps of lanes whose modes p are certain, which the engine of one arm may then take from `tick`: a mask of those
+ * that surely have no event, so that it need not be asked, with their states in `next`. With contacts, the engine's modes
+ * contain more, and it makes a step of its own. */
+static real step_certain(const scene_t* scene, const real* x, const real* u, const real* h, const real* place, const real* p,
+                         const loads_t* loads, int holds, const real* certain, int used, prediction_t* tick, real* next) {
+  real after[PLACES + 1];
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
-  int uncertain = 0, left = 0, holds;
-  const real event_free = event_free_at_begin(scene, x, u, tunable, place, p, &loads, &holds);
-  for (int j = 0; j < used; ++j) uncertain += LANE(event_free, j) == 0.0;
-  if (2 * uncertain > used) return uncertain;
-  *done = event_free && event_free_step(scene, x, u, h, place, p, &loads, holds, &step, after);
-  for (int i = 0; i < NX; ++i) next[i] = step.next[i];
+  const real done = *certain && event_free_step(scene, x, u, h, place, p, loads, holds, &step, after);
+  copy(next, step.next, NX);
   rest_held(scene, next);
-  for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
-  if (!left) return 0;
+  if (!count_left(&done, used)) return done;
   write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, after, tick);
   for (int j = 0; j < used; ++j)
-    for (int i = NP; i < P_LENGTH && LANE(event_free, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
-  return uncertain;
+    for (int i = NP; i < P_LENGTH && LANE(*certain, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
+  return done;
 }
 
 /* What lanes will ask for in the modes that the engine guesses. */
@@ -40,7 +41,7 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
   long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
   real p[P_LENGTH + 1], place[PLACES + 1], anchor[2 * NC + 1], closed[2 * NU];
   LOCAL(loads_t, loads, loads_of, LOADS);
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
@@ -58,8 +59,8 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
   find_places(scene, step.next, place);
   write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, place, tick);
   if (slides) {
-    inertia_at(scene, x, u, p, &inertia);
-    write_arms(tick->inertia, stride, inertia.all, INERTIA, LANES);
+    mobility_at(scene, x, u, p, &mobility);
+    write_arms(tick->mobility, stride, mobility.all, MOBILITY, LANES);
   }
   if (closes) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
@@ -73,14 +74,18 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
 static void tick_of_lanes(const scene_t* scene, const real* x, const real* r, const real* tunable, const real* h, int used,
                           const engine_t* engine, real* next, real* acted) {
   LOCAL_PREDICTIONS(tick);
-  real place[PLACES + 1], done = 0.0;
-  int uncertain = used, left = 0;
+  LOCAL(loads_t, loads, loads_of, LOADS);
+  real place[PLACES + 1], p[P_LENGTH + 1], done = 0.0;
+  int uncertain = used, holds;
   CALL(scene->actuate, (x, r), (acted));
   begin_ticks(scene, x, acted, tunable, h, tick, place);
-  if (scene->joints_and_contacts_only)
-    uncertain = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
-  for (int j = 0; j < used; ++j) left += LANE(done, j) == 0.0;
-  if (left && uncertain > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
+  if (scene->joints_and_contacts_only) {
+    const real certain = event_free_at_begin(scene, x, acted, tunable, place, p, &loads, &holds);
+    uncertain = count_left(&certain, used);
+    if (2 * uncertain <= used) /* else few lanes would use the steps */
+      done = step_certain(scene, x, acted, h, place, p, &loads, holds, &certain, used, tick, next);
+  }
+  if (count_left(&done, used) && uncertain > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {
     double after[NX];
     if (LANE(done, j) != 0.0) continue;

@@ -26,6 +26,7 @@ typedef struct {
   const engine_t* engine; /* in a scene with events, that of one arm */
 } arms_t;
 
+/* Whether another thread has halted this work; to be read anew each time. */
 static int is_halted(const arms_t* arms) { return *(volatile const int8_t*)arms->halted; }
 
 /* Lanes that have an arm in the group that begins with one. */

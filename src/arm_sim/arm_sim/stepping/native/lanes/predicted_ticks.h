@@ -19,7 +19,7 @@ static inline void begin_ticks(const scene_t* scene, const real* x, const real* 
   for (int j = 0; j < LANES; ++j) {
     tick[j].length = LANE(*h, j);
     tick[j].after[0] = __builtin_nan("");
-    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0;
+    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].has_near = 0;
     for (int i = NP; i < P_LENGTH; ++i) tick[j].p[i] = __builtin_nan("");
   }
 }
@@ -34,5 +34,5 @@ static inline void write_steps(const scene_t* scene, const real* next, const rea
   write_arms(tick->geometry_after, stride, place, PLACES, LANES);
   if (!near) return;
   write_arms(tick->near, stride, near, NEARS, LANES);
-  for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
+  for (int j = 0; j < LANES; ++j) tick[j].has_near = STEADY;
 }

@@ -11,12 +11,14 @@ static int is_predicted(const scene_t* scene, const segment_t* segment) {
   return segment->predicted && same(segment->p.all, segment->predicted->p, P_LENGTH);
 }
 
+/* Remember where the contacts are at x, in place of the older of two states. */
 static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory, const real* geometry) {
   const long long place = memory->states++ % STATES;
   copy(memory->x[place], x, 2 * NU);
   copy(memory->geometry[place].all, geometry, PLACES);
 }
 
+/* Where the contacts are at x; nothing is found without contacts. */
 static void find_geometry(const scene_t* scene, const real* x, const segment_t* segment, geometry_t* geometry) {
   const prediction_t* prediction = segment->predicted;
   if (!NC) return;
@@ -51,6 +53,7 @@ static void keep_loads(const scene_t* scene, const real* x, const real* modes, m
   copy(memory->loads_in, modes, MODES);
 }
 
+/* Loads and accelerations at x in the modes of a segment. */
 static void find_loads(const scene_t* scene, const real* x, const segment_t* segment, loads_t* loads) {
   memory_t* memory = segment->memory;
   loads_t known;
@@ -63,17 +66,19 @@ static void find_loads(const scene_t* scene, const real* x, const segment_t* seg
   keep_loads(scene, x, segment->p.all + NP, memory, loads);
 }
 
-static void find_inertia(const scene_t* scene, const real* x, const segment_t* segment, inertia_t* inertia) {
+/* Mobility of the contacts at x in the modes of a segment. */
+static void find_mobility(const scene_t* scene, const real* x, const segment_t* segment, mobility_t* mobility) {
   const prediction_t* prediction = segment->predicted;
-  segment->memory->work += scene->inertia_cost;
+  segment->memory->work += scene->mobility_cost;
   if (!NC) return;
   if (is_predicted(scene, segment) && prediction->slides && same(x, prediction->x, NX)) {
-    copy(inertia->all, prediction->inertia, INERTIA);
+    copy(mobility->all, prediction->mobility, MOBILITY);
     return;
   }
-  inertia_at(scene, x, segment->u, segment->p.all, inertia);
+  mobility_at(scene, x, segment->u, segment->p.all, mobility);
 }
 
+/* x' at x in the modes of a segment. */
 static void find_slope(const scene_t* scene, const real* x, const segment_t* segment, real* slope) {
   loads_t known;
   const real* answer = knows_loads(scene, x, segment, &known) ? known.slope : 0;

@@ -6,7 +6,12 @@
 #pragma once
 #include "scene.h"
 
-/* Places and speeds, three numbers each, and the lengths that add up to a gap. */
+/* Where the contact points are.
+ *
+ * place: of each point, along the normal and two tangents: the first number is its gap.
+ * speed: its velocity, likewise.
+ * size:  of each point, the lengths that add up to its gap, whose rounding is relative to them.
+ */
 typedef struct {
   real *all, *place, *speed, *size;
 } geometry_t;
@@ -18,6 +23,7 @@ static inline geometry_t geometry_of(const scene_t* scene, const real* numbers) 
   return geometry;
 }
 
+/* Compute a geometry_t. */
 static inline void find_places(const scene_t* scene, const real* x, real* places) {
   if (NC) CALL(scene->contact_geometry, (x), (places, places + MC, places + 2 * MC));
 }

@@ -9,9 +9,10 @@
 #include "modes/evaluations.h"
 
 #define EDGE 1e-9            /* relative distance from the friction cone within which a force is on its boundary */
-#define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */
-#define OPENS 1e-3           /* ... and part of a contact's that is sliding if it does not only open */
+#define LEAST_AMOUNT 1e-6    /* amount of a part's motion, as its set gives way, that is rounding, ... */
+#define OPENS 1e-3           /* ... and fraction of a contact's that is sliding if it does not only open */
 
+/* The balance of forces at x in the modes of a segment. */
 static void find_statics(const scene_t* scene, const real* x, const segment_t* segment, statics_t* balance) {
   segment->memory->work += scene->statics_cost;
   CALL(scene->statics, (x, segment->u, segment->p.all), (balance->push, balance->reaction, balance->capacity, balance->drift));
@@ -50,33 +51,38 @@ static void find_sets_held(const scene_t* scene, const real* x, const segment_t*
   find_indeterminate(scene, &balance, parts, segment->yields, sets);
 }
 
-/* By how much a set exceeds its limits: not positive if it holds. */
+/* By how much a set exceeds its limits: not positive if it holds. One that has just reached them is taken to give way: the
+ * tolerance is on the other side. */
 static double set_excess(const segment_t* segment, const indeterminate_t* sets, int number) {
   return sets->excess[number] - (segment->yields ? -EDGE : SET_HOLDS);
 }
 
-/* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none.
+/* Release a part in the motion in which its set gives way. */
+static void release_part(const scene_t* scene, segment_t* segment, const indeterminate_t* sets, int i) {
+  const double *motion = sets->motion + 2 * i, size = hypot(motion[0], motion[1]);
+  if (i < NU) {
+    segment->p.direction[i] = sign_of(motion[0]);
+    segment->turned[i] = 0;
+    return;
+  }
+  contact_mode_t* mode = segment->p.contact + i - NU;
+  if (mode->sticks == 0.0 || size < OPENS * sets->amount[i]) mode->closed = 0.0;
+  if (mode->closed == 0.0) return;
+  mode->sticks = 0.0;
+  for (int j = 0; j < 2; ++j) mode->along[j] = motion[j] / size;
+}
+
+/* Release the parts of a set that gives way.
  *
  * In that motion contacts that slide rise by their friction coefficient, which they do not do in fact: joints are lifted off
  * their stops only where nothing else can be released. */
-static int release_parts(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* sets, int number,
-                         int at_stops) {
+static void release_set(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* sets, int number) {
   int any = 0;
-  for (int i = 0; i < PARTS; ++i) {
-    const double *way = sets->way + 2 * i, size = hypot(way[0], way[1]);
-    const int stopped = i < NU && at_stop(scene, x, i) != 0;
-    if (sets->set[i] != number || sets->share[i] <= LEAST_SHARE || stopped != at_stops) continue;
-    any = 1;
-    if (i < NU) {
-      segment->p.direction[i] = sign_of(way[0]);
-      segment->turned[i] = 0;
-      continue;
+  for (int at_stops = 0; at_stops < 2 && !any; ++at_stops)
+    for (int i = 0; i < PARTS; ++i) {
+      const int stopped = i < NU && at_stop(scene, x, i) != 0;
+      if (sets->set[i] != number || sets->amount[i] <= LEAST_AMOUNT || stopped != at_stops) continue;
+      release_part(scene, segment, sets, i);
+      any = 1;
     }
-    contact_mode_t* mode = segment->p.contact + i - NU;
-    if (mode->sticks == 0.0 || size < OPENS * sets->share[i]) mode->closed = 0.0;
-    if (mode->closed == 0.0) continue;
-    mode->sticks = 0.0;
-    for (int j = 0; j < 2; ++j) mode->along[j] = way[j] / size;
-  }
-  return any;
 }

@@ -5,13 +5,12 @@
 
 #pragma once
 #include "modes/held_sets.h"
+#include "modes/rebounds.h"
 
-#define REBOUND_ROUNDING (64 * 2.220446049250313e-16) /* of a gap that opens, as a multiple of the lengths that add up to it */
-#define LEAST_REBOUND 1e-9 /* speed of a rebound that is treated as rest */
-#define CERTAIN_REBOUND 1e-4 /* speed above which a rebound is certainly not a hop within rounding */
 #define CARRYING 1e-10 /* acceleration of a constraint that is rounding, relative to the square of the speed */
 
-/* Torques of compliant stops (at least the penetration), by which contact is detected, on both sides of all joints. */
+/* On both sides of all joints, `push`: torques of compliant stops; `met`: the lesser of torque and penetration, positive where
+ * a joint is in contact with its stop. */
 static void find_pressures(const scene_t* scene, const real* x, double met[2][NU], double push[2][NU]) {
   real pressure[2 * NU];
   CALL(scene->pressures, (x), (pressure));
@@ -47,36 +46,6 @@ static int stop_rounding(const scene_t* scene, real* x) {
     any = 1;
   }
   return any;
-}
-
-/* Speed of a hop off a stop within the rounding of the joint's position, under an acceleration. */
-static double rounding_rebound_of_joint(double q, double fall) {
-  return LEAST_REBOUND + sqrt(2.0 * fabs(fall) * REBOUND_ROUNDING * (1.0 + fabs(q)));
-}
-
-/* Set joints at rest that an impact elsewhere moves off their stops by such a hop; otherwise two alternating ones would
- * never stop. */
-static void rest_on_stops(const scene_t* scene, real* x, const segment_t* segment) {
-  real slope[NX];
-  int has_slope = 0;
-  for (int i = 0; i < NU; ++i) {
-    const double leaving = -at_stop(scene, x, i) * x[NU + i];
-    if (!(leaving > 0.0 && leaving < CERTAIN_REBOUND)) continue;
-    if (!has_slope) find_slope(scene, x, segment, slope);
-    has_slope = 1;
-    if (leaving <= rounding_rebound_of_joint(x[i], slope[NU + i])) x[NU + i] = 0.0;
-  }
-}
-
-/* Speeds of hops within the rounding of the gap, or shorter than a step. */
-static void find_rounding_rebounds(const scene_t* scene, const real* x, const segment_t* segment, const geometry_t* geometry,
-                                   double* least_rebound) {
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
-  double fall = 0.0;
-  find_inertia(scene, x, segment, &inertia);
-  for (int k = 0; k < NC; ++k) fall = fmax(fall, fabs(inertia.free[3 * k]));
-  for (int k = 0; k < NC; ++k)
-    least_rebound[k] = LEAST_REBOUND + sqrt(2.0 * fall * REBOUND_ROUNDING * geometry->size[k]) + 0.5 * fall * segment->step;
 }
 
 /* Contacts whose gap is closed to rounding. */
@@ -121,7 +90,7 @@ static void guess_from_velocities(const scene_t* scene, const real* x, segment_t
     contact_t* contact = segment->contact + k;
     const real* s = geometry->speed + 3 * k + 1;
     const double size = hypot(s[0], s[1]);
-    const int still = scene->holding[k] > 0.0 && (size <= scene->slowest || contact->slow != 0.0),
+    const int still = scene->holding[k] > 0.0 && (size <= scene->slowest || contact->creeps != 0.0),
               turns = scene->friction[k] > 0.0 && !still;
     contact->slides = !still;
     contact->direction[0] = turns ? s[0] / size : 1.0;
@@ -168,7 +137,7 @@ static int find_carried(const scene_t* scene, const real* x, const segment_t* se
 static void guess_turning(const scene_t* scene, const real* x, segment_t* segment) {
   real slope[NX];
   int carried[NU];
-  if (!(scene->constrained && ND) || !find_carried(scene, x, segment, carried)) return;
+  if (!ND || !find_carried(scene, x, segment, carried)) return;
   for (int i = 0; i < ND; ++i)
     if (carried[i]) segment->p.direction[i] = 1.0;
   find_slope(scene, x, segment, slope);
@@ -178,6 +147,7 @@ static void guess_turning(const scene_t* scene, const real* x, segment_t* segmen
   }
 }
 
+/* The modes with which pivoting begins at x. */
 static void guess_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   guess_from_velocities(scene, x, segment, geometry);
   if (scene->constrained && max_abs(x + NU, NU) > 0.0) guess_turning(scene, x, segment);

@@ -6,35 +6,47 @@
 #pragma once
 #include "modes/mode_vector.h"
 
-/* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts; x'. */
+/* What acts and moves in given modes.
+ *
+ * load:  holding torque of each sticking joint, scaled such that the joint slips at its static level.
+ * force: of contacts, three numbers each: along the normal and two tangents.
+ * rate:  accelerations of contacts, likewise.
+ * grip:  acceleration of each contact's gap per normal force of its own; not positive where friction jams it.
+ * slope: x'.
+ */
 typedef struct {
   real *all, *load, *force, *rate, *grip, *slope;
 } loads_t;
 #define LOADS (NU + 2 * MC + NC + NX)
-#define NEARS (NU + MC) /* of these the loads and forces alone */
+#define NEARS (NU + MC) /* load and force alone, which come first */
 
 static inline loads_t loads_of(const scene_t* scene, real* all) {
   loads_t loads = {all, all, all + NU, all + NU + MC, all + NU + 2 * MC, all + NU + 2 * MC + NC};
   return loads;
 }
 
-/* Mobility of the contacts, of joints by contacts, and accelerations of contacts without forces. */
+/* Mobility of the contacts, in matrices that lie column by column.
+ *
+ * W:    J M^-1 J^T, the Delassus matrix: accelerations of contacts per force, MC by MC.
+ * B:    M^-1 J^T: accelerations of joints per force of a contact, NU by MC.
+ * free: accelerations of contacts without forces, MC.
+ */
 typedef struct {
   real *all, *W, *B, *free;
-} inertia_t;
-#define INERTIA (MC * MC + NU * MC + MC)
+} mobility_t;
+#define MOBILITY (MC * MC + NU * MC + MC)
 
-static inline inertia_t inertia_of(const scene_t* scene, real* all) {
-  inertia_t inertia = {all, all, all + MC * MC, all + MC * MC + NU * MC};
-  return inertia;
+static inline mobility_t mobility_of(const scene_t* scene, real* all) {
+  mobility_t mobility = {all, all, all + MC * MC, all + MC * MC + NU * MC};
+  return mobility;
 }
 
 static inline void loads_at(const scene_t* scene, const real* x, const real* u, const real* p, const loads_t* loads) {
   CALL(scene->loads, (x, u, p), (loads->load, loads->force, loads->rate, loads->grip, 0, loads->slope));
 }
 
-static inline void inertia_at(const scene_t* scene, const real* x, const real* u, const real* p, const inertia_t* inertia) {
-  CALL(scene->contact_inertia, (x, u, p), (inertia->W, inertia->B, inertia->free));
+static inline void mobility_at(const scene_t* scene, const real* x, const real* u, const real* p, const mobility_t* mobility) {
+  CALL(scene->contact_mobility, (x, u, p), (mobility->W, mobility->B, mobility->free));
 }
 
 static inline void slope_at(const scene_t* scene, const real* x, const real* u, const real* p, real* slope) {

@@ -96,13 +96,14 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
   return worst;
 }
 
+/* Give a contact the mode that solves its problem. */
 static void put_mode(contact_mode_t* mode, const answer_t* answer) {
   mode->closed = answer->state == SLIDES || answer->state == STICKS;
   mode->sticks = answer->state == STICKS;
-  mode->along[0] = answer->direction[0];
-  mode->along[1] = answer->direction[1];
+  for (int i = 0; i < 2; ++i) mode->along[i] = answer->direction[i];
 }
 
+/* Let a contact on the boundary of its cone slide, against the force on it. */
 static void let_slip(answer_t* answer, const double* force) {
   const double size = hypot(force[1], force[2]);
   answer->state = SLIDES;
@@ -118,13 +119,13 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
     *d = *d == 0.0 ? sign_of(loads->load[joint]) : turns ? -*d : 0.0;
     return 1;
   }
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   double block[3][3], c[3];
   const real* r = loads->force + 3 * entry;
   const contact_t* contact = segment->contact + entry;
   contact_mode_t* mode = segment->p.contact + entry;
-  find_inertia(scene, x, segment, &inertia);
-  own_block(scene, inertia.W, entry, block);
+  find_mobility(scene, x, segment, &mobility);
+  own_block(scene, mobility.W, entry, block);
   for (int i = 0; i < 3; ++i)
     c[i] = loads->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
   answer_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
@@ -138,44 +139,44 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
 /* Forces of all contacts together. Of redundant ones those of the least norm, as the generated functions find them, by the
  * same iteration with larger steps: the directions in which contacts start to slide depend on each one's share of the load.
  */
-static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const inertia_t* inertia, answer_t* answers) {
+static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const mobility_t* mobility, answer_t* answers) {
   double W[MC * MC + 1], c[MC + 1], damping[MC + 1], trace = 0.0;
   int solved = 1;
-  for (int i = 0; i < MC; ++i) trace += AT(inertia->W, MC, i, i);
-  for (int i = 0; i < MC * MC; ++i) W[i] = inertia->W[i];
+  for (int i = 0; i < MC; ++i) trace += AT(mobility->W, MC, i, i);
+  for (int i = 0; i < MC * MC; ++i) W[i] = mobility->W[i];
   for (int i = 0; i < MC; ++i) {
     damping[i] = NEARER * scale_of(AT(W, MC, i, i), trace);
     AT(W, MC, i, i) += damping[i];
-    c[i] = inertia->free[i];
+    c[i] = mobility->free[i];
   }
   cones->W = W;
   cones->c = c;
   for (int turn = 0; turn < NEARER_TURNS && solved; ++turn) {
     solved = solve_contacts(scene, cones, answers);
-    for (int i = 0; i < MC; ++i) c[i] = inertia->free[i] - damping[i] * answers[i / 3].force[i % 3];
+    for (int i = 0; i < MC; ++i) c[i] = mobility->free[i] - damping[i] * answers[i / 3].force[i % 3];
   }
-  cones->W = inertia->W;
-  cones->c = inertia->free;
+  cones->W = mobility->W;
+  cones->c = mobility->free;
   return solved || solve_contacts(scene, cones, answers);
 }
 
 /* Solve all contacts together, where pivoting cycles, with or without their static friction: without, there is a solution,
  * which the law with it allows. The modes are kept if none is found. */
 static void solve_all_contacts(const scene_t* scene, const real* x, segment_t* segment, int with_static) {
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   double limit[NC + 1];
   answer_t answers[NC + 1];
   LOCAL(cones_t, cones, cones_of, CONES);
   cones.friction = scene->friction;
   cones.holding = limit;
-  find_inertia(scene, x, segment, &inertia);
+  find_mobility(scene, x, segment, &mobility);
   for (int k = 0; k < NC; ++k) {
     limit[k] = with_static ? stick_limit(scene, segment, k) : scene->friction[k];
     cones.slides[k] = segment->contact[k].slides;
     cones.allowed[k] = segment->contact[k].touching;
     for (int i = 0; i < 2; ++i) cones.direction[2 * k + i] = segment->contact[k].direction[i];
   }
-  if (!solve_of_least_norm(scene, &cones, &inertia, answers)) return;
+  if (!solve_of_least_norm(scene, &cones, &mobility, answers)) return;
   for (int k = 0; k < NC; ++k) {
     const double *r = answers[k].force, size = hypot(r[1], r[2]);
     /* On the boundary of its cone: where contacts are redundant, the forces of least norm would leave it. */
@@ -195,13 +196,13 @@ static int anything_rests(const scene_t* scene, const real* x, const segment_t* 
 /* Whether friction closes a sliding contact faster than its normal force opens it. One whose normal force moves nothing, since
  * a stop bears it, does not. */
 static int any_jams(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads) {
-  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
-  int has_inertia = 0;
+  LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
+  int has_mobility = 0;
   for (int k = 0; k < NC; ++k) {
     if (!is_sliding(segment->p.contact + k) || loads->grip[k] > 0.0) continue;
-    if (!has_inertia) find_inertia(scene, x, segment, &inertia);
-    has_inertia = 1;
-    if (AT(inertia.W, MC, 3 * k, 3 * k) > 0.0) return 1;
+    if (!has_mobility) find_mobility(scene, x, segment, &mobility);
+    has_mobility = 1;
+    if (AT(mobility.W, MC, 3 * k, 3 * k) > 0.0) return 1;
   }
   return 0;
 }
@@ -241,7 +242,7 @@ static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, 
       const int entry = find_infeasible(scene, x, segment, &loads, k >= WORST_FIRST, &sets, &set);
       if (entry < 0) return !any_jams(scene, x, segment, &loads);
       if (scene->indeterminate && set) {
-        if (!release_parts(scene, x, segment, &sets, set, 0)) release_parts(scene, x, segment, &sets, set, 1);
+        release_set(scene, x, segment, &sets, set);
         continue;
       }
       if (!pivot(scene, x, segment, &loads, entry)) break;

@@ -41,14 +41,14 @@ typedef struct {
   double *x, *u, *p;         /* beginning of a tick, its command, and its probable modes */
   double length;             /* of the tick */
   double *geometry, *anchor; /* at its beginning */
-  int rests, slides, closes; /* whether loads, the inertia, and closed contacts will be asked for */
-  double *loads, *inertia;   /* at the beginning ... */
+  int rests, slides, closes; /* whether loads, the mobility, and closed contacts will be asked for */
+  double *loads, *mobility;   /* at the beginning ... */
   double *after, *geometry_after; /* ... and at the end, ... */
   double *closed, *inside; /* ... which is this with closed contacts; the step */
-  int nears;                 /* whether this is known: ... */
+  int has_near;              /* whether this is known: ... */
   double* near;              /* ... loads and forces at its stage at the end */
 } prediction_t;
-#define PREDICTION (5 * NX + 3 * NU + P_LENGTH + 2 * PLACES + 2 * NC + LOADS + INERTIA + NEARS)
+#define PREDICTION (5 * NX + 3 * NU + P_LENGTH + 2 * PLACES + 2 * NC + LOADS + MOBILITY + NEARS)
 
 static inline prediction_t prediction_of(const scene_t* scene, double* numbers) {
   prediction_t tick;
@@ -58,8 +58,8 @@ static inline prediction_t prediction_of(const scene_t* scene, double* numbers) 
   tick.geometry = tick.p + P_LENGTH;
   tick.anchor = tick.geometry + PLACES;
   tick.loads = tick.anchor + 2 * NC;
-  tick.inertia = tick.loads + LOADS;
-  tick.after = tick.inertia + INERTIA;
+  tick.mobility = tick.loads + LOADS;
+  tick.after = tick.mobility + MOBILITY;
   tick.geometry_after = tick.after + NX;
   tick.closed = tick.geometry_after + PLACES;
   tick.inside = tick.closed + 2 * NU;

@@ -20,18 +20,18 @@ typedef struct {
   real touching;
   real slides;    /* slides already, in the direction ... */
   real direction[2];
-  real slow;      /* treated as at rest although it creeps */
+  real creeps;    /* treated as at rest although it creeps */
   real ended;     /* end of its last mode: APART, SLIDES, else STICKS ... */
   real slips[2];  /* ... and its next sliding direction */
 } contact_t;
 #define CONTACT_STATE ((int)(sizeof(contact_t) / sizeof(real)))
 
-/* How the velocity of a sliding contact turns. */
+/* How the velocity of a sliding contact turns, see sliding_direction.h. */
 typedef struct {
-  real rate;  /* at which friction turns it towards its limiting direction, and slows it down; 0 if it does not slide */
+  real rate;  /* at which friction turns it towards its limiting direction, and it slows down; 0 if it does not slide */
   real slows; /* rate at which it loses its speed; 0 if it gains */
-  real drift; /* speed across that direction, which the rate reduces */
-  real turn;  /* acceleration across its own */
+  real drift; /* speed across its direction at which friction balances the turn */
+  real turn;  /* acceleration across its direction */
 } turning_t;
 #define TURNING ((int)(sizeof(turning_t) / sizeof(real)))
 
@@ -135,7 +135,8 @@ static int rests(const scene_t* scene, const real* x, int joint) {
 
 /* Fraction of its normal force up to which a contact sticks: one that creeps has broken away already. */
 static double stick_limit(const scene_t* scene, const segment_t* segment, int k) {
-  return segment->contact[k].slow != 0.0 ? scene->friction[k] : scene->holding[k];
+  return segment->contact[k].creeps != 0.0 ? scene->friction[k] : scene->holding[k];
 }
 
+/* Whether a contact is closed and slides. */
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }

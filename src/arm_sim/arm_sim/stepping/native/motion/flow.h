@@ -5,8 +5,6 @@
 #pragma once
 #include "motion/step_control.h"
 
-#include <math.h>
-
 /* State of the error control between sub-steps. Python: SubstepControl. */
 typedef struct {
   double tolerance; /* largest scaled error of a sub-step */
@@ -15,6 +13,7 @@ typedef struct {
   long long attempts;
 } control_t;
 
+/* Whether every number of a state is finite and not too large. */
 static int within_reach(const scene_t* scene, const real* x) {
   int reached = 1;
   for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], scene->largest);

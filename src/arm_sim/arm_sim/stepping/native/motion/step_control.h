@@ -15,6 +15,7 @@
 #define MOST_FACTOR 6.0  /* ... also where the error is rounding */
 #define SHORTEST 1e-12 /* sub-step, relative to the tick */
 
+/* The sub-steps of a tick: times are relative to its beginning. */
 typedef struct {
   double done;  /* time of the tick that is behind */
   double step;  /* length to try next, later of the next tick */
@@ -30,6 +31,7 @@ static inline substeps_t first_substep(double h, double step) {
   return at;
 }
 
+/* Length of the next attempt in a tick of length h. */
 static inline double next_length(substeps_t* at, double h) {
   const double left = h - at->done;
   at->last = at->step >= left * (1.0 - SHORTEST);

@@ -13,7 +13,6 @@
 #include "scene.h"
 
 #include <math.h>
-#include <string.h>
 
 /* The largest problem, of as many limits and reactions, self-stresses and parts as a scene has; see indeterminate.h. */
 #define MOST_ROWS (3 * NU + 6 * NC + 1)
@@ -93,6 +92,7 @@ static void factor_normal_matrix(int n, int m, const double* B, double* L) {
   }
 }
 
+/* Solve L L^T x = b in place. */
 static void solve_factored(int n, const double* L, double* b) {
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < i; ++j) b[i] -= L[n * i + j] * b[j];
@@ -104,6 +104,7 @@ static void solve_factored(int n, const double* L, double* b) {
   }
 }
 
+/* s = h + G y. */
 static void find_slack(const conic_t* at, const double* y, double* s) {
   for (int i = 0; i < at->rows; ++i) s[i] = at->h[i] + dot(at->G + at->unknowns * i, y, at->unknowns);
 }

@@ -14,6 +14,7 @@
 #define EPSILON 2.220446049250313e-16
 #define SWEEPS 60
 
+/* Rotate two columns by the angle of cosine c and sine s. */
 static void rotate(int count, double c, double s, real* a, real* b) {
   for (int i = 0; i < count; ++i) {
     const double old = a[i];

@@ -1,12 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Linear equations.
+ * Linear equations by elimination.
  */
 
 #pragma once
 #include <math.h>
 
 #define DEPENDS 1e-10 /* pivot of an elimination that is rounding, where all columns are of size 1 */
+
+static void swap(double* a, double* b) {
+  const double swapped = *a;
+  *a = *b;
+  *b = swapped;
+}
 
 /* Solve A x = b for a row-major n by n matrix, both overwritten, by elimination with row pivots: 0 if A is singular. */
 static int solve_linear(int n, double* A, double* b) {
@@ -15,14 +21,8 @@ static int solve_linear(int n, double* A, double* b) {
     for (int i = k + 1; i < n; ++i)
       if (fabs(A[n * i + k]) > fabs(A[n * pivot + k])) pivot = i;
     if (A[n * pivot + k] == 0.0) return 0;
-    for (int j = k; j < n; ++j) {
-      const double swapped = A[n * k + j];
-      A[n * k + j] = A[n * pivot + j];
-      A[n * pivot + j] = swapped;
-    }
-    const double swapped = b[k];
-    b[k] = b[pivot];
-    b[pivot] = swapped;
+    for (int j = k; j < n; ++j) swap(A + n * k + j, A + n * pivot + j);
+    swap(b + k, b + pivot);
     for (int i = k + 1; i < n; ++i) {
       const double factor = A[n * i + k] / A[n * k + k];
       for (int j = k; j < n; ++j) A[n * i + j] -= factor * A[n * k + j];
@@ -36,8 +36,8 @@ static int solve_linear(int n, double* A, double* b) {
   return 1;
 }
 
-/* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`; `basic` receives the column of
- * each row that gets a pivot, else it remains -1. */
+/* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`. `basic` receives the column of each
+ * row that gets a pivot; callers begin with -1 for all rows, and rows that have a column already are passed over. */
 static void eliminate(int rows, int columns, double* T, int begin, int end, int* basic) {
   for (;;) {
     int row = -1, column = 0;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "loop.h"
+#include "timing.h"
 
 #include <math.h>
 #include <rcutils/error_handling.h>
@@ -12,9 +12,12 @@ int64_t time_of(clockid_t clock) {
   return SECOND * now.tv_sec + now.tv_nsec;
 }
 
-void store(int64_t* number, int64_t value) { __atomic_store_n(number, value, __ATOMIC_RELAXED); }
+/* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
+static void store(int64_t* number, int64_t value) { __atomic_store_n(number, value, __ATOMIC_RELAXED); }
 
-void count_duration(histogram_t* h, int64_t duration) {
+/* --- latencies -------------------------------------------------------------------------------------------------------- */
+
+void histogram_count(histogram_t* h, int64_t duration) {
   int64_t bin = duration > 0 ? duration / 1000 : 0;
   if (bin >= FINE) {
     bin = (int64_t)(STEPS * log2((double)bin / FINE));
@@ -24,7 +27,7 @@ void count_duration(histogram_t* h, int64_t duration) {
   if (duration > h->longest) store(&h->longest, duration);
 }
 
-void sent(trip_t* t, int64_t stamp) {
+void trip_sent(trip_t* t, int64_t stamp) {
   t->newest = stamp;
   t->stamps[t->next] = stamp;
   t->times[t->next] = time_of(CLOCK_REALTIME);
@@ -33,14 +36,14 @@ void sent(trip_t* t, int64_t stamp) {
 
 /* Searches from the newest state, which is usually the answered one; of those with the same stamp, it counts: time may
  * have been reset. */
-int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
+int64_t trip_answered(trip_t* t, int64_t stamp, int64_t arrival) {
   const int64_t age = t->acting && t->acting < stamp ? t->newest - t->acting : 0;
   t->acting = 0;
   for (int64_t i = 1; i <= SENT; ++i) {
     const int64_t k = (t->next + SENT - i) % SENT;
     if (t->stamps[k] != stamp) continue;
     t->stamps[k] = -1;
-    count_duration(t->trips, arrival - t->times[k]);
+    histogram_count(t->trips, arrival - t->times[k]);
     if (age > t->oldest) store(&t->oldest, age);
     t->acting = stamp;
     break;
@@ -48,8 +51,10 @@ int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
   return stamp && stamp == t->newest;
 }
 
+/* --- stamps ----------------------------------------------------------------------------------------------------------- */
+
 /* Check once a second whether stamps lag: they then advance faster, or jump. */
-static void watch(times_t* t, int64_t now, int64_t lag) {
+static void watch_lag(times_t* t, int64_t now, int64_t lag) {
   if (lag < t->min_lag) t->min_lag = lag;
   if (now < t->next_check) return;
   const int64_t behind = t->tick < t->min_lag && t->min_lag < NEVER ? t->min_lag : 0, jumps = behind > SECOND;
@@ -67,35 +72,37 @@ static int64_t next_stamp(times_t* t, int64_t simulated, int64_t now) {
   return stamp < now ? stamp : now;
 }
 
-int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady) {
+int64_t times_stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady) {
   const int64_t passed = simulated - t->simulated, is_free = t->free || passed < 0;
   t->free = 0;
   if (passed == 0 && !is_free) return t->last;
   const int64_t due = now - (t->even && *t->due ? steady - *t->due : 0);
   int64_t stamp = now;
   if (is_free) t->owed = 0;
-  if (t->even) { /* after time stood still or began anew, and before its tick, a tick older */
-    stamp = is_free ? due - (passed > 0 ? 0 : t->tick) : next_stamp(t, simulated, now);
-    if (stamp < t->last && t->last < stamp + SECOND) stamp = t->last; /* else the clock was set back */
-  }
+  /* After time stood still or began anew, the stamp is the time when the tick is due; of a state before its tick, a tick less. */
+  if (t->even && is_free) stamp = due - (passed > 0 ? 0 : t->tick);
+  else if (t->even) stamp = next_stamp(t, simulated, now);
+  if (t->even && stamp < t->last && t->last < stamp + SECOND) stamp = t->last; /* else the clock was set back */
   t->last = stamp;
   t->simulated = simulated;
   t->offset = stamp - simulated;
-  watch(t, now, due - stamp);
+  watch_lag(t, now, due - stamp);
   return stamp;
 }
 
-int64_t stamp_now(times_t* t, int64_t simulated) {
+int64_t times_stamp_now(times_t* t, int64_t simulated) {
   int64_t now = time_of(CLOCK_REALTIME);
   if (t->foreign && rcl_clock_get_now(t->foreign, &now) != RCL_RET_OK) rcutils_reset_error();
-  return stamp_at(t, simulated, now, time_of(CLOCK_MONOTONIC));
+  return times_stamp_at(t, simulated, now, time_of(CLOCK_MONOTONIC));
 }
 
-int64_t next_start(const due_t* d) { return d->deadline > d->earliest ? d->deadline : d->earliest; }
+/* --- deadlines -------------------------------------------------------------------------------------------------------- */
 
-void begin_tick(due_t* d, int64_t now) {
+int64_t due_next_start(const due_t* d) { return d->deadline > d->earliest ? d->deadline : d->earliest; }
+
+void due_begin_tick(due_t* d, int64_t now) {
   const int64_t late = d->period ? now - d->deadline : 0;
-  count_duration(d->lateness, late);
+  histogram_count(d->lateness, late);
   if (late > d->period) store(&d->missed, d->missed + 1);
   d->share = late > d->period ? fmin(1.0, (double)(now - d->began) / d->period) : 1.0;
   d->current = d->period ? d->deadline : 0;
@@ -109,17 +116,10 @@ void begin_tick(due_t* d, int64_t now) {
   d->deadline += d->slow_down ? late : dropped * d->period;
 }
 
-void await_tick(due_t* d) {
-  const int64_t start = next_start(d);
+void due_await_tick(due_t* d) {
+  const int64_t start = due_next_start(d);
   const struct timespec at = {start / SECOND, start % SECOND};
   int64_t now;
   while ((now = time_of(CLOCK_MONOTONIC)) < start) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
-  begin_tick(d, now);
-}
-
-int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->last_time <= patience; }
-
-void count_command(stream_t* s, double now, int64_t patience) {
-  s->count = is_remembered(s, now, patience) ? s->count + 1 : 1;
-  s->last_time = now;
+  due_begin_tick(d, now);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The rules by which a sim node ticks: deadlines, latencies, stamps, sources and age of commands. Python reads this
- * header, see node_library.py. All times are in [ns].
+ * Time in a sim node: latencies, stamps and deadlines, each of which Python explains in ros/timing. Python reads this header,
+ * see node_library.py. All times are in [ns].
  */
 #pragma once
 #include <rcl/time.h>
@@ -12,7 +12,7 @@
 
 #define SECOND 1000000000LL
 
-/* --- latency.Histogram, latency.RoundTrip ------------------------------------------------------------------------- */
+/* --- histogram.Histogram, round_trip.RoundTrip ------------------------------------------------------------------------- */
 
 enum {
   FINE = 20000, /* bins of a microsecond */
@@ -35,17 +35,18 @@ typedef struct {
   histogram_t* trips;
 } trip_t;
 
-QUICK void count_duration(histogram_t* h, int64_t duration);
+QUICK void histogram_count(histogram_t* h, int64_t duration);
 
 /* Register that the state of this stamp is published now. */
-QUICK void sent(trip_t* t, int64_t stamp);
+QUICK void trip_sent(trip_t* t, int64_t stamp);
 
 /* Register that a command for the state of this stamp arrived at this time of the system; only the first one counts. The
  * command before it has acted until the newest state. Returns whether the state of this stamp is that. */
-QUICK int64_t answered(trip_t* t, int64_t stamp, int64_t arrival);
+QUICK int64_t trip_answered(trip_t* t, int64_t stamp, int64_t arrival);
 
 /* --- stamps.NodeTime, where the rules are explained --------------------------------------------------------------- */
 
+/* What stamps depend on; see NodeTime for the rules. */
 typedef struct {
   int64_t tick;        /* length of a tick if ticks are due at even times, else 0 */
   rcl_clock_t* foreign; /* the node's clock if it is another node's simulated time, else NULL */
@@ -61,13 +62,14 @@ typedef struct {
 
 /* The stamp of a state from its simulated time, and times of the node's and of the monotonic clock, read in this
  * order: if the thread is stopped between the two, no stamp is later than it should be. */
-QUICK int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
+QUICK int64_t times_stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
 
 /* The stamp of a state that is published now, from its simulated time. */
-int64_t stamp_now(times_t* t, int64_t simulated);
+int64_t times_stamp_now(times_t* t, int64_t simulated);
 
 /* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */
 
+/* When ticks are due; see RealtimeLoop for the rules. */
 typedef struct {
   int64_t deadline;  /* of the next tick */
   int64_t earliest;  /* start of the next tick */
@@ -85,42 +87,14 @@ typedef struct {
 } due_t;
 
 /* When the next tick may begin. */
-QUICK int64_t next_start(const due_t* d);
+QUICK int64_t due_next_start(const due_t* d);
 
 /* A tick begins now: count its lateness, and set the next deadline. */
-QUICK void begin_tick(due_t* d, int64_t now);
+QUICK void due_begin_tick(due_t* d, int64_t now);
 
 /* Sleep until the next tick, and begin it. */
-EXPORT void await_tick(due_t* d);
-
-/* --- lockstep.Lockstep -------------------------------------------------------------------------------------------- */
-
-/* The state whose answer is awaited. */
-typedef struct {
-  int64_t stamp;        /* its stamp; -1: none */
-  int64_t published, first; /* when it was published last and first, in time of the monotonic clock */
-  int64_t ignored;      /* number of commands that did not answer a waiting state */
-  int64_t soon;         /* time within which busy-waiting for an answer pays */
-  int64_t end;          /* when other callbacks get their turn */
-} waiting_t;
-
-/* --- commands: arbiter.Arbiter, latest.LatestCommand; times and ages are in ticks --------------------------------- */
-
-/* A source of commands: time of the last command, and number of commands without a silence. */
-typedef struct {
-  double last_time;
-  int64_t count;
-} stream_t;
-
-/* Whether a source has commanded within the last `patience` ticks. */
-QUICK int64_t is_remembered(const stream_t* s, double now, int64_t patience);
-
-/* Count a command of a source. */
-QUICK void count_command(stream_t* s, double now, int64_t patience);
+EXPORT void due_await_tick(due_t* d);
 
 /* --- for ticks.c -------------------------------------------------------------------------------------------------- */
 
 int64_t time_of(clockid_t clock);
-
-/* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
-void store(int64_t* number, int64_t value);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which compiled derivatives the ticks of a scene have."""
+"""Compiled derivatives of the ticks of a scene, of those kinds that it has."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class CompiledTangents:
     @cached_property
     def event_free(self) -> Tangents | None:
         """Code for ticks without events of a scene with events."""
-        native = self.engine and self._backend != "vm" and self.of_scene.native
-        return self.of_scene if native else None
+        compiled = self.engine is not None and self._backend != "vm" and self.of_scene.native
+        return self.of_scene if compiled else None
 
     @built_once
     def of_scene(self) -> Tangents:

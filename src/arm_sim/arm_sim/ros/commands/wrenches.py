@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wrenches on frames of a running arm."""
+
+from collections.abc import Callable
+
+from numpy.typing import ArrayLike
+
+from arm_sim.external_wrench import ExternalWrenches
+from arm_sim.plant.parameters import EXTERNAL
+from arm_sim.simulation.runtime_changes import Change, external_change
+from arm_sim.simulation.simulator import Simulator
+
+
+class AppliedWrenches(ExternalWrenches):
+    """Wrenches on frames, as external torques of a simulation.
+
+    The simulation computes these from the first wrench on: it is changed for that, see
+    ``prepared``. All methods but ``prepared`` are for the ticking thread.
+
+    Args:
+        simulator: The simulation.
+        reference: Axes of wrenches, see ``ExternalWrenches``.
+
+    Attributes:
+        possible: Whether the simulation has been changed.
+    """
+
+    def __init__(self, simulator: Simulator, reference: str) -> None:
+        super().__init__(simulator.dynamics, reference)
+        self._simulator = simulator
+        self._acted = self.possible = False
+
+    @property
+    def act(self) -> bool:
+        """Whether wrenches act, or did so in the last tick."""
+        return self._acted or bool(self.active)
+
+    def prepared(self, frame: str, wrench: ArrayLike) -> Change:
+        """Build what the first wrench needs, which takes a second; returns the change.
+
+        Raises:
+            InvalidInput: As ``push``.
+        """
+        ExternalWrenches(self._simulator.model).push(frame, wrench, 0)
+        return external_change(self._simulator)
+
+    def apply(self, before: Callable[[], None]) -> None:
+        """Set the torques of the next tick; ``before`` is called while the last ones are set."""
+        arm = self._simulator.arm
+        tau = self.torque(arm.x[: arm.n], arm.step_count)
+        before()
+        self._simulator.set_parameter(EXTERNAL, tau)
+        self._acted = bool(self.active)
