@@ -41,6 +41,19 @@ def test_by_name_in_any_order_and_some_joints_only(node: SimNode) -> None:
     np.testing.assert_allclose(node.simulator.state.q, wanted, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["position", "effort"])
+def test_a_first_command_of_some_joints_names_the_others(
+    node: SimNode, kind: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The brakes of all are released."""
+    for joint in names(node)[:2]:
+        node.inputs.on_joint_commands(command(name=[joint], **{kind: [0.0]}))
+        node.tick()
+    told = capfd.readouterr().err
+    assert told.count("have no command yet") == 1
+    assert "joints panda_joint2, " in told and "panda_joint1" not in told
+
+
 def test_efforts_between_positions(node: SimNode) -> None:
     every, start = names(node), node.simulator.state.q.tolist()
     node.inputs.on_joint_commands(command(name=every, position=start))

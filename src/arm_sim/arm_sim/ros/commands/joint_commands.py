@@ -44,10 +44,17 @@ class JointCommands:
         """Discard all commands."""
         self._last: JointCommand | None = None
         self._efforts: Numbers | None = None
+        self._commanded: frozenset[int] = frozenset()
 
     def follow(self, efforts: Numbers) -> None:
         """Register efforts of all joints that were read elsewhere."""
         self._last, self._efforts = None, efforts
+        self._commanded = frozenset(range(len(efforts)))
+
+    def without(self) -> list[str]:
+        """Names of the joints that have no command."""
+        names = self._model.joint_names
+        return [name for i, name in enumerate(names) if i not in self._commanded]
 
     def command(self, stamp: int, numbers: list[Numbers]) -> Command | None:
         """The command of all joints; None if the message, of ``stamp`` in [ns], commands none.
@@ -60,6 +67,7 @@ class JointCommands:
         """
         if len(numbers) == 1 and (self._last is None or len(self._named) == self._model.n):
             self._last, self._efforts = None, numbers[0]
+            self._commanded |= self._named
             return numbers[0]
         n = self._model.n
         rows, before = np.full((2, 3, n), np.nan)  # efforts, positions, velocities
@@ -69,8 +77,10 @@ class JointCommands:
         commanded = np.isfinite(rows).any(axis=0)
         if not commanded.any():
             return None
+        joints = frozenset(np.flatnonzero(commanded).tolist())
         if len(numbers) > 1:
-            self._admit(self._source, frozenset(np.flatnonzero(commanded).tolist()))
+            self._admit(self._source, joints)
+        self._commanded |= joints
         if self._last is not None:
             before[:] = self._last.effort, self._last.position, self._last.velocity
         elif self._efforts is not None:
