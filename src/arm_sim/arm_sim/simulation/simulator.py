@@ -37,12 +37,12 @@ from arm_sim.plant.placing import (
     warn_of_speeds,
 )
 from arm_sim.plant.plant import Plant
+from arm_sim.progress import Progress
 from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.simulation.plan import Plan
-from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.run import Control, driver_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
@@ -102,7 +102,7 @@ class Simulator:
         "integrator=…, tolerance=…)",
         "q v z x q0 v0 state position velocity qpos": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
-        "wrench apply_wrench external_wrench external_force apply_force xfrc_applied": "step(tau + "
+        "wrench apply_wrench external_force apply_force xfrc_applied": "step(tau + "
         "dynamics.jacobian(q, frame).T @ wrench), of a wrench (force, moment) in the world",
         "tau effort torque command control": "step(tau), or run(duration, control)",
         "gravity mass payload payloads friction damping viscous coulomb external": "set_parameter("
