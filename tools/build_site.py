@@ -22,7 +22,8 @@ ROOT = Path(__file__).resolve().parents[1]
 )
 @click.option("--gallery/--no-gallery", default=True, help="Run the scripts of the gallery.")
 @click.option("--open", "show", is_flag=True, help="Open the site in a browser.")
-def build(out: Path, gallery: bool, show: bool) -> None:
+@click.option("--print", "page", metavar="PAGE", help="Print a page, as reference/scene-keys.")
+def build(out: Path, gallery: bool, show: bool, page: str | None) -> None:
     """Build the site: tutorials, how-to, concepts, reference, gallery and laboratory.
 
     Pages that have not changed are kept from the last time. A warning, for example a link that
@@ -31,8 +32,13 @@ def build(out: Path, gallery: bool, show: bool) -> None:
     from arm_sim.cli.output import waiting  # here: --help needs nothing
 
     cache = out.with_name(f"{out.name}-cache")
+    if page and not (ROOT / "docs" / f"{page}.md").is_file():
+        raise click.BadParameter(f"'{page}': a page of docs is expected", param_hint="--print")
+    out = out.with_name(f"{out.name}-text") if page else out
     options = ["-W", "--keep-going", "-n", "-j", "auto", "-d", cache, ROOT / "docs", out]
-    if not gallery:
+    if page:
+        options[:0] = ["-b", "text"]
+    if page or not gallery:
         options += ["-D", "plot_gallery=0"]
     status, command = ["starting"], [sys.executable, "-um", "sphinx", *map(str, options)]
     with waiting(lambda: status[-1], in_lines=True):
@@ -42,6 +48,9 @@ def build(out: Path, gallery: bool, show: bool) -> None:
         failed = sphinx.wait()
     if failed:
         sys.exit(failed)
+    if page:
+        click.echo_via_pager((out / f"{page}.txt").read_text())
+        return
     click.echo(f"site: {out / 'index.html'}")
     if show:
         webbrowser.open((out / "index.html").resolve().as_uri())

@@ -4,8 +4,8 @@
     ./arm python tools/same_behaviour.py HEAD~3
     ./arm python tools/same_behaviour.py HEAD~3 panda ur10    # these scenes alone
 
-Both write what they compile, compute and print into folders of texts, which are then compared by
-``git diff``. Only names that users know are asked for, so one script serves both trees.
+Both write what they compile and compute into folders of texts, which are then compared by ``git
+diff``. Only names that users know are asked for, so one script serves both trees.
 """
 
 import os
@@ -24,7 +24,6 @@ PACKAGES = ("arm_dynamics", "arm_sim", "arm_studies")
 FIXED = ("euler", "semi_implicit_euler", "midpoint", "heun", "rk4", "nystrom4")
 ADAPTIVE = ("dopri5", "dop853", "implicit", "auto")
 METHODS = [(name, None) for name in FIXED + ADAPTIVE] + [(name, 1e-8) for name in ADAPTIVE]
-COMMANDS = ("", "sim", "dynamics", "controller", "describe", "build", "call")
 TERMS = (
     "inverse", "forward", "mass_matrix", "coriolis_matrix", "gravity", "energy",
     "constrained_forward",
@@ -49,8 +48,6 @@ def record(out: Path, scenes: list[Path]) -> None:
     keeper.write_text(KEEPER)
     keeper.chmod(0o700)
     os.environ |= {"KEPT": str(compiled), "CC": f"{keeper} cc", "CXX": f"{keeper} c++"}
-    for words in COMMANDS:
-        (out / f"help {words}.txt").write_text(said(*words.split(), "--help"))
     for scene in scenes:
         for name, answer in answers(scene):
             try:
@@ -107,14 +104,6 @@ def numbers(answer: Any) -> str:
     array = np.asarray(answer, dtype=float)
     rows = array.reshape(len(array), -1) if array.ndim and array.size else array.reshape(-1, 1)
     return "\n".join([f"{array.shape}", *(" ".join(map(repr, row)) for row in rows.tolist()), ""])
-
-
-def said(*words: str) -> str:
-    """What a command prints."""
-    command = [sys.executable, "-P", "-m", "arm_sim.cli", *words]
-    environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    return done.stdout + done.stderr
 
 
 def recorded(tree: Path, out: Path, scenes: list[str]) -> None:

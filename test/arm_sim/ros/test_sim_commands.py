@@ -142,6 +142,19 @@ def test_by_name_in_any_order_and_some_joints_only(panda: SimNode) -> None:
     np.testing.assert_array_equal(panda.simulator.effort[1:], 0.0)
 
 
+@pytest.mark.parametrize("kind", ["position", "effort"])
+def test_a_first_command_of_some_joints_names_the_others(
+    panda: SimNode, kind: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The brakes of all are released."""
+    for joint in panda.simulator.joint_names[:2]:
+        send(panda, [joint], **{kind: [0.0]})
+        panda.tick()
+    told = capfd.readouterr().err
+    assert told.count("have no command yet") == 1
+    assert "joints panda_joint2, " in told and "panda_joint1" not in told
+
+
 def test_efforts_between_positions(panda: SimNode) -> None:
     send(panda, PANDA, position=START.tolist())
     send(panda, PANDA[6:], effort=[0.25])

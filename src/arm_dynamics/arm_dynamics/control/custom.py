@@ -84,7 +84,8 @@ def construct(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     """Construct a user-defined controller with those of the offered arguments that it takes."""
     name = label(maker)
     if not callable(maker):
-        raise InvalidInput(f"controller = {maker!r}: a name or a class is expected")
+        instead = "a name or a class is expected; objects are for Simulator(…).run(duration, …)"
+        raise InvalidInput(f"controller = {maker!r}: {instead}")
     try:
         parameters = inspect.signature(maker).parameters.values()
         named = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]

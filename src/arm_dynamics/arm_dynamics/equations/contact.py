@@ -2,7 +2,7 @@
 """Contact of points and balls with planes: gaps, and the forces of closed contacts.
 
 A closed contact is a constraint, gap acceleration zero, with the normal force as its reaction; one
-that sticks adds two tangential constraints, and one that slides transmits the force µ λ opposite
+that sticks adds two tangential constraints, and one that slides transmits the force µ f_n opposite
 to its direction (Glocker, Set-Valued Force Laws, 2001, chapters 5 and 6; Pfeiffer and Glocker,
 Multibody Dynamics with Unilateral Contacts, 1996, chapter 5). The mode of each contact is an
 input, so the expressions have no branches. Forces and speeds of a contact are ordered normal,

@@ -161,6 +161,10 @@ def _warn(scene: Scene, urdf: Urdf) -> None:
         more = f" (and {known_names(rest, 5)})" if rest else ""
         text = "robot description: inertia that no rigid body has, used unchanged: link '%s'%s: %s"
         _log.warning(text, name, more, urdf.doubtful[name])
+    for name, body in scene.links.items():
+        if missing := {"com", "inertia"} - body.model_fields_set:
+            zero = " and ".join(sorted(missing))
+            _log.warning("scene: 'links.%s': %s of the URDF's <inertial> became zero", name, zero)
     for remark in unit_remarks(scene, urdf):
         _log.warning("scene: %s", remark)
 

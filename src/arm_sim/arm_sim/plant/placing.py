@@ -22,6 +22,8 @@ OPEN = 1e-11
 INSIDE = 1e-9
 # Singular value, relative to the largest, below which a position is called singular.
 NEARLY_SINGULAR = 1e-3
+# Distance in [rad] or [m] by which closing loops may move a joint without a word: four digits.
+_ROUNDED = 1e-3
 
 _log = logging.getLogger(__name__)
 
@@ -81,6 +83,14 @@ def warn_of_degrees(plant: Plant, q: Array, *reached: Array) -> None:
     far = _farthest(plant, q)
     if (remark := degrees_meant(far)) and far > max(_farthest(plant, one) for one in reached):
         _log.warning("position %s", remark)
+
+
+def warn_of_closing(plant: Plant, wanted: Any, q: Array) -> None:
+    """Warn of the joint that is farthest from where it was wanted, since the loops are closed."""
+    moved = abs(q - np.asarray(wanted, dtype=float))
+    if moved[k := np.argmax(moved)] > _ROUNDED:
+        name = plant.model.joint_names[k]
+        _log.warning("joint '%s' is at %.6g, not %.6g, so that loops close", name, q[k], wanted[k])
 
 
 def _farthest(plant: Plant, q: Array) -> float:

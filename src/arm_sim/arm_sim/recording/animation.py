@@ -15,6 +15,7 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.figures import animation
+from arm_sim.progress import Progress
 from arm_sim.recording.files.writer import check_folder
 from arm_sim.recording.motion import RecordedMotion
 
@@ -49,7 +50,11 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     )  # fmt: skip
     if path is not None:
         warn_if_replaced(path)
-        film.save(path, writer=PillowWriter(fps=1.0 / pace - 1e-6))
+        with Progress(time[-1] - time[0], "drawn") as progress:
+            film.save(
+                path, writer=PillowWriter(fps=1.0 / pace - 1e-6),
+                progress_callback=lambda i, _: progress.update(time[i] - time[0]),
+            )  # fmt: skip
     return film
 
 

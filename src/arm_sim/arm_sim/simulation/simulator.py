@@ -29,14 +29,20 @@ from arm_sim.inputs import named, tick_count
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
-from arm_sim.plant.placing import closed, placed, warn_of_degrees, warn_of_speeds
+from arm_sim.plant.placing import (
+    closed,
+    placed,
+    warn_of_closing,
+    warn_of_degrees,
+    warn_of_speeds,
+)
 from arm_sim.plant.plant import Plant
+from arm_sim.progress import Progress
 from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import instability
 from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.simulation.plan import Plan
-from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.run import Control, driver_of
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
@@ -96,6 +102,8 @@ class Simulator:
         "integrator=…, tolerance=…)",
         "q v z x q0 v0 state position velocity qpos": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
+        "wrench apply_wrench external_force apply_force xfrc_applied": "step(tau + "
+        "dynamics.jacobian(q, frame).T @ wrench), of a wrench (force, moment) in the world",
         "tau effort torque command control": "step(tau), or run(duration, control)",
         "gravity mass payload payloads friction damping viscous coulomb external": "set_parameter("
         "name, value), where the scene's key 'tunable' lists it; else build another Simulator, of "
@@ -347,6 +355,7 @@ class Simulator:
     def _placed(self, q: Any, v: Any, z: Any, names: Any, hold: Sequence[int] = ()) -> Array:
         """As the function of that name; it warns of what is unlikely to be meant."""
         x = placed(self.arm.plant, q, v, z, names, hold)
+        warn_of_closing(self.arm.plant, q, x[: self.n])
         warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
         warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
         return x

@@ -13,10 +13,10 @@ from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
 from arm_sim.memory import refuse_beyond_memory
 from arm_sim.plant.plant import Plant
+from arm_sim.progress import Progress
 from arm_sim.recording.contents import FREE, Jump
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control
-from arm_sim.simulation.progress import Progress
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.state import read_only_view
 from arm_sim.stepping.slices import slices

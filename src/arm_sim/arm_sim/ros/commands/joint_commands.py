@@ -49,10 +49,17 @@ class JointCommands:
         """Discard all commands."""
         self._last: JointCommand | None = None
         self._efforts: Numbers | None = None
+        self._commanded: frozenset[int] = frozenset()
 
     def follow(self, efforts: Numbers) -> None:
         """Register efforts of all joints that were read elsewhere."""
         self._last, self._efforts = None, efforts
+        self._commanded = frozenset(range(len(efforts)))
+
+    def without(self) -> list[str]:
+        """Names of the joints that have no command."""
+        names = self._model.joint_names
+        return [name for i, name in enumerate(names) if i not in self._commanded]
 
     def command(self, message: JointMessage) -> Command | None:
         """The command of all joints; None if the message commands none.
@@ -65,6 +72,7 @@ class JointCommands:
         efforts_only = len(numbers) == 1
         if efforts_only and (self._last is None or len(joints) == n):
             self._last, self._efforts = None, numbers[0]
+            self._commanded |= joints
             return numbers[0]
         rows, before = np.full((2, 3, n), np.nan)  # efforts, positions, velocities
         rows[: len(numbers)] = numbers
@@ -73,8 +81,10 @@ class JointCommands:
         commanded = np.isfinite(rows).any(axis=0)
         if not commanded.any():
             return None
+        joints = frozenset(np.flatnonzero(commanded).tolist())
         if not efforts_only:
-            self._admit(message.source, frozenset(np.flatnonzero(commanded).tolist()))
+            self._admit(message.source, joints)
+        self._commanded |= joints
         if self._last is not None:
             before[:] = self._last.effort, self._last.position, self._last.velocity
         elif self._efforts is not None:

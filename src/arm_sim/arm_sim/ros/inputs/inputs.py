@@ -10,7 +10,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import ArmError, InvalidInput
-from arm_dynamics.exceptions import plain
+from arm_dynamics.exceptions import known_names, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import Numbers
@@ -72,7 +72,7 @@ class Inputs:
             self._catch_up()
             message = self.reader.read(raw)
             self._competitors.check(message.stamp)
-            if not slot.any:
+            if first := not slot.any:
                 self._joints.forget()
             command = self._joints.command(message)
         except InvalidInput as error:
@@ -80,6 +80,9 @@ class Inputs:
             return None
         if command is not None:
             slot.put(command)
+            if first and (idle := self._joints.without()):
+                what = "have no command yet: the brakes are released, and no effort holds them"
+                self._log.info(f"joints {known_names(idle, 8)} {what}")
         self._engine.round_trip.answered(message.stamp, arrival)
         return message.stamp
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The progress of a run that takes long."""
+"""The progress of a run, or of a film of it, that takes long."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ _log = logging.getLogger(__name__)
 
 
 class Progress:
-    """Reports the progress of a run of ``total`` [s] of simulated time, if it takes long.
+    """Reports how many of ``total`` [s] of motion are ``done``, if it takes long.
 
     On a terminal and in a notebook it is a line on stderr that is overwritten and finally erased.
     Where messages of level INFO are logged, it is one of them after 2, 4, 8 … seconds instead; a
     level above WARNING silences both.
     """
 
-    def __init__(self, total: float) -> None:
-        self._total, self._begin = total, perf_counter()
+    def __init__(self, total: float, done: str = "simulated") -> None:
+        self._total, self._done, self._begin = total, done, perf_counter()
         self._due, self._line_length = self._begin + DELAY, 0
 
     def update(self, time: float) -> None:
-        """Report, if it is due, that the simulation has come to a time in [s]."""
+        """Report, if it is due, that it has come to a time of the motion in [s]."""
         if (now := perf_counter()) < self._due:
             return
         elapsed = now - self._begin
         left = (self._total - time) * elapsed / time if time else float("inf")
         text = (
-            f"{time:.6g} of {self._total:.6g} s simulated, {time / elapsed:.3g} times real time, "
-            f"{left:.0f} s left"
+            f"{time:.6g} of {self._total:.6g} s {self._done}, {time / elapsed:.3g} times real "
+            f"time, {left:.0f} s left"
         )
         if _log.isEnabledFor(logging.INFO):
             self._due = now + elapsed
