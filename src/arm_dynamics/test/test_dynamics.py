@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_dynamics import Dynamics, SceneError, Term, load_scene
+from arm_dynamics import Dynamics, Term, load_scene
 from arm_dynamics.control import make_controller
 from arm_dynamics.trajectory import Reference
 
@@ -28,18 +28,8 @@ def test_inverse_dynamics(dynamics: Dynamics, pendulum: Any) -> None:
     np.testing.assert_allclose(dynamics.inverse(q, v, a, terms=Term.INERTIA), inertia, rtol=1e-12)
 
 
-def test_forward_dynamics_undoes_it(dynamics: Dynamics) -> None:
-    q, v, a = ANGLES, 0.5 * ANGLES, 1.0 - ANGLES
-    np.testing.assert_allclose(dynamics.forward(q, v, dynamics.inverse(q, v, a)), a, atol=1e-11)
-
-
 def test_a_controller_holds_the_weight(dynamics: Dynamics, pendulum: Any) -> None:
     q, still = np.array([0.7]), np.zeros(1)
     control = make_controller("computed_torque", dynamics)
     tau = control.torque(Reference(q, still, still), Reference(q, still, still))
     np.testing.assert_allclose(tau, pendulum.weight * np.sin(q), rtol=1e-9)
-
-
-def test_what_is_wrong_is_told_by_name(pendulum: Any) -> None:
-    with pytest.raises(SceneError, match="unknown key 'gravty'"):
-        load_scene({"robot": {"urdf": pendulum.urdf}, "gravty": [0, 0, -9.81]})
