@@ -6,8 +6,6 @@ threads; and message files must be readable and writable without ROS. The bytes 
 (OMG RTPS 2.5, section 10): a field is aligned to its size, relative to the end of the header.
 """
 
-from __future__ import annotations
-
 import struct
 import sys
 from collections.abc import Sequence

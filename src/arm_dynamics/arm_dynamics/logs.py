@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Log messages: of the cores, for a terminal or a node, and those that may be repeated."""
 
-from __future__ import annotations
-
 import logging
 import re
 import time

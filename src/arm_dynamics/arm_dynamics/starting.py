@@ -5,8 +5,6 @@ Its imports take a second, and what an interruption makes of them is a traceback
 slow to import is imported here.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that people keep: they are written completely or not at all, and replaced audibly."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Iterator

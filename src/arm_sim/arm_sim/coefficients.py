@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers that one function computes and another one uses."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of the simulator."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from arm_dynamics import ArmError, InvalidInput

@@ -6,8 +6,6 @@ told apart without seeing colours, and a figure has one legend. Matplotlib is im
 first one is made.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of the simulator's arguments."""
 
-from __future__ import annotations
-
 import logging
 import os
 from typing import Any

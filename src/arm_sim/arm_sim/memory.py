@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that would not fit into the memory are refused before a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from arm_dynamics import InvalidInput

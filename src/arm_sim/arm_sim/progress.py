@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The progress of a run, or of a film of it, that takes long."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from threading import current_thread, main_thread

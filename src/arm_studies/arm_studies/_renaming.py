@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Former names of arguments and attributes: they work for one more release, with a warning."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from functools import wraps

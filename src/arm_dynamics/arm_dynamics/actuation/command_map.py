@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversion of desired joint torques to commands of the drives."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

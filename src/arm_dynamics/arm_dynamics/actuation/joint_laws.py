@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The models with internal states, or that replace the command, which a scene uses."""
 
-from __future__ import annotations
-
 from arm_dynamics.actuation.drives import Drives
 from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.lugre_joints import LugreFriction

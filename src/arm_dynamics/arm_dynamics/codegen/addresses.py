@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays for functions of C: their addresses and strides, and entries that several share."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 

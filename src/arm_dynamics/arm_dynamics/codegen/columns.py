@@ -4,8 +4,6 @@
 The coefficients of a column are scalars, which are written once for all columns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import casadi as ca

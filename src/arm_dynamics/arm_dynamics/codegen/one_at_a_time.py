@@ -6,8 +6,6 @@ sparsity patterns, which all expressions share, without a lock: two threads that
 at the same time end with a segmentation fault.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, wraps

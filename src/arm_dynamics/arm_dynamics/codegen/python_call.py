@@ -4,8 +4,6 @@
 They are compiled with the headers of Python and NumPy, so neither ctypes nor a copy is in between.
 """
 
-from __future__ import annotations
-
 import ctypes
 import sys
 import sysconfig

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generated functions that are evaluated for many points in one call."""
 
-from __future__ import annotations
-
 import ctypes
 
 import casadi as ca

@@ -5,8 +5,6 @@ An entry ends in the digest of its bytes. One that does not match it, or belongs
 does not count.
 """
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import logging

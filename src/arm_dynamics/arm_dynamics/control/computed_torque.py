@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computed torque: inverse dynamics of the reference's acceleration and feedback."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

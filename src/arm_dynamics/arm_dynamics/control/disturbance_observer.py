@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compensation of torques that the model does not know, by a momentum observer."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feed-forward of friction from the reference's velocity, free of noise and chatter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction

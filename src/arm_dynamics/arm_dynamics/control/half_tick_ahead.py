@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prediction of the state by half a tick, which compensates the delay of a held torque."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

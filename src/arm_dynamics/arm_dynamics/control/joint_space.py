@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers in joint space; see ``controller`` for the common interface."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers as formulas, each written once, for numbers and expressions alike."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, cast, runtime_checkable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Low-pass filter of sampled signals, one for each joint."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.arrays import Array

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains that place the poles of a joint's error, ë + 2 ζ ω ė + ω² e = 0, and their margin."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transition from one controller to another."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm model of a scene, with warnings of values that fit one another only in other units."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator
 from typing import NamedTuple

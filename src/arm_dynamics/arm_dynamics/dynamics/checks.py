@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Verification of accelerations that come from elsewhere, free or under constraints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

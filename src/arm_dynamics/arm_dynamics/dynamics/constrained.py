@@ -5,8 +5,6 @@ See ``gauss``; λ is what the robot exerts on the constraints: force and moment 
 on the second, in axes of the second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint torques that exert a wrench on the world, Jᵀ f."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

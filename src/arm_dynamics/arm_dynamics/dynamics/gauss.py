@@ -5,8 +5,6 @@ The acceleration is that nearest to the unconstrained one, in the metric of M, w
 is of least norm where rows are dependent (Udwadia, Kalaba, Analytical Dynamics, 1996, chapter 3).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.arrays import Array

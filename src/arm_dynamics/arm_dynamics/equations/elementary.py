@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Elementary functions of NumPy arrays and CasADi expressions alike."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

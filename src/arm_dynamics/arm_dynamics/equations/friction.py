@@ -4,8 +4,6 @@
 All functions accept NumPy arrays and CasADi expressions alike.
 """
 
-from __future__ import annotations
-
 from arm_dynamics.equations.elementary import Quantity, exponential, size
 
 

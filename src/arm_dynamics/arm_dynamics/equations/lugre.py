@@ -15,8 +15,6 @@ exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, sectio
 the model passive. All functions accept NumPy arrays and CasADi expressions alike.
 """
 
-from __future__ import annotations
-
 import math
 
 from arm_dynamics.equations.elementary import Quantity, exponential, size

@@ -6,8 +6,6 @@ Sudhoff, Analysis of Electric Machinery, 2002, section 2.3. All functions accept
 arrays and CasADi expressions; angles, speeds and torques are those of the rotor.
 """
 
-from __future__ import annotations
-
 from arm_dynamics.equations.elementary import Quantity, choose, cos, larger, sin, smaller, within
 from arm_dynamics.scene.drive import Wave
 

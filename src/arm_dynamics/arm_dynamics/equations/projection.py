@@ -9,8 +9,6 @@ section 2.4). A row that depends on those before it leaves only rounding and is 
 whose condition number is that of the rows squared, is never formed.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics.equations.rigid_body import eliminated, factored, substituted

@@ -7,8 +7,6 @@ Algorithms, 2008, chapters 5 and 6). ``forward_dynamics`` has the articulated-bo
 is faster for long chains.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics.equations.tree import Link, Tree, constant, cross, moved, skew, spread_map

@@ -16,8 +16,6 @@ not pass through the teeth; with a rigid gear this is neglected, within the boun
 ``docs/concepts/drives.md``.
 """
 
-from __future__ import annotations
-
 from arm_dynamics.equations.elementary import (
     Quantity,
     choose,

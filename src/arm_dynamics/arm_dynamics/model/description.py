@@ -5,8 +5,6 @@ Vectors of the suite have one entry for each independent joint; drawing a robot 
 frames requires all joints.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion of one frame, from Pinocchio; arguments are not validated, as in ``RigidTerms``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

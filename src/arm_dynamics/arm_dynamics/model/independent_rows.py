@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of constraints that imply all others, chosen greedily in the metric of M."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

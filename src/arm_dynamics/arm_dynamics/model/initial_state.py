@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The initial state of an arm: within its stops, and with the loops of its constraints closed."""
 
-from __future__ import annotations
-
 import logging
 from typing import NamedTuple
 

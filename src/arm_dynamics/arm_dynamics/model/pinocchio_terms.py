@@ -4,8 +4,6 @@
 Arguments are not validated here: controllers call these functions at every tick.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
 

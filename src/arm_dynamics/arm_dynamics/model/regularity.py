@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Regularity of mass matrices: every motion of the joints must move mass."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

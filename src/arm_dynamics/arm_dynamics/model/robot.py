@@ -8,8 +8,6 @@ rules are linear; hence ``M = Eᵀ M_full E`` and ``τ = Eᵀ τ_full`` (princip
 Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Self

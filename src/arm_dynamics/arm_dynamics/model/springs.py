@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The springs of a robot: as data for the equations, and as numerical terms."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -5,8 +5,6 @@ Every joint frame is rotated such that its axis is z; a frame of the robot is de
 rotated axes of the link that carries it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import casadi as ca

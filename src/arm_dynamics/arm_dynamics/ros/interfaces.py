@@ -6,8 +6,6 @@ of control topics receive the newest message by best effort, which is compatible
 partner.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from arm_msgs import msg, srv

@@ -4,8 +4,6 @@
 Those of friction, which need the levels of mimic joints, are refused in ``model.friction.source``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

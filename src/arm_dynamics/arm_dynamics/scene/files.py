@@ -6,8 +6,6 @@ variable ``ARM_SCENES``, then ``scenes`` and ``scenes/lectures`` of the package 
 ships them. That package is located, but not imported.
 """
 
-from __future__ import annotations
-
 import codecs
 import logging
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of scene files: their content, and the lines of keys."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Find, read and check a scene: YAML file, URDF file, URDF text or dictionary."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Iterator, Mapping

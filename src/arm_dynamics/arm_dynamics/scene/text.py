@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene as text, to be saved with results and read again bit for bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml

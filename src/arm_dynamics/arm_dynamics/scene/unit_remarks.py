@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Remarks on values of a scene that are probably in other units: degrees, mm, ms or kg mm²."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Selection of the axes of a task."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

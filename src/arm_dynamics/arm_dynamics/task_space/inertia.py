@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Matrices of the task space, such as Λ = (J M⁻¹ Jᵀ)⁻¹, regularized near singularities."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

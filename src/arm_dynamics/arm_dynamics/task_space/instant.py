@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terms that task controllers evaluate at every tick, as expressions of ``equations``."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm as formulas see it: with numbers, or with expressions; ``Arm`` is either."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

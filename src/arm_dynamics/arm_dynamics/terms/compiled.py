@@ -4,8 +4,6 @@
 All code is verified against Pinocchio before it is used.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Verification of generated code before it is used: against Pinocchio, at random states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@
 A segment runs over τ = (t − tᵢ)/hᵢ in [0, 1]: q(τ) = Σ c_k τᵏ, k = 0…5.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 

@@ -7,8 +7,6 @@ velocities jump between linear segments, accelerations between cubic ones. Sourc
 Representation" in the documentation of joint_trajectory_controller (ros2_controllers, Jazzy).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The C code that evaluates trajectories, for Python and for the controller node."""
 
-from __future__ import annotations
-
 import logging
 from ctypes import CDLL
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Types of arguments that several commands take, with their ranges and their help."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any

@@ -8,8 +8,6 @@ an option its name and placeholder, ``--out DIR``, or the help where ``Args`` ha
 argument the placeholder), and a dictionary of further settings.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm completion``, and the completions that a shell offers."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Annotated, Any

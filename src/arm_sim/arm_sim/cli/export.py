@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm export``: a scene as a C library that needs nothing of the suite."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

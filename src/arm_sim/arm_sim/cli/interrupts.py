@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Signals that end a command: Ctrl-C, SIGTERM and SIGHUP."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from collections.abc import Callable, Iterator

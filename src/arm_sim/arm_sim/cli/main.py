@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command group of the suite."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warning of steps of fixed length whose derivatives differ from those of the motion."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 

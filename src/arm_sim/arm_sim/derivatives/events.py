@@ -4,8 +4,6 @@
 Each event's own functions are generated here, and ``eventful_derivatives.c`` combines them.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from threading import Lock

@@ -5,8 +5,6 @@ The engine (``native/guards``) monitors them to find the instants; here they are
 derivatives (``guard_derivatives.h``). Each belongs to a mode of a joint or contact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

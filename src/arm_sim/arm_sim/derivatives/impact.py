@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Residual of Newton's and Coulomb's impact laws, and its derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

@@ -11,8 +11,6 @@ Johnson, "Saltation matrices: the essential tool for linearizing hybrid dynamica
 Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

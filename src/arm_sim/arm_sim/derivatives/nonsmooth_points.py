@@ -6,8 +6,6 @@ direction of a joint exactly at rest, and bristles that are bent there. Kinks th
 are guards, see ``guards``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

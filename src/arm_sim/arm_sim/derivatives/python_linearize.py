@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derivatives of a tick as a Python function that takes a state and a command."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@
 See ``native/derivatives/rest_stability.h``.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random numbers by tick: the numbers of a tick depend only on its index."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from enum import IntEnum
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transmission of messages from tick to tick, with delay, jitter and loss."""
 
-from __future__ import annotations
-
 from collections import deque
 from math import ceil
 

@@ -10,8 +10,6 @@ Numerische Mathematik 87, 2000, section 2; Sanz-Serna, SIAM Review 58, 2016):
 This is the exact gradient of the computed step. Only the state at the beginning is required.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time

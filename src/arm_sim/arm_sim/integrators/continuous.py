@@ -7,8 +7,6 @@ linear in w (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I
 II.2 and II.6). The weights for RK4 also meet the further conditions of ``nystrom4`` up to order 3.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import combinations_with_replacement
 

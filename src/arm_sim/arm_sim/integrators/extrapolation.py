@@ -13,8 +13,6 @@ With x = (q, w), w = (v, z) and f = (v, g) the system reduces to the order of w:
 For a long arm both sides are multiplied by a matrix H that makes the system sparse.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 PARTS = (1, 2, 3, 4)  # into which a step is divided, in the harmonic sequence

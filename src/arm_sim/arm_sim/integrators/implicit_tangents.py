@@ -11,8 +11,6 @@ where d(J Δ) is the change of J along x and what is held, at fixed Δ: second d
 one direction, so that J is never differentiated as a matrix.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple

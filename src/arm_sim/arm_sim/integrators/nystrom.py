@@ -12,8 +12,6 @@ velocities, and the order conditions of w' = g(q, w), q' = v are the same as tho
 q'). Where two stages share their position, all that depends on positions alone is computed once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca

@@ -6,8 +6,6 @@ R(z) = 1 + z bᵀ (1 - z A)⁻¹ 1 of its tableau (Hairer, Wanner, Solving Ordin
 Equations II, 1996, section IV.2). The other methods couple modes: theirs is the matrix of a step.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from math import factorial
 

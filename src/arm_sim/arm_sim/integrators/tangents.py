@@ -13,8 +13,6 @@ derivatives by them are requested. This is the exact derivative of the computed 
 exact motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -7,8 +7,6 @@ the method's own error (Hairer, Wanner, Solving Ordinary Differential Equations 
 VII.2; Eich, SIAM J. Numer. Anal. 30(5), 1993).
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics import ArmModel

@@ -5,8 +5,6 @@ The modes of joints with dry friction and of contacts are at the end of p; see `
 and ``equations.contact``.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from arm_dynamics import ArmModel

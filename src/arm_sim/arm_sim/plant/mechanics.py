@@ -5,8 +5,6 @@ It contains only the terms that the scene has; drives and friction with states a
 plant.
 """
 
-from __future__ import annotations
-
 import logging
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Admissible states: bilateral constraints closed, no contact point inside its plane."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Collection, Sequence
 from typing import Any

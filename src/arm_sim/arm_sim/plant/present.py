@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm under current tunable quantities: numeric dynamics by Pinocchio."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

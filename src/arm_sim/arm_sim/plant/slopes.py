@@ -8,8 +8,6 @@ the work of differentiating forward dynamics. Loops and contacts are differentia
 1 · load for free joints, H v̇ = v̇ for held joints, and H ż = ż.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """State-space form x' = f(x, u, p) of an arm, with states x = (q, v, z)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Films of recordings: the arm as a stick figure."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -9,8 +9,6 @@ start, by the same method, with work and heat as additional states, which are in
 accurately as the motion itself. All of this is computed on demand.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of recordings."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from itertools import cycle, pairwise

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The equations of a scene, from which quantities of its motions are derived."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cached_property
 

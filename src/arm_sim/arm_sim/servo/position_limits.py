@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commanded positions are clipped to the joints' stops; of speeds beyond limits, logs warn."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The servos of an arm, compiled."""
 
-from __future__ import annotations
-
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_sim.plant.plant import Plant

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reference defined by a stream of commands, tick by tick."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_sim.servo.command import JointCommand

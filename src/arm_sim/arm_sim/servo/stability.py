@@ -6,8 +6,6 @@ from a bandwidth allow for that, see ``control.pole_placement.held_gains``; thos
 not.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics

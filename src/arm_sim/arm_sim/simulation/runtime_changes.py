@@ -5,8 +5,6 @@ A change is prepared in advance, which takes time; the simulator then applies th
 two ticks. Models, plants and compiled scenes are immutable: a change creates new ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warnings of commands that are clipped at their limits."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

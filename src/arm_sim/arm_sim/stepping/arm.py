@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm that compiled code advances tick by tick."""
 
-from __future__ import annotations
-
 import ctypes
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@
 Each scene has a library of its own, from generated C: see ``scene_source``.
 """
 
-from __future__ import annotations
-
 import ctypes
 from functools import cache, cached_property
 from pathlib import Path

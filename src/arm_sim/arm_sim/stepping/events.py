@@ -5,8 +5,6 @@ The logic of events, the choice of modes, impacts and the search for the instant
 ``native/``.
 """
 
-from __future__ import annotations
-
 import ctypes
 from enum import IntEnum
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functions of the engine that Python calls directly, each bound to a structure."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from ctypes import byref, c_ssize_t, c_void_p, py_object

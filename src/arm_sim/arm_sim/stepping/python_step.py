@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled tick as a Python function that takes a command and returns a state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Literal
 

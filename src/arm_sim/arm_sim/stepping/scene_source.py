@@ -4,8 +4,6 @@
 They are a structure, ``scene_t`` of ``scene.h``, which all functions of the engine take.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType

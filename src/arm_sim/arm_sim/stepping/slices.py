@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slices of a long run, so short that Ctrl-C acts soon: between calls of compiled code."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from time import perf_counter
 

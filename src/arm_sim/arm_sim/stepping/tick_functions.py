@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The functions of a scene that a compiled tick evaluates."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import casadi as ca

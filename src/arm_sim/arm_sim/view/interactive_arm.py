@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulation under the hands of a visitor: controlled, pushed, and pulled with the mouse."""
 
-from __future__ import annotations
-
 import logging
 from enum import StrEnum
 

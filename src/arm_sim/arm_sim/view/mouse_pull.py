@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pull of the mouse at an arm."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.arrays import Array

@@ -8,8 +8,6 @@ in ``Host``, which must be an address, this machine's name, or the one that the 
 Programs other than browsers send no origin, and are accepted.
 """
 
-from __future__ import annotations
-
 import logging
 import socket
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions of many arms as a function of arrays, with its transposed derivative, for NumPy."""
 
-from __future__ import annotations
-
 from threading import Lock
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm identify-drive``: identify a motor, a flexible joint or LuGre friction."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

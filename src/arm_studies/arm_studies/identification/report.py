@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of an identification: scene, URDF, report and figures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

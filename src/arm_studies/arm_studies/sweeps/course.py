@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The course of a run: its state at the start, and the motion that its controller tracks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

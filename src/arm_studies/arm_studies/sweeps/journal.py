@@ -5,8 +5,6 @@ The first line of JSON identifies the study; each further line is one run. Numbe
 that they are read back exactly.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 from collections.abc import Iterable, Mapping

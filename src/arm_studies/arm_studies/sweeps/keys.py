@@ -5,8 +5,6 @@ A change of a tunable quantity, the initial state, the motion, a controller's se
 and commands requires no new equations. All other changes require a separate world.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy

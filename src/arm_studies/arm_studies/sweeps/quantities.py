@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Varied quantities in words, with their units, for headings."""
 
-from __future__ import annotations
-
 import re
 
 from arm_dynamics.scene import Scene

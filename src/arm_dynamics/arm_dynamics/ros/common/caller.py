@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls to services of running nodes, with a diagnosis if there is no answer."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Collection

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conflicts in the ROS graph: two nodes publish a topic of one, or have the same name."""
 
-from __future__ import annotations
-
 from rclpy.node import Node
 
 _WAY_OUT = "or give it a namespace (--ros-args -r __ns:=/left) or a ROS_DOMAIN_ID of its own"

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversion between messages and bytes, times, arrays."""
 
-from __future__ import annotations
-
 from array import array
 from typing import Any
 

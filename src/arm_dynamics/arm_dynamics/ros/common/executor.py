@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fastest executor available, and its timers."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

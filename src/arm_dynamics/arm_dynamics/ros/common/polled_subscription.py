@@ -5,8 +5,6 @@ A 1 kHz loop that needs only the newest message polls for it: that costs less th
 without a message and a few with one, far less than a callback.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation

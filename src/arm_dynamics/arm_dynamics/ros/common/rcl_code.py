@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """C code of the nodes that calls rcl and needs its headers and a compiler."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from pathlib import Path

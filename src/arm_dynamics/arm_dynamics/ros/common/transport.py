@@ -14,8 +14,6 @@ is killed cannot release them; after killing one, call ``clear_dead``, which doe
 ``fastdds shm clean`` (which the wheels do not contain).
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 from collections.abc import MutableMapping

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller's last answer, to be repeated, and the counters of its diagnostics."""
 
-from __future__ import annotations
-
 import time
 from ctypes import addressof, byref
 

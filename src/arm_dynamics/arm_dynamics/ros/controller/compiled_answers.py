@@ -10,8 +10,6 @@ Python changes the parts of the controller under a lock that C holds while it an
 stops answering at every change, and resumes after the next answer by Python.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from ctypes import byref, c_void_p
 from functools import partial

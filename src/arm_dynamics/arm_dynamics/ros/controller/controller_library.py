@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The C code of the controller node: ordinary answers, and the rules that Python's follow too."""
 
-from __future__ import annotations
-
 from ctypes import CDLL
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detection of jumps of time or of the arm between two joint states, as after a reset."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from ctypes import addressof, byref
 

@@ -4,8 +4,6 @@
 Long goals stay serialized: their headers are read at once, their points in the background.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

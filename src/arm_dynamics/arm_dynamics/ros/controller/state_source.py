@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One publisher of joint states is followed; those of others, of the same arm, are ignored."""
 
-from __future__ import annotations
-
 import time
 
 from rclpy.node import Node

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller's topic ``~/state``: reference, feedback, error and command."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from ctypes import addressof, byref
 

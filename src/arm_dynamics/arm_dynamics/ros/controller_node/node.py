@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller node: moves an arm along trajectories with a selectable controller."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

@@ -5,8 +5,6 @@ A function reads the request, calls the core and writes the response, with joint
 the request. It raises ``InvalidInput`` for an invalid request, before anything is written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vectors of a request and its response: k points of n joints, in the request's order."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ passed to Python, which alone rejects requests. The functions are compiled in th
 a number of calls of a service, since a few calls would not be worth it.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The C code that receives, reads and publishes JointStates."""
 
-from __future__ import annotations
-
 import ctypes
 from functools import cache
 from pathlib import Path

@@ -5,8 +5,6 @@ The generated serializer takes 50 to 120 µs in Python; with fixed names and len
 and the numbers change from message to message.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

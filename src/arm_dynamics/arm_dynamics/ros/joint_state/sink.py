@@ -5,8 +5,6 @@ In a loop that wakes up a thousand times a second the processor's caches are col
 of Python costs several times what it costs in a benchmark.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from ctypes import c_void_p

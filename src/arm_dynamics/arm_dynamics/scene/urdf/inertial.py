@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inertias written into a robot description in place of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 

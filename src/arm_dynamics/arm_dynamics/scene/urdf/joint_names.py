@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names of joints in vectors, and values by name, where mimic joints may be named, too."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType

@@ -6,8 +6,6 @@ without an error if it cannot read one of its numbers: a mass of ``"3 "`` become
 Pinocchio receives only what was read here, in a form about which all parsers agree.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Remarks on lengths and inertias so large that their unit is probably another one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robot descriptions in xacro, expanded by ROS's program of that name where it is installed."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

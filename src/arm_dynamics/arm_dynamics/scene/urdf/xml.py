@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """XML of robot descriptions, read as leniently as by urdfdom, for which most of them are made."""
 
-from __future__ import annotations
-
 import re
 from xml.etree import ElementTree
 from xml.parsers import expat

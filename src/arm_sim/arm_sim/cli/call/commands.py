@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The commands of ``./arm call``, made from the table of services."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Callable, Mapping
 from contextlib import closing

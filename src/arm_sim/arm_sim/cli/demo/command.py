@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm demo``."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

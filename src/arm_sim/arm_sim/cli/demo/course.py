@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sequence of the demo: plan, start, observe, stop, report."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

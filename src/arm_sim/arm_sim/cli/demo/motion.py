@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A motion for any arm: within its joint, velocity and effort limits."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Child processes that are always terminated, each with its own log."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A running controller node for ``./arm go``: its state, and goals for it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A temporary ROS node of a command: subscribes to topics and publishes on them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 from typing import Any

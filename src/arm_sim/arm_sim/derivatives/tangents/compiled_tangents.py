@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled derivatives of the ticks of a scene, of those kinds that it has."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """All functions by which tangents of a scene are propagated, and the C of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

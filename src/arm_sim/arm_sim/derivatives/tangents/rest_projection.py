@@ -7,8 +7,6 @@ allow, along the forces that hold. Positions are projected alike at a rigid stop
 load presses a joint: displaced, it is led back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

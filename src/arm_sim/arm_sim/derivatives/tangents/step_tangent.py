@@ -6,8 +6,6 @@ it. The whole derivative of a tick is computed by rows, with the transposed func
 of them, and nx + n columns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meaning of a table's columns, from the names that common loggers use."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings as NumPy archives, which were written before: arrays by name, the rest as text."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from pathlib import Path

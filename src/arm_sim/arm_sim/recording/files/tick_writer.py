@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes recordings as MCAP: ticks and changes, from which a run is repeated bit by bit."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from typing import Any

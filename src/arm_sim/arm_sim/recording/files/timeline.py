@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Order of the ticks and changes of a file, as rows of a recording."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of recordings that are being written: MCAP, alone or in the folder of a bag."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import NamedTuple

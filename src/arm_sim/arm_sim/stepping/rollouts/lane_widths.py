@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many arms a vector register holds, and which numbers of them are tried."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from arm_dynamics import InvalidInput

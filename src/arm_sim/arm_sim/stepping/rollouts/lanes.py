@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Code by which arms are advanced side by side, one in each lane of a vector register."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms distributed over threads; compiled code releases the interpreter lock."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns of numbers at a constant sampling rate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

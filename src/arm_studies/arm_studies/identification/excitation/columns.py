@@ -8,8 +8,6 @@ drive, viscous and Coulomb friction and an offset. Combinations that no motion c
 grouped by the singular value decomposition of W at random states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

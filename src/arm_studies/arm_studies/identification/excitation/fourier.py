@@ -13,8 +13,6 @@ all satisfy. So the arm starts from rest and returns to it within the series its
 join smoothly.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.arrays import Array

@@ -8,8 +8,6 @@ sections 10.3 and 10.4). The link whose weight is the smallest part of its joint
 it, since noise and unmodelled effects grow with the torque.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -5,8 +5,6 @@ Robots low-pass filter efforts before they report them, and predictions at high 
 position noise. In both cases efforts are explained better by predictions that are filtered more.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 

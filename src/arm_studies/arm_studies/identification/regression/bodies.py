@@ -7,8 +7,6 @@ semidefinite (Wensing, Kim, Slotine, "Linear matrix inequalities for physically 
 parameter identification", IEEE Robotics and Automation Letters 3(1), 2018).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.arrays import Array

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Irregularities of a recording that a fit shows: outliers, uneven friction, a tilted base."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_studies.identification.regression.estimation import Mask

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Torques of rigid bodies as a linear function of their inertial parameters."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

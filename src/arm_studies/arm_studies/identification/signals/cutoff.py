@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The choice of a filter's cut-off frequency, from the noise in measured positions."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from arm_dynamics.arrays import Array

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A background thread for work that a real-time loop must not wait for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scheduling of the middleware's threads and the loop's, as far as it needs no privileges."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns of friction at the rows of a regression, from the velocities at all measured times."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measured motions as decimated rows, and which of these are used, held out, or at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
