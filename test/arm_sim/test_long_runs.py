@@ -18,8 +18,7 @@ from own_controllers import Springs
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.trajectory import Waypoint
-from arm_sim import ClosedLoop, Recording, Simulator, memory
-from arm_sim import progress
+from arm_sim import ClosedLoop, Recording, Simulator, memory, progress
 from arm_sim.stepping import slices
 
 SOON = 15.0  # [s] of a busy machine; each of these would take minutes
