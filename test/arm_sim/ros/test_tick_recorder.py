@@ -73,9 +73,10 @@ def test_what_holds_the_arm_and_what_changes_it_is_recorded(
 ) -> None:
     """Set in motion while brakes hold it: they take that motion and nothing else, and once."""
     engine.configure(0.02, "brake")
-    engine.tick()
-    engine.change(lambda: engine.simulator.set_state([0.4, -0.3], [1.0, 0.5]))
-    engine.tick()
+    for state in ([0.1, 0.2], [0.0, 0.0]), ([0.4, -0.3], [1.0, 0.5]):
+        engine.change(lambda state=state: engine.simulator.set_state(*state))
+        engine.tick()
+        engine.tick()
     loaded = recorded(recorder)
     assert loaded.hold is not None and loaded.hold[:-1].all()
     assert np.ptp(loaded.energy) > 1.0
