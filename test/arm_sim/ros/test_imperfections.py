@@ -105,7 +105,7 @@ def test_a_held_command_is_lost_once_and_not_again_in_each_tick() -> None:
     assert outcomes == {(0.0,) * 10, (1.0,) * 10}
 
 
-def test_a_delayed_command_that_is_sent_again_does_not_become_stale() -> None:
+def test_a_delayed_command_becomes_stale_unless_it_is_sent_again() -> None:
     simulator, command = Simulator({**PLAIN, "commands": {"delay": 0.002}}), (0.0, 1.0)
     engine = TickEngine(simulator, wrench_timeout=0.1, wrench_reference="local")
     engine.configure(0.003, "zero")
@@ -113,6 +113,7 @@ def test_a_delayed_command_that_is_sent_again_does_not_become_stale() -> None:
         engine.commands.put(command)
         engine.tick()
     assert simulator.effort[1] == 1.0
+    assert acting(engine, 8) == [1.0] * 4 + [0.0] * 4, "it acts for three ticks from its arrival"
 
 
 def test_a_reset_forgets_commands_on_the_way(ros: Ros) -> None:

@@ -73,7 +73,8 @@ class Wire(Structure):
 
 @pytest.fixture
 def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
-    """The native code of the nodes, whose messages come by ``wire.c``."""
+    """The native code of the nodes, whose messages come by ``wire.c``; it keeps few energies."""
+    monkeypatch.setattr("arm_sim.ros.energy_trail.ROWS", 20)
     made = node_library.library(WIRE)
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
     for user in ("tick_engine", "outputs"):

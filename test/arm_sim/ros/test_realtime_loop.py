@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real-time loop, mostly with a simulated clock; durations, round trips; how old commands are,
-when orders act and what energies are in ticks by the clock.
+and when orders act in ticks by the clock.
 """
 
-import math
 import threading
 import time
 from ctypes import addressof, byref
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from harness import Ros
 from polled import each
-from sim_by_hand import NAMES, Waiting, by_hand, command, motion
+from sim_by_hand import NAMES, Waiting, by_hand, command
 
 from arm_sim.ros.node_library import library
 from arm_sim.ros.timing.histogram import Histogram
@@ -237,24 +236,3 @@ def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
     queue.post(lambda: served.append(arm.step_count))
     clocked.ticks(3)
     assert served == [3] and arm.step_count == 6
-
-
-def test_an_account_of_many_ticks_is_that_of_each(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("arm_sim.ros.energy_trail.ROWS", 3)
-    clocked, each = Clocked(ros), by_hand(ros, command_timeout=5e-3)
-    each.inputs.polled.close()
-    for node in clocked.node, each:
-        node.engine.energy.keep(True)
-    for k in range(19):  # before it is closed, since nobody listens
-        clocked.commands.append(raw := command(name=NAMES, effort=[math.sin(k), 1.0]))
-        clocked.ticks(5)
-        each.inputs.on_joint_commands(raw)
-        for _ in range(5):
-            each.tick()
-            each.engine.energy.read()
-        assert motion(each).tobytes() == motion(clocked.node).tobytes()
-    one, other = clocked.node.engine.energy.read(), each.engine.energy.read()
-    assert one is not None and other is not None and one.input != 0.0
-    np.testing.assert_allclose(one, other, atol=1e-12)

@@ -86,6 +86,8 @@ def test_a_bag_of_a_node_has_its_metadata(ros: Ros, tmp_path: Path) -> None:
     (folder,) = tmp_path.glob("bag-*")
     assert "{" not in folder.name and (folder / "metadata.yaml").exists()
     assert len(Recording.load(folder)) == 11
+    with pytest.raises(InvalidInput, match="nowhere"):
+        by_hand(ros, record=str(tmp_path / "nowhere/run.mcap"))
 
 
 def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from arm_sim import Simulator
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.tick_queue import TickQueue
+from arm_sim.servo import JointCommand
 
 TAU = (1.5, -0.5)
 BOTH = frozenset({0, 1})
@@ -178,6 +179,9 @@ def test_servos_that_may_have_to_stop_the_arm_are_built_while_it_moves(
     ticks(made, 3)
     assert len(started) == begun
     assert made.simulator.effort.tolist() == [*TAU]
+    made.commands.put(JointCommand(position=[0.0, 0.0]))
+    made.tick()
+    assert not made.simulator.state.v.any(), "brakes hold it until they are built"
 
 
 def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
