@@ -43,7 +43,6 @@ GIVEN: dict[str, tuple[str, ...]] = {
     "reference/ros-interface": (OTHER,),
     "tutorials/identify": (
         "my_arm.urdf", "arm sim my_arm.urdf", "arm controller my_arm.urdf", "other_run.mcap",
-        "ur10_exciting_trajectory.db3", "panda_exciting_trajectory.db3",
     ),
 }  # fmt: skip
 # Lines of a page that would go on among its others; test_own_node.py runs the node with its sim.

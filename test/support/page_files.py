@@ -6,59 +6,50 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 import models
-from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.arrays import Array
+from arm_dynamics import load_scene
 from arm_dynamics.control import ComputedTorque
 from arm_dynamics.trajectory import Reference
-from arm_sim import Simulator
+from arm_sim import Recording, Simulator
 
 ROBOT = str(models.SCENES / "two_link.urdf")
 VISCOUS = {"joints": {"*": {"friction": {"viscous": 0.8, "coulomb": 0.6}}}}
 
 
 class Waves:
-    """Joints that swing about where a scene begins, from rest, each at frequencies of its own."""
+    """Joints that swing about where they are, from rest, each at frequencies of its own."""
 
-    def __init__(self, dynamics: Dynamics, q0: Array, seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        room = np.minimum(1.0, np.nan_to_num(self._room(dynamics, q0), posinf=1.0))
-        self._q0, shape = q0, (3, len(q0))
-        self._w = rng.uniform(1.0, 5.0, shape)
-        self._A = 0.4 * room * rng.uniform(-1.0, 1.0, shape) / 3.0
-
-    @staticmethod
-    def _room(dynamics: Dynamics, q0: Array) -> Array:
-        model = dynamics.model
-        return np.minimum(q0 - model.position_lower, model.position_upper - q0)
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations at times ``(k,)``."""
-        wt = self._w * np.asarray(t)[:, None, None]
-        q = self._q0 + (self._A * (1.0 - np.cos(wt))).sum(axis=1)
-        v = (self._A * self._w * np.sin(wt)).sum(axis=1)
-        return q, v, (self._A * self._w**2 * np.cos(wt)).sum(axis=1)
+    def __init__(self, sim: Simulator, seed: int) -> None:
+        rng, model, self._q0 = np.random.default_rng(seed), sim.model, sim.state.q
+        room = np.minimum(self._q0 - model.position_lower, model.position_upper - self._q0)
+        self._w = rng.uniform(1.0, 5.0, (3, sim.n))
+        self._A = 0.4 / 3.0 * np.minimum(1.0, room) * rng.uniform(-1.0, 1.0, (3, sim.n))
 
     def sample(self, t: float) -> Reference:
         """The reference at one time."""
-        return Reference(*(x[0] for x in self.at(np.array([t]))))
+        A, w = self._A, self._w
+        q, v, a = A * (1.0 - np.cos(w * t)), A * w * np.sin(w * t), A * w**2 * np.cos(w * t)
+        return Reference(self._q0 + q.sum(axis=0), v.sum(axis=0), a.sum(axis=0))
 
 
-def simulated(
-    path: Path, scene: str = "panda", seed: int = 1, duration: float = 6.0, holding: float = 0.0
-) -> None:
-    """A recording of the sim; a Panda may hold a body of some [kg]."""
+def recorded(
+    scene: str = "panda", seed: int = 1, duration: float = 6.0, holding: float = 0.0
+) -> Recording:
+    """A motion of an arm with friction; a Panda may hold a body of some [kg]."""
     given = {**load_scene(scene).model_dump(exclude_unset=True), **VISCOUS}
     if holding:
         given["payloads"] = [{"frame": "panda_hand", "mass": holding, "com": [0.0, 0.0, 0.1]}]
     sim = Simulator(given, dt=4e-3)
-    waves = Waves(sim.dynamics, sim.state.q, seed)
-    sim.run(duration, ComputedTorque(sim.dynamics), waves).save(path)
+    return sim.run(duration, ComputedTorque(sim.dynamics), Waves(sim, seed))
+
+
+def simulated(path: Path, **how: Any) -> None:
+    """A recording of the sim: a file, or a bag where the name has no ending."""
+    recorded(**how).save(path)
 
 
 def cut_off(path: Path) -> None:
@@ -67,44 +58,12 @@ def cut_off(path: Path) -> None:
     os.truncate(path, path.stat().st_size * 2 // 3)
 
 
-def measured(scene: str, seed: int, rate: float = 100.0) -> tuple[tuple[str, ...], Array, Array]:
-    """Joint names, times, and columns of positions and efforts of an arm with friction."""
-    true = Dynamics({**load_scene(scene).model_dump(exclude_unset=True), **VISCOUS})
-    start = Simulator(scene, backend="vm").state.q
-    t = np.arange(0.0, 12.0, 1.0 / rate)
-    q, v, a = Waves(true, start, seed).at(t)
-    noise = 0.02 * np.random.default_rng(seed).normal(size=q.shape)
-    return true.joint_names, t, np.stack([q, v, true.inverse(q, v, a) + noise])
-
-
-def bag(path: Path, scene: str, seed: int = 1) -> None:
-    """A bag of a robot: a folder, or its one file if the name ends in ``.db3``."""
-    names, times, (q, v, tau) = measured(scene, seed)
-    store = get_typestore(Stores.ROS2_JAZZY)
-    kinds = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
-    JointState, Header, Time = (kinds[name] for name in ("JointState", "Header", "Time"))
-    folder = path.with_suffix("")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        topic = writer.add_connection("/joint_states", JointState.__msgtype__, typestore=store)
-        for t, *columns in zip(times, q, v, tau, strict=True):
-            stamp = round(1e9 * (1000.0 + t))
-            header = Header(stamp=Time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="")
-            message = JointState(header, list(names), *columns)
-            data = store.serialize_cdr(message, JointState.__msgtype__)
-            writer.write(topic, stamp, data)
-    if path.suffix:
-        (folder / f"{folder.name}.db3").rename(path)
-        shutil.rmtree(folder)
-
-
 def joint_table(path: Path) -> None:
     """A table of an arm whose shoulder it calls ``axis_1``."""
-    names, t, (q, _, tau) = measured(ROBOT, 1)
-    told = [{"shoulder": "axis_1"}.get(name, name) for name in names]
-    heading = ["time", *(f"{part}.{name}" for part in ("position", "effort") for name in told)]
-    rows = np.column_stack([t, q, tau])
-    np.savetxt(path, rows, delimiter=",", header=",".join(heading), comments="")
+    columns = recorded(ROBOT).to_dict()
+    heading = ",".join(columns).replace("shoulder", "axis_1")
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=heading, comments="")
 
 
 # --- by name -------------------------------------------------------------------------------------
@@ -122,12 +81,10 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "cut.mcap": cut_off,
     "other.mcap": partial(simulated, duration=1.0),
     "other_run.mcap": partial(simulated, scene=ROBOT, seed=2),
-    "bag_of_my_robot": partial(bag, scene="panda"),
-    "bags/my_robot": partial(bag, scene="ur10"),
-    "bag_1": partial(bag, scene="ur10"),
-    "bag_2": partial(bag, scene="ur10", seed=2),
-    "ur10_exciting_trajectory.db3": partial(bag, scene="ur10"),
-    "panda_exciting_trajectory.db3": partial(bag, scene="panda"),
+    "bag_of_my_robot": simulated,
+    "bags/my_robot": partial(simulated, scene="ur10"),
+    "bag_1": partial(simulated, scene="ur10"),
+    "bag_2": partial(simulated, scene="ur10", seed=2),
     "table.csv": joint_table,
     "my_arm.urdf": written(Path(ROBOT).read_text()),
     "arm.urdf": written(Path(ROBOT).read_text()),

@@ -34,7 +34,7 @@ def test_what_takes_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     screen, pipe, doing = Screen(), io.StringIO(), ["drawing picture 1"]
     with redirect_stderr(screen), output.waiting("building an arm"):
         heard(screen, "building an arm … 0 s")
-    assert screen.getvalue().endswith("\r\033[K")
+    assert screen.getvalue().startswith("\r\033[K") and screen.getvalue().endswith("\r\033[K")
     with redirect_stderr(pipe), output.waiting("building an arm"):
         time.sleep(0.02)
     assert not pipe.getvalue()

@@ -87,6 +87,16 @@ def test_a_motor_alone_loses_what_its_resistance_does() -> None:
     assert np.abs(run.balance).max() < 1e-6
 
 
+def test_the_balance_closes_over_stops() -> None:
+    """Ticks near one are repeated, the others are not."""
+    law = {"friction": {"viscous": 0.4}, "limits": {"lower": -0.6, "upper": 3.0}}
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    run = Simulator(scene | {"joints": {"*": law}}, integrator="rk4").run(0.5)
+    met = int(run.plant.model.stops.touched(run.q).any(axis=1).argmax())
+    assert run.account.repeats(run.x) and not run.account.repeats(run.x[: met - 20])
+    assert run.energy_error < 1e-6
+
+
 def test_heat_of_friction_that_differs_by_position_and_load() -> None:
     """Simpson's rule needs the middle of a tick: known exactly of a cubic motion."""
     friction = {"viscous": 0.3, "coulomb": 0.5}

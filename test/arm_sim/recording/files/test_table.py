@@ -78,6 +78,7 @@ def test_missing_cells_are_nan(tmp_path: Path) -> None:
         (PLAIN.replace("0.010,", "0.010,7,"), "row 4 has 4 columns, the header 3"),
         (PLAIN.replace("0.010,", "0.004,"), "row 4, column 'time' = '0.004': it does not incre"),
         (PLAIN.replace("effort.", "position."), "two columns are named 'position.hip'"),
+        (PLAIN.replace("effort.hip", "hip_pos"), "'position.hip' and 'hip_pos' are both the po"),
         ("\n".join(ROWS), "row 1, column '1' = '0.000': a table without a header"),
         (PLAIN.replace("hip", "höft").encode("latin-1"), "row 1 is not UTF-8; UTF-8, or UTF-16 w"),
         (PLAIN.encode("utf-16-le"), "contains zero bytes; UTF-8, or UTF-16 with a byte-order"),
