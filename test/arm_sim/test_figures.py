@@ -12,7 +12,6 @@ from arm_dynamics import InvalidInput
 from arm_sim.figures import (
     RATE,
     animation,
-    joint_words,
     legend_outside,
     use_style,
 )
@@ -41,12 +40,6 @@ def test_every_frame_shows_the_motion_at_its_time() -> None:
         np.testing.assert_array_equal(still.get_xydata(), ground)
         np.testing.assert_array_equal(trail.get_xydata(), TIP[: k + 1])
         assert clock.get_text() == f"{TIME[k]:.2f} s"
-
-
-def test_joints_keep_their_names_but_for_what_all_share() -> None:
-    assert joint_words(["j1", "j2"]) == ["j1", "j2"]
-    assert joint_words(["a/panda_joint1", "a/panda_joint2"]) == ["joint 1", "joint 2"]
-    assert joint_words(["shoulder_pan_joint", "elbow_joint"]) == ["shoulder pan", "elbow"]
 
 
 @pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])

@@ -127,7 +127,7 @@ def test_the_last_good_state_and_the_motion_so_far_are_kept(
     run = caught.value.recording
     assert len(run) == sim.arm.step_count + 1 > 1
     np.testing.assert_array_equal(run.q[-1], sim.state.q)
-    assert finite(sim) and np.isfinite(run.v).all()
+    assert np.isfinite([run.q, run.v]).all()
     last = sim.reset()
     with pytest.raises(SimulationDiverged):
         for _ in range(1000):
@@ -165,15 +165,11 @@ def test_commands_of_ticks_that_are_not_made_do_not_arrive() -> None:
     np.testing.assert_array_equal(sims[0].effort, sims[1].effort)
 
 
-def finite(sim: Simulator) -> bool:
-    return bool(np.isfinite(sim.state.q).all() and np.isfinite(sim.state.v).all())
-
-
 def test_adaptive_steps_that_cannot_meet_the_tolerance() -> None:
     """A torque without bound on a light joint: error control gives up with the state kept."""
     sim = Simulator(models.scene("double_pendulum"), tolerance=1e-12)
     before = sim.state
     with pytest.raises(SimulationDiverged, match="1e-12"):
         sim.step([1e300, -1e300])
-    assert sim.state is before and finite(sim)
+    assert sim.state is before
     assert np.isfinite(sim.step([0.0, 0.0]).q).all()

@@ -15,28 +15,23 @@ class WrittenAnew(Exception):
     """Equations are written although their code is there."""
 
 
-@pytest.fixture
-def unwritten(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hasty: dict[str, str]
-) -> pytest.MonkeyPatch:
-    """An empty cache; ``setattr`` lets the writing of equations fail from then on."""
-    for name, value in {"XDG_CACHE_HOME": str(tmp_path), **hasty}.items():
-        monkeypatch.setenv(name, value)
-    return monkeypatch
-
-
 def refuse(*_: object) -> None:
     raise WrittenAnew
 
 
-def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch) -> None:
+def test_the_second_start_writes_no_equations(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, hasty: dict[str, str]
+) -> None:
+    """From an empty cache; other scenes write theirs."""
+    for name, value in {"XDG_CACHE_HOME": str(tmp_path), **hasty}.items():
+        monkeypatch.setenv(name, value)
     joints = 17  # more than 16 have other equations
     urdf = snake(np.random.default_rng(5), joints)
     tau = np.linspace(-1.0, 1.0, joints)
     loose = {"*": {"limits": {"stop": False}}}  # which takes less to compile
     scene = {"robot": {"urdf": urdf}, "joints": loose, "sim": {"integrator": "euler"}}
     first = Simulator(scene).run(0.02, tau)
-    unwritten.setattr(plant, "Mechanics", refuse)
+    monkeypatch.setattr(plant, "Mechanics", refuse)
     again = Simulator(scene)
     np.testing.assert_array_equal(again.run(0.02, tau).v, first.v)
     assert again.n == joints

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-import models
 from arm_sim import Simulator
 from models.touching import carrier, contact, rails
 from tolerances import CLOSED_FORM, assert_close
@@ -69,25 +68,3 @@ def test_a_blow_goes_through_the_cord() -> None:
     lost = 0.5 * (WEIGHT + SLEDGE) * speed**2 * (1 - 0.5**2)
     assert_close(run.lost[-1], lost, 1e-9)
     assert_close(run.balance, np.zeros(len(run)), 1e-9)
-
-
-def test_a_four_bar_comes_to_rest_on_the_floor() -> None:
-    """Hinges with dry friction, a loop and a contact: it falls, bounces, and rests to the bit."""
-    floor = contact(
-        "coupler", name="floor", point=[0.3, 0, 0], friction=0.4, restitution=0.3,
-        plane={"point": [0, 0, 0.2], "normal": [0, 0, 1]},
-    )  # fmt: skip
-    data = models.scene("four_bar").model_dump(mode="json", exclude_none=True)
-    data |= {
-        "constraints": [*data["constraints"], floor],
-        "joints": {"*": {"friction": {"coulomb": 0.02}}},
-        "initial": {"position": {"crank_pivot": 0.5, "knee": 0.3, "rocker_pivot": 1.6}},
-    }
-    sim = Simulator(data)
-    run = sim.run(3.0)
-    rest = np.flatnonzero((run.v == 0.0).all(axis=1))[-1]
-    moving = np.flatnonzero((run.v != 0.0).any(axis=1))[-1]
-    assert moving < 2500 < rest
-    assert (run.q[moving + 5 :] == run.q[-1]).all()  # soon: rounding is brought back first
-    assert abs(sim.contact_forces()[0].gap) < 1e-14
-    assert_close(run.balance / run.lost[-1], np.zeros(len(run)), 1e-8)

@@ -36,6 +36,15 @@ def test_a_tick_that_diverges_has_no_derivative(options: dict[str, Any]) -> None
             sim.step([0.0, 0.0])
 
 
+def test_a_smoothed_tick_that_diverges_is_refused_by_its_arm() -> None:
+    """Beyond the stops too, which a smoothed tick ignores, others have derivatives."""
+    linearizer = models.simulator("gantry").arm.compiled.derivatives.linearizer()
+    x = np.outer([0.0, 1e140, 1e160], [0, 0, 1, 0])
+    assert np.isfinite(linearizer.smoothed_jacobians(x[:2], np.zeros((2, 2)), 0.1, None)).all()
+    with pytest.raises(SimulationDiverged, match="^arm 2: linearize: .* cannot be computed"):
+        linearizer.smoothed_jacobians(x, np.zeros((3, 2)), 0.1, None)
+
+
 def test_beyond_the_limit_torque_has_no_effect() -> None:
     """The torque is cut, so the derivative by it is zero; the simulation does not move."""
     sim = models.simulator("two_link")

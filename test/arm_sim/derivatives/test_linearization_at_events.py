@@ -11,8 +11,9 @@ import pytest
 from samples import always, covering
 
 import models
+from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.derivatives import tangents
+from arm_sim.derivatives import events, tangents
 from models.driven import wheel
 from models.touching import carrier, contact, rails, unbalance
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -247,6 +248,18 @@ def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
     assert sim.impacts == 1
 
 
+def test_an_interrupt_in_a_step_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps under error control are propagated in Python, called by C."""
+    sim = simulator(flexible, 0.02, "error control")
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tangents.Tangents, "step", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sim.linearize(sim.reset([0.99], [1.0]), [0.1])
+
+
 def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """CasADi evaluates it then, within the compiled code of the events."""
     build, dt, (q, v, tau) = CASES["bounces on a rough table"]
@@ -255,6 +268,13 @@ def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None
     sim = Simulator(build(), dt=dt, integrator="rk4")
     for found, expected in zip(sim.linearize(sim.reset(q, v), tau), wanted, strict=True):
         assert_close(found, expected, ALGEBRA)
+
+
+def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim = Simulator(CASES["rebounds"][0](), dt=0.1)
+    monkeypatch.setattr(events, "built_of_lanes", lambda *_: None)
+    with pytest.raises(CompilerMissing, match=r"events need compiled code.*\./arm build"):
+        sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 
 
 def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:

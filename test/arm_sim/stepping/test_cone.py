@@ -55,6 +55,12 @@ def test_forces_obey_the_law_of_coulomb(nc: int, rank: int, rng: np.random.Gener
     assert missing == 0 if rank >= 3 * nc else missing <= 4
 
 
+def test_a_contact_that_closes_without_force_is_apart() -> None:
+    """On the verge: no acceleration across, nothing to carry."""
+    state, force = solve_cone(np.eye(3), np.array([0.0, -3.0, 0.0]), 0.5)
+    assert state == APART and not force.any()
+
+
 def test_a_sliding_contact_that_jams_has_no_answer() -> None:
     """Friction that presses together faster than the normal force opens (Painlevé)."""
     W = np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])

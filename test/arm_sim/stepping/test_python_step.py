@@ -97,14 +97,6 @@ def test_the_state_is_kept_where_a_tick_cannot_be_computed() -> None:
     assert_same(by_code.state, before)
 
 
-def test_a_count_of_any_size_goes_on() -> None:
-    sim, _ = pair({})
-    arm = sim.arm
-    for count in (2**63 - 2, 10**30):
-        arm.restore(arm.x.copy(), arm.parameters, count)
-        assert sim.step(np.zeros(2)).step == arm.step_count == count + 1
-
-
 def test_another_scene_takes_over() -> None:
     """Compiled ticks are those of the scene in use."""
     sim, other = pair({})
