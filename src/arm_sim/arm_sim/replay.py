@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics import InvalidInput, load_scene
 from arm_dynamics.arrays import Array, read_only
@@ -107,8 +108,8 @@ def replay(
     # Imperfections between arm and controller have affected the commands already.
     plain: dict[str, Any] = {"sensors": None, "commands": None}
     if same and recording.jumps:
-        first = recording.jumps[0].tunable
-        plain["tunable"] = tuple(name for name in base.tunable if name in first)
+        tunable = recording.jumps[0].tunable
+        plain["tunable"] = tuple(name for name in base.tunable if name in tunable)
     if integrator is None and tolerance is None:
         integrator, tolerance = origin.integrator, origin.tolerance
     sim = Simulator(base.model_copy(update=plain), integrator, origin.dt, tolerance)
@@ -124,40 +125,44 @@ def replay(
     ticks = np.ones(len(recording), bool)
     ticks[[0, *recording.gaps]] = False
     apart = np.where(ticks, abs(recorded - replayed)[:, : sim.n].max(axis=1), 0.0)
-    # Compares bits, not numbers: zero has a sign.
-    differs = recorded.view(np.int64) != replayed.view(np.int64)
-    rows = np.flatnonzero(differs.any(axis=1) & ticks & ~np.isnan(replayed[:, 0]))
-    difference = None
-    if len(rows):
-        row = int(rows[0])
-        k = int(differs[row].argmax())
-        kinds, joints = ("position", "velocity"), sim.joint_names
-        names = [f"{kind} of {joint}" for kind in kinds for joint in joints]
-        difference = Difference(
-            row, float(recording.time[row]), [*names, *sim.z_names][k],
-            float(recorded[row, k]), float(replayed[row, k]),
-        )  # fmt: skip
+    first = _first_difference(recording.time, ticks, recorded, replayed, sim)
     here = versions()
     others = tuple(name for name, value in origin.versions.items() if here.get(name) != value)
-    return Replay(rerun.motion(), difference, read_only(apart), others, failure)
+    return Replay(rerun.motion(), first, read_only(apart), others, failure)
+
+
+def _first_difference(
+    time: Array, ticks: NDArray[np.bool_], recorded: Array, replayed: Array, sim: Simulator
+) -> Difference | None:
+    """The first value of some ticks whose bits differ: as numbers, zeros of both signs do not."""
+    differs = recorded.view(np.int64) != replayed.view(np.int64)
+    rows = np.flatnonzero(differs.any(axis=1) & ticks & ~np.isnan(replayed[:, 0]))
+    if not len(rows):
+        return None
+    row, k = int(rows[0]), int(differs[rows[0]].argmax())
+    kinds, joints = ("position", "velocity"), sim.joint_names
+    names = [f"{kind} of {joint}" for kind in kinds for joint in joints]
+    values = float(recorded[row, k]), float(replayed[row, k])
+    return Difference(row, float(time[row]), [*names, *sim.z_names][k], *values)
 
 
 class _Rerun:
     """Makes the ticks of a recording again.
 
     Attributes:
-        ended: States at the end of each tick, shape (k+1, nx); NaN from a failure on.
+        ended: States at the end of each tick, shape (k+1, nx); NaN from a failure on. The motion
+            has those at the beginning of each: others where something else has changed the state.
     """
 
     def __init__(self, recording: Recording, sim: Simulator, same: bool) -> None:
         self._recording, self._sim = recording, sim
         self._x, self._ended = recording.x, recording.ended
         self._jumps = {jump.row: jump for jump in recording.jumps}
-        self._there = Parameters(recording.plant.model)
-        self._out, self.ended = np.full((2, len(recording), sim.arm.plant.nx), np.nan)
+        self._layout = Parameters(recording.plant.model)  # of the recorded quantities
+        self._begun, self.ended = np.full((2, len(recording), sim.arm.plant.nx), np.nan)
         self._tuned = list[str]()  # what comes from the recording; another scene has its own
-        for name in self._there.names:
-            column = recording.p[:, self._there.place(name)]
+        for name in self._layout.names:
+            column = recording.p[:, self._layout.place(name)]
             if not (same or name == EXTERNAL or np.any(column != column[0])):
                 continue
             if name != EXTERNAL and name not in sim.arm.plant.parameters.names:
@@ -183,7 +188,7 @@ class _Rerun:
         """Apply changes at a time other than by ticks."""
         recording, sim, jump = self._recording, self._sim, self._jumps.get(row)
         later = (jump.tunable for jump in recording.jumps if jump.row > row)
-        tunable = next(later, self._there.names)
+        tunable = next(later, self._layout.names)
         if EXTERNAL in tunable and EXTERNAL not in sim.arm.plant.parameters.names:
             external_change(sim)()
         moved = self._ended[row].tobytes() != self._x[row].tobytes()
@@ -191,12 +196,12 @@ class _Rerun:
             self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
         elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):
             self._place(sim.arm.x, row, sim.arm.substep)
-        self._out[row] = sim.arm.x
+        self._begun[row] = sim.arm.x
 
     def _place(self, x: Array, row: int, substep: float) -> None:
         """Set the state, with the quantities tuned at a time."""
         sim, here, p = self._sim, self._sim.arm.plant.parameters, self._recording.p[row]
-        values = {name: self._there.of(name, p) for name in self._tuned if name in here.names}
+        values = {name: self._layout.of(name, p) for name in self._tuned if name in here.names}
         if len(x) != sim.arm.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]
             x = np.concatenate([q, v, sim.arm.plant.laws.initial(q, v)])
@@ -226,15 +231,15 @@ class _Rerun:
             self._keep(k, sim.arm.x[None])
 
     def _keep(self, row: int, x: Array) -> None:
-        self._out[row + 1 : row + 1 + len(x)] = self.ended[row + 1 : row + 1 + len(x)] = x
+        self._begun[row + 1 : row + 1 + len(x)] = self.ended[row + 1 : row + 1 + len(x)] = x
 
     def motion(self) -> Recording:
         """The replayed motion, up to a failure."""
         recording, sim = self._recording, self._sim
         origin = recording.origin
         assert origin is not None
-        rows = int(np.flatnonzero(~np.isnan(self._out[:, 0]))[-1]) + 1
-        q, v, z = map(read_only, np.split(self._out[:rows], (sim.n, 2 * sim.n), axis=1))
+        rows = int(np.flatnonzero(~np.isnan(self._begun[:, 0]))[-1]) + 1
+        q, v, z = map(read_only, np.split(self._begun[:rows], (sim.n, 2 * sim.n), axis=1))
         arrays = {
             name: getattr(recording, name)[:rows]
             for name in ("time", "command", "local_error", "time_stepped")

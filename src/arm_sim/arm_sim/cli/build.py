@@ -104,6 +104,7 @@ def build(
 
 @contextmanager
 def _into(out: Path, scene: str, part: str, processor: str) -> Iterator[None]:
+    """Report a part of a scene on one line while it is compiled into a folder."""
     from arm_dynamics.codegen.compiler import Destination, building_into
 
     click.echo(f"{scene}: {part} ", nl=False, err=True)
@@ -130,6 +131,7 @@ def _always(simulator: Simulator) -> Parts:
 
 
 def _of_batches(simulator: Simulator) -> Parts:
+    """Compiled terms of many states, and rollouts: names, and functions that compile them."""
     import numpy as np
 
     from arm_dynamics.terms.evaluator import MANY

@@ -88,6 +88,7 @@ def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
 
 
 def _parameter(parameter: inspect.Parameter, hint: Any, about: str) -> click.Parameter:
+    """The click argument or option of a function's parameter, from its annotation and its text."""
     kind, marks, many = _unwrapped(hint)
     types = [mark for mark in marks if isinstance(mark, click.ParamType)]
     texts = [mark for mark in marks if isinstance(mark, str)]

@@ -112,6 +112,7 @@ class _Column(NamedTuple):
 
 
 def _columns(model: ArmModel) -> list[_Column]:
+    """Quantities of the joints in the table, in their order."""
     friction = model.friction
     return [
         _Column("start", "start", model.q0),

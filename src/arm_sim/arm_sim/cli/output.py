@@ -146,6 +146,7 @@ def to_json(facts: Mapping[str, Any], indent: int | None = None) -> str:
 
 
 def _plain(value: Any) -> Any:
+    """A value as JSON knows it: lists, names, and null where a number is not finite."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):

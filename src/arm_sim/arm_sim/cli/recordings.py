@@ -238,6 +238,7 @@ def _compare(
 
 
 def _comparison(original: Recording, result: Replay, largest: float) -> list[str]:
+    """What a replay has shown, in lines of text."""
     notes = [event.text for event in original.events if event.text.startswith("file: ")]
     lines = notes if result.equal else [repr(original)]  # the replayed one is shown in any case
     for name in result.other_versions:

@@ -106,6 +106,7 @@ def parse(text: str) -> Vector:
 
 
 def _structured(text: str) -> Vector:
+    """Numbers, rows of numbers, or numbers by joint, from JSON or YAML."""
     import yaml
 
     try:

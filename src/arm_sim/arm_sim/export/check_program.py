@@ -53,6 +53,7 @@ class _Checks:
             self.tables.append(_table(f"{name}{k}", values))
 
     def add_term(self, k: int, term: Term, results: Sequence[Array]) -> None:
+        """Add a call of a term at point k, and the comparison with its expected results."""
         tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}  # a or tau
         inputs = [tables.get(x, "NULL") for x in term.arguments]
         outputs = [f"result{i}" for i in range(len(results))]

@@ -47,6 +47,7 @@ def without_decided_conditions(source: str) -> str:
 
 
 def _conditional(line: str, defined: dict[str, str]) -> _Conditional:
+    """What is known of a condition, from its line and the definitions before it."""
     if "__" in line:
         return _Conditional(True, decided=False)
     condition = _IF.match(line)

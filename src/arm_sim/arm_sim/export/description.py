@@ -69,6 +69,7 @@ def _sections_of_ticks(tick: Tick) -> set[str]:
 
 
 def _marks_of_ticks(model: ArmModel, tick: Tick) -> dict[str, str]:
+    """What the text says of ticks, by the marks in its place."""
     choice, plant = tick.simulator.choice, tick.simulator.arm.plant
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     numbers = zip(tick.parameters, plant.parameters.nominal, strict=False)  # then switches

@@ -32,6 +32,7 @@ def test_points(model: ArmModel, count: int = TEST_POINTS) -> list[Point]:
 
 
 def _closed(model: ArmModel, offset: Array, v: Array, a: Array) -> Point:
+    """A point at an offset from the initial position that satisfies the bilateral constraints."""
     if not model.scene.bilateral:
         return model.q0 + _SPREAD * offset, v, a
     closure = Closure(model, model.stops)

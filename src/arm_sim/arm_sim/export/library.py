@@ -133,6 +133,7 @@ def _signature(library: Library, term: Term) -> str:
 
 
 def _definition(library: Library, term: Term, sticks: bool) -> str:
+    """C of the function of a term; of joints that may stick, the engine finds accelerations."""
     call = f"{term.function.name()}(arg, res, NULL, NULL, 0);"
     if sticks and term.name == "forward_dynamics":
         at_rest = f"if ({PREFIX}is_resting(v)) {PREFIX}accelerations_at_rest(q, v, tau, a);"

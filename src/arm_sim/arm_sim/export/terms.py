@@ -92,6 +92,7 @@ def terms_of(model: ArmModel, names: Collection[str], frames: Sequence[str]) -> 
 
 
 def _of_joints(model: ArmModel, names: Collection[str]) -> Iterator[Term]:
+    """Terms that depend on joints alone, their derivatives, and the computed torque."""
     for entry in (entry for entry in table.TERMS if not entry.selectors):
         slopes = f"{entry.name}_derivatives"
         if entry.name in names or slopes in names:

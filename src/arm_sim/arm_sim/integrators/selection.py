@@ -131,6 +131,7 @@ def _named(plant: Plant, method: Method, dt: float, tolerance: float | None) -> 
 
 
 def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
+    """The method of a scene that names none: by its stiffness, and by what varies in it."""
     sampled = responses(plant)
     if plant.nz or _swings(sampled, dt):
         return _controlled(plant, dt, tolerance, sampled)

@@ -197,6 +197,7 @@ class Step:
 
 
 def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
+    """Function (x before, x after, error estimates) -> scaled error, largest error of q."""
     nx = len(scale)
     before, after = ca.SX.sym("x", nx), ca.SX.sym("y", nx)
     errors = [ca.SX.sym(f"e{i}", nx) for i in range(estimates)]

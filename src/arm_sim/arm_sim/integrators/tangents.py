@@ -119,6 +119,7 @@ def _staged_advance(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> ca
 
 
 def _staged_propagation(tableau: Tableau, slopes: Slopes, n: int) -> ca.Function:
+    """``propagate`` of ``build_tangent`` for methods with stages, from coefficients of each."""
     used, (dx, dw, dh) = stages_used(tableau), _changes(slopes)
     h, k_symbols = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0], len(used))
     c_symbols = ca.SX.sym("c", slopes.coefficients.size1_out(1), len(used))

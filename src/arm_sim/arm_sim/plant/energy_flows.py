@@ -61,14 +61,14 @@ def dissipated_and_external_power(model: ArmModel, parameters: Parameters) -> tu
     tree = tree_of(model)
     viscous, dry, pushed = map(parameters.place, ("friction", "coulomb", EXTERNAL))
 
-    def friction_heat(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+    def dissipated_power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         law = model.friction if dry is None else model.friction.scaled(p[dry])
         torque = law.smooth(v, q, None if viscous is None else p[viscous])
         if law.has_dry:
             torque = torque + law.dry(v, ca.sign(v), q, tau)
         return ca.dot(torque, v) + spring.heat(model.springs, tree, q, v)
 
-    def outside_work(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+    def external_power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         return ca.SX(1, 1) if pushed is None else ca.dot(p[pushed], v)
 
-    return friction_heat, outside_work
+    return dissipated_power, external_power

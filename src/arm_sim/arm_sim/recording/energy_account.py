@@ -76,7 +76,7 @@ class EnergyAccount:
         """Whether a tick that begins or ends at states of shape (k, nx) is to be repeated."""
         if self._repeats_always or (self._plant.eventful and not self._plant.free):
             return np.ones(len(x), bool)
-        q, v, _ = self._parts(x)
+        q, v, _ = self._split(x)
         # A rebound is visible in the velocity after it, even if no recorded position is at the
         # stop.
         near = [q, *(q + way * self.choice.dt * v for way in (-MARGIN, MARGIN))]
@@ -102,7 +102,7 @@ class EnergyAccount:
         Returns:
             In [J], shape (k, 3).
         """
-        q, v, _ = self._parts(x)
+        q, v, _ = self._split(x)
         parts = [
             np.transpose(self._dynamics(p[run.start]).energy(q[run], v[run]))
             for run in self._present.runs(p)
@@ -124,10 +124,10 @@ class EnergyAccount:
         repeat = self._to_repeat(x) | self._to_repeat(after)
         smooth, flows = ~repeat, np.empty((len(u), 2))
         if repeat.any():
-            parts = self._repeated(x[repeat], u[repeat], p[repeat]).T
-            supplied, lost, friction, outside, contacts, impacts = parts
+            energies = self._repeated(x[repeat], u[repeat], p[repeat]).T
+            supplied, lost, friction, external, contacts, impacts = energies
             heat = lost + friction + contacts + impacts
-            flows[repeat] = np.stack([supplied + outside, heat], axis=1)
+            flows[repeat] = np.stack([supplied + external, heat], axis=1)
         if smooth.any():
             flows[smooth] = self._quadrature(x[smooth], after[smooth], u[smooth], p[smooth])
         return flows
@@ -136,7 +136,7 @@ class EnergyAccount:
         """See ``flows``, of smooth ticks."""
         pushed = self._plant.parameters.place(EXTERNAL)
         acting = u if pushed is None else u + p[:, pushed]
-        way = self._parts(after)[0] - self._parts(x)[0]
+        way = self._split(after)[0] - self._split(x)[0]
         work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick
         dt = self.choice.dt
         heat = [
@@ -158,20 +158,23 @@ class EnergyAccount:
 
         An elastic impact within a tick leaves all energies as they were, though it moved them.
         """
-        (q, v, _), (_, v_end, _) = self._parts(x), self._parts(after)
+        (q, v, _), (_, v_end, _) = self._split(x), self._split(after)
         parts = [
             self._dynamics(p[run.start]).energy(q[run], v_end[run] - v[run])[0]
             for run in self._present.runs(p)
         ]
         return float(np.max(np.concatenate(parts), initial=0.0)) if parts else 0.0
 
-    def _parts(self, x: Array) -> list[Array]:
+    def _split(self, x: Array) -> list[Array]:
         """q, v and z of states."""
         n = self._plant.model.n
         return np.split(x, (n, 2 * n), axis=1)
 
     def _repeated(self, x: Array, u: Array, p: Array) -> Array:
-        """The energies of ``FLOWS``, and losses in impacts, of each tick, shape (k, 6)."""
+        """Energies that flow in each tick in [J], shape (k, 6).
+
+        Those of ``FLOWS``, in their order, and after them the energy lost in impacts.
+        """
         begin = np.hstack([x, np.zeros((len(x), len(FLOWS)))])
         after, lost = self._ledger.each(begin, u, p, ticks=1)
         return np.column_stack([after[:, x.shape[1] :], lost])

@@ -22,9 +22,10 @@ _UNPUBLISHED = 0.5  # [s] between evaluations without subscribers, for diagnosti
 class EnergyTopic:
     """Keeps the energy account of an engine while it has readers, and publishes it.
 
-    Ticks triggered by a caller or a partner publish it themselves, so that each message belongs to
-    a tick known in advance. Ticks by the clock do not wait for it: a thread of its own evaluates
-    and publishes it, see ``watch``.
+    There are two ways. Ticks triggered by a caller or a partner publish it themselves, so that
+    each message belongs to a tick known in advance: they call ``after_tick``. Ticks by the clock
+    do not wait for it: after ``watch`` a thread of its own evaluates and publishes it, and
+    ``update``, called by a timer, opens and closes it.
 
     Attributes:
         every: Ticks between messages.

@@ -55,6 +55,7 @@ class Setpoints:
             self._extrapolate(step)
 
     def _begin(self, command: JointCommand, step: int) -> None:
+        """Follow a command from a tick on; its velocity is given, or that since the last one."""
         q, v, effort = command.position, command.velocity, command.effort
         has_position, has_velocity = ~np.isnan(q), ~np.isnan(v)
         period, last = self._period(command, step), self._last

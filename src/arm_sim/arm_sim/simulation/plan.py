@@ -27,6 +27,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
 
+# What is timed in one run, and runs of which the fastest counts: of ticks, and of each law
 TIMED_TICKS, REPEATS = 200, 5
 LAW_EVALUATIONS, LAW_REPEATS = 1000, 20
 
@@ -156,9 +157,9 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     driven = f"{_at(model.drives)}, {counted(states, 'state')}"
     gears = f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, by events"
     tables = sum(
-        bool(place or load)
-        for dry in (model.friction, model.friction.by_law)
-        for place, load in zip(dry.position, dry.load, strict=True)
+        bool(by_position or by_load)
+        for friction in (model.friction, model.friction.by_law)
+        for by_position, by_load in zip(friction.position, friction.load, strict=True)
     )
     return (
         Part("rigid body", True, counted(model.n, "joint")),
@@ -249,6 +250,7 @@ def _by_speed(model: ArmModel) -> str:
 
 
 def _at(values: Any) -> str:
+    """At how many joints there is a value, for display."""
     return counted(sum(map(bool, values)), "joint")
 
 

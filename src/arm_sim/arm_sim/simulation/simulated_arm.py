@@ -187,6 +187,7 @@ class SimulatedArm:
             self._passed(None, self._saturation)
 
     def _step_by_python(self, tau: object) -> None:
+        """Make a tick under a command of any kind, which is checked."""
         if isinstance(tau, JointCommand):
             next(tau.rows(1, self.n, self.dt))  # which checks the shape
             acts = self.arrived(tau)

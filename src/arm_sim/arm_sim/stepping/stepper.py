@@ -86,6 +86,7 @@ class Stepper:
         self._begin()
 
     def _begin(self) -> None:
+        """Prepare what depends on the choice; tunable quantities and the report begin anew."""
         choice, plant = self._choice, self._plant
         self.p = plant.parameters.nominal
         self.report = EventReport()
@@ -140,6 +141,7 @@ class Stepper:
         return partial(self.compiled.engine.arm_tick, ctypes.byref(arm)), arm
 
     def _arm(self, *arrays: Array | None) -> Arm:
+        """The arm for compiled code; arrays are state, command, what acted, and notes."""
         assert self.compiled is not None
         control = None if self._control is None else ctypes.addressof(self._control)
         arm = Arm(
@@ -295,6 +297,7 @@ class Stepper:
         return torque + spread[:, spread.shape[1] - len(forces) :] @ forces - joints
 
     def _by_call(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
+        """Ticks on the virtual machine, see ``ticks``."""
         for k in range(len(trace)):
             u = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
             before = x.copy()

@@ -209,6 +209,7 @@ class DrawnArm:
         return marks
 
     def _draw_all(self, visuals: Iterable[shapes.Visual]) -> list[tuple[str, Any]]:
+        """Draw visuals; links whose mesh cannot be read are drawn as capsules."""
         handles, broken = list[tuple[str, Any]](), set[int]()
         for visual in visuals:
             try:
@@ -224,6 +225,7 @@ class DrawnArm:
         return handles
 
     def _draw_one(self, visual: shapes.Visual, number: int) -> Any:
+        """Draw a visual in the frame of its joint; returns its handle."""
         joint = [*self._joints][visual.joint]
         name, kind = f"{self._name}/{joint}/{number} {visual.name}", visual.kind
         wxyz = np.roll(pin.Quaternion(visual.placement.rotation).coeffs(), 1)

@@ -168,6 +168,7 @@ class Interactive(View):
         return sliders
 
     def _add_push(self, rig: InteractiveArm, actor: DrawnArm, frames: Sequence[str]) -> None:
+        """Add the controls of a push: frame, force and duration."""
         gui = self._server.gui
         with gui.add_folder(f"Push {actor.name}", expand_by_default=False):
             frame = gui.add_dropdown("frame", frames, initial_value=actor.marker.hand)

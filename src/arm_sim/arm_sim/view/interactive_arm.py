@@ -153,6 +153,7 @@ class InteractiveArm:
         self._step = self.simulation.state.step
 
     def _commanded(self, state: State) -> Array:
+        """The command in a state, by what drives the arm."""
         if self.mode == Mode.NOTHING:
             return np.zeros(self.simulation.n)
         if self.mode == Mode.GRAVITY:

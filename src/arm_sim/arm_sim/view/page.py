@@ -238,6 +238,7 @@ class View(AbstractContextManager["View"]):
         """Show why a request was refused."""
 
     def _run(self) -> None:
+        """Update the page and execute orders until it is closed."""
         last = time.monotonic()
         while not self._ended.is_set():
             now = time.monotonic()

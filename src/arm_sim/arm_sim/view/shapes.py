@@ -70,6 +70,7 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
 
 
 def _described(robot: Robot, folder: Path) -> Iterable[Visual]:
+    """The visuals in the robot's description; those that cannot be drawn are left out."""
     root = xml_root(robot.scene.robot.urdf)
     materials = root.findall("material")
     colours = {material.get("name"): _colour(material, {}) for material in materials}
@@ -123,6 +124,7 @@ def _origin(element: ElementTree.Element | None) -> pin.SE3:
 def _colour(
     material: ElementTree.Element | None, named: dict[str | None, Colour | None]
 ) -> Colour | None:
+    """The colour of a material, its own or that of its name; None if it has none."""
     if material is None:
         return None
     element = material.find("color")
@@ -220,6 +222,7 @@ def _payloads(robot: Robot) -> Iterable[Visual]:
 
 
 def _contacts(robot: Robot) -> Iterable[Visual]:
+    """Points or balls of contacts, and a part of each plane."""
     size, planes = robot.reach, set()
     for name, contact in robot.scene.contacts:
         joint, place = _in_joint(robot, contact.frame, contact.point)

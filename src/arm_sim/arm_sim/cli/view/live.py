@@ -44,8 +44,8 @@ _WAIT = 5.0  # [s] for joint states and for a description
 class RunningArm:
     """One running arm.
 
-    Only the bytes of the newest joint state are kept, which arrive a thousand times a second;
-    they are deserialized when a picture is drawn.
+    Of joint states, which arrive a thousand times a second, the newest is kept as bytes, which
+    are deserialized when a picture is drawn; of other topics the newest message.
     """
 
     def __init__(self, listener: Listener, namespace: str) -> None:
@@ -179,7 +179,7 @@ class Follower(View):
             followed.time, followed.received = stamp - followed.begin, time.monotonic()
             with self._server.atomic():
                 actor.draw(Instant(q), leave_path=True)
-            self._charts.add(actor.name, followed.time, lambda: sample)  # noqa: B023
+            self._charts.add(actor.name, followed.time, lambda sample=sample: sample)
         if self._charts.draw(CHARTED):
             self._report("")
 

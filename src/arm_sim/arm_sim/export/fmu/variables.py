@@ -91,6 +91,7 @@ def _wrenches(frames: Sequence[str]) -> Iterator[Variable]:
 
 
 def _outputs(model: ArmModel) -> Iterator[Variable]:
+    """Positions, velocities and efforts of the joints."""
     for kind, turning, sliding, description in (
         ("position", "rad", "m", "position"),
         ("velocity", "rad/s", "m/s", "velocity"),
@@ -103,6 +104,7 @@ def _outputs(model: ArmModel) -> Iterator[Variable]:
 
 
 def _starts(model: ArmModel, state: State) -> Iterator[Variable]:
+    """Positions and velocities of the joints at the start."""
     for kind, values, turning, sliding in (
         ("position", state.q, "rad", "m"),
         ("velocity", state.v, "rad/s", "m/s"),

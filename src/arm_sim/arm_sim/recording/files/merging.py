@@ -101,6 +101,7 @@ def _clock(
 
 
 def _series(states: Sequence[JointState], stamps: Stamps, group: Indices) -> Series:
+    """The states of a group as one series in the order of their stamps, each stamp once."""
     rows = group[np.argsort(stamps[group], kind="stable")]
     unique = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
     names, parts = states[group[0]].name, list[Array]()

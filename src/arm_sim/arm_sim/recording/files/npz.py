@@ -46,6 +46,7 @@ def read(path: Path) -> Contents:
 
 
 def _contents(arrays: dict[str, Any]) -> Contents:
+    """The content of a file, from its arrays, which are checked."""
     about = json.loads(str(arrays["about"]))
     rows = {name: read_only(arrays[key]) for name, key in _ROWS.items()}
     lengths, n = {name: len(array) for name, array in rows.items()}, len(about["joint_names"])

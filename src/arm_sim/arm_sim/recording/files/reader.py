@@ -112,6 +112,7 @@ def read_bag(path: Path, keep: Callable[[str, str], bool]) -> BagContents:
 
 
 def _read_mcap(path: Path, contents: BagContents, keep: Callable[[str, str], bool]) -> None:
+    """Read records one after another, as far as they are readable."""
     schemas, channels = dict[int, str](), dict[int, str]()
     for record in intact_records(path, contents.damage):
         match record:

@@ -172,6 +172,7 @@ def _bad(path: Path, why: str) -> InvalidInput:
 
 
 def _text(path: Path) -> str:
+    """The text of a file, in the encoding that its first bytes tell, else UTF-8."""
     raw = path.read_bytes()
     encoding = next((name for mark, name in _MARKS.items() if raw.startswith(mark)), "utf-8")
     try:  # not to the end, which may be within a character

@@ -119,6 +119,7 @@ class ChunkThread:
         self._thread.join()
 
     def _run(self) -> None:
+        """Write full chunks until recording ends; while there are none, what waits in others."""
         with suppress(OSError, AttributeError):  # optional: ignored if not permitted
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while True:
@@ -145,6 +146,7 @@ class ChunkThread:
             self.lock.release()
 
     def _write(self, chunk: Chunk) -> None:
+        """Write a chunk; after a failure its messages are lost."""
         if not self.failure:
             try:
                 with self._writing:
@@ -163,6 +165,7 @@ class ChunkThread:
             self.lost += count
 
     def _fail(self, error: Exception, lost: int) -> None:
+        """Note that the recording has stopped, and tell why."""
         self._lose(lost)
         why = str(error) if isinstance(error, OSError) else repr(error)
         full = _FULL.get(getattr(error, "errno", None) or 0)

@@ -21,6 +21,36 @@ _OURS = (TICK, CHANGE)  # topics that exist only in files
 _STATES = "/joint_states"
 
 
+# Times in [ns] and messages, serialized, by topic and type
+Played = dict[tuple[str, str], list[tuple[int, bytes]]]
+
+
+def _messages(path: Path, topics: tuple[str, ...]) -> Played:
+    """The messages of a bag on some topics, on all if none is named."""
+    bag = read_bag(path, lambda topic, kind: topic in topics if topics else kind not in _OURS)
+    if unknown := [topic for topic in topics if topic not in bag.topics]:
+        raise InvalidInput(
+            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], [*bag.topics])}"
+        )
+    return {
+        (topic, bag.topics[topic]): [(log, raw) for _, log, raw in messages]
+        for topic, messages in bag.messages.items()
+        if messages
+    }
+
+
+def _joint_states(path: Path) -> Played:
+    """The joint states of a recording that has no messages."""
+    recording = Recording.load(path)
+    stamps = np.round(1e9 * recording.time).astype(np.int64)
+    # A state reports the effort of the tick that ended at it; the first that of the next one.
+    messages = joint_state_layout(recording.joint_names).written(
+        stamps, position=recording.q, velocity=recording.v,
+        effort=np.vstack([recording.tau[:1], recording.tau[:-1]]),
+    )  # fmt: skip
+    return {(_STATES, JOINT_STATE): list(zip(stamps.tolist(), messages, strict=True))}
+
+
 class Player(Node):
     """Publishes the messages of a recording.
 
@@ -45,7 +75,8 @@ class Player(Node):
         if not path.exists():
             raise NoRecording(f"no recording '{path}'")
         bag = path.suffix in BAGS or path.is_dir()
-        if unknown := [topic for topic in topics if not bag and topic != _STATES]:
+        unknown = [] if bag else [topic for topic in topics if topic != _STATES]
+        if unknown:
             raise InvalidInput(f"'{path}' has no topic {known_names(unknown)}; it has '{_STATES}'")
         read = _messages(path, topics) if bag else _joint_states(path)
         self._pending: list[tuple[int, Any, bytes]] = []
@@ -98,30 +129,3 @@ class Player(Node):
                 return
             publisher.publish(raw)
             self.published += 1
-
-
-Played = dict[tuple[str, str], list[tuple[int, bytes]]]
-
-
-def _messages(path: Path, topics: tuple[str, ...]) -> Played:
-    bag = read_bag(path, lambda topic, kind: topic in topics if topics else kind not in _OURS)
-    if unknown := [topic for topic in topics if topic not in bag.topics]:
-        raise InvalidInput(
-            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], [*bag.topics])}"
-        )
-    return {
-        (topic, bag.topics[topic]): [(log, raw) for _, log, raw in messages]
-        for topic, messages in bag.messages.items()
-        if messages
-    }
-
-
-def _joint_states(path: Path) -> Played:
-    """The joint states of a recording that has no messages."""
-    recording = Recording.load(path)
-    stamps = np.round(1e9 * recording.time).astype(np.int64)
-    messages = joint_state_layout(recording.joint_names).written(
-        stamps, position=recording.q, velocity=recording.v,
-        effort=np.vstack([recording.tau[:1], recording.tau[:-1]]),
-    )  # fmt: skip
-    return {(_STATES, JOINT_STATE): list(zip(stamps.tolist(), messages, strict=True))}

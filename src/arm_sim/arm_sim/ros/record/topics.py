@@ -94,6 +94,7 @@ class TopicRecorder(Node):
         return {topic: int(x.clip(0.0).sum()) for topic, x in more.items() if x.max() > 0.0}
 
     def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
+        """Subscribe to a topic, compatibly with the qualities of service that are offered."""
         type_ = type_of(kind)
         if type_ is None:
             raise InvalidInput(f"type {kind} is not installed")

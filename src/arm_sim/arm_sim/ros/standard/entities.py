@@ -87,18 +87,18 @@ class Entities:
 
         return [entity for entity in self._all.values() if fits(entity)]
 
-    def place(self, q: Array, v: Array) -> None:
-        """Set joint positions and velocities, each of shape (n,)."""
+    def update_kinematics(self, q: Array, v: Array) -> None:
+        """Set joint positions and velocities, each of shape (n,), for ``pose`` and ``twist``."""
         model = self._model
         pin.forwardKinematics(model.pin, self._data, model.configuration(q), model.spread(v))
         pin.updateFramePlacements(model.pin, self._data)
 
     def pose(self, entity: Entity) -> list[float]:
-        """Pose in the world: x y z [m] and quaternion x y z w."""
+        """Pose in the world after ``update_kinematics``: x y z [m] and quaternion x y z w."""
         return pin.SE3ToXYZQUAT(self._data.oMf[entity.frame]).tolist()
 
     def twist(self, entity: Entity) -> list[float]:
-        """Velocity of the origin [m/s] and angular velocity [rad/s], in axes of the world."""
+        """Velocity of the origin [m/s] and angular velocity [rad/s] likewise, in its axes."""
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         velocity = pin.getFrameVelocity(self._model.pin, self._data, entity.frame, axes)
         return velocity.vector.tolist()

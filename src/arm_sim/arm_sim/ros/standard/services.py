@@ -102,6 +102,7 @@ class StandardServices:
         self._engine.queue.run(lambda: self._enter(request.state.state))
 
     def _enter(self, target: int) -> None:
+        """Enter a state of the simulation, if that is allowed from the present one."""
         engine, present = self._engine, self._state()
         if target not in _STATES:
             allowed = ", ".join(f"{code} ({name})" for code, name in _STATES.items())
@@ -123,6 +124,7 @@ class StandardServices:
         self._engine.queue.run(lambda: self._back(scope & (TIME | STATE)))
 
     def _back(self, scope: int) -> None:
+        """Reset time, state, or both."""
         engine, simulator = self._engine, self._engine.simulator
         if scope == TIME | STATE:
             engine.reset()
@@ -175,7 +177,7 @@ class StandardServices:
         """Update the entities to the current state; return its stamp in [ns]."""
         arm = self._engine.simulator.arm
         stamp, x = self._engine.queue.run(lambda: (self._stamp(), arm.x.copy()))
-        self._entities.place(x[: arm.n], x[arm.n : 2 * arm.n])
+        self._entities.update_kinematics(x[: arm.n], x[arm.n : 2 * arm.n])
         return int(stamp)
 
     def _fill(self, message: Any, entity: Entity, stamp: int) -> Any:

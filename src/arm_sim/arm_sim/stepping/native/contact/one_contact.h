@@ -17,7 +17,7 @@
 #define TURN 6.283185307179586
 #define IMMOBILE 1e-20   /* fraction of the trace up to which a row cannot move */
 
-/* State of a contact. Python: ContactState. */
+/* State of a contact. */
 enum contact_state { APART, SLIDES, STICKS, UNSOLVABLE };
 
 typedef struct {
