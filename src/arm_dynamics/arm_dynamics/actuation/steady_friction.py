@@ -13,6 +13,8 @@ from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction.joint_friction import JointFriction
 
+# Of the fixed-point iteration of ``demanded``: each leaves as much of the error as friction grows
+# with the load
 REPETITIONS = 40
 
 

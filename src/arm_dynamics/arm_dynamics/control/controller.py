@@ -17,7 +17,7 @@ _NONE = object()  # without a reference
 
 
 class Moving(Protocol):
-    """Anything with joint positions ``q`` in [rad] and velocities ``v`` in [rad/s], shape (n,)."""
+    """Anything with joint positions ``q`` and velocities ``v``, as those of ``Measured``."""
 
     @property
     def q(self) -> Array:

@@ -15,7 +15,7 @@ from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.urdf.units import FAR
 
 _log = logging.getLogger(__name__)
-_POSTURES = 32
+_POSTURES = 32  # random ones, at which values are compared with the arm's weight and inertia
 _TOO_FAST = 10.0  # limits; faster speeds are probably in degrees or millimetres
 # Published arms carry up to 5.5 times their effort limits, where these are placeholders, and have
 # drives of up to their own inertia.

@@ -24,17 +24,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.equations.frame import Frame, relative
 from arm_dynamics.equations.rigid_body import placements
 from arm_dynamics.equations.tree import Tree, cross, sparse
-from arm_dynamics.scene.constraint import (
-    Bilateral,
-    CouplingConstraint,
-    DistanceConstraint,
-    FrameBased,
-    FrameConstraint,
-    LineConstraint,
-    PlaneConstraint,
-    PointConstraint,
-    RollingConstraint,
-)
+from arm_dynamics.scene import constraint as kinds
 
 # Below this, 1 + trace of a rotation is treated as half a revolution, where the axis is
 # undetermined.
@@ -52,7 +42,7 @@ class Linkage:
         kept: Independent rows of each constraint, which imply all others, by its index.
     """
 
-    constraints: Mapping[int, Bilateral]
+    constraints: Mapping[int, kinds.Bilateral]
     frames: Mapping[str, Frame]
     joint_names: Sequence[str]
     kept: Mapping[int, Sequence[int]]
@@ -95,7 +85,7 @@ def rows(
     every, holonomic, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     for i, constraint in linkage.constraints.items():
         kept = list(linkage.kept[i])
-        if isinstance(constraint, RollingConstraint):
+        if isinstance(constraint, kinds.RollingConstraint):
             rolling.append(active(i) * _slip(constraint, kinematics)[kept])
         else:
             whole = active(i) * _residual(constraint, kinematics)
@@ -120,7 +110,7 @@ class Kinematics:
         """Position of a joint in [rad] or [m]."""
         return self.q[self._linkage.joint_names.index(name)]
 
-    def relative(self, constraint: FrameBased) -> tuple[ca.SX, ca.SX]:
+    def relative(self, constraint: kinds.FrameBased) -> tuple[ca.SX, ca.SX]:
         """Rotation of the first frame in the second; the first point relative to the second."""
         frames = [self._linkage.frames[name] for name in constraint.frames]
         return relative(self._tree, self._pose, frames, constraint.points)
@@ -133,35 +123,35 @@ def _residual(constraint: object, kinematics: Kinematics) -> ca.SX:
 
 
 @_residual.register
-def _(constraint: CouplingConstraint, kinematics: Kinematics) -> ca.SX:
+def _(constraint: kinds.CouplingConstraint, kinematics: Kinematics) -> ca.SX:
     first, second = map(kinematics.joint, constraint.joints)
     return first - constraint.ratio * second - constraint.offset
 
 
 @_residual.register
-def _(constraint: PointConstraint, kinematics: Kinematics) -> ca.SX:
+def _(constraint: kinds.PointConstraint, kinematics: Kinematics) -> ca.SX:
     return kinematics.relative(constraint)[1]
 
 
 @_residual.register
-def _(constraint: FrameConstraint, kinematics: Kinematics) -> ca.SX:
+def _(constraint: kinds.FrameConstraint, kinematics: Kinematics) -> ca.SX:
     R, u = kinematics.relative(constraint)
     return ca.vertcat(u, _turned(R, constraint.rpy))
 
 
 @_residual.register
-def _(constraint: LineConstraint, kinematics: Kinematics) -> ca.SX:
+def _(constraint: kinds.LineConstraint, kinematics: Kinematics) -> ca.SX:
     return sparse(across(constraint.direction)) @ kinematics.relative(constraint)[1]
 
 
 @_residual.register
-def _(constraint: PlaneConstraint, kinematics: Kinematics) -> ca.SX:
+def _(constraint: kinds.PlaneConstraint, kinematics: Kinematics) -> ca.SX:
     normal = sparse(np.array([constraint.normal]))
     return normal @ kinematics.relative(constraint)[1] - constraint.height
 
 
 @_residual.register
-def _(constraint: DistanceConstraint, kinematics: Kinematics) -> ca.SX:
+def _(constraint: kinds.DistanceConstraint, kinematics: Kinematics) -> ca.SX:
     u, length = kinematics.relative(constraint)[1], constraint.distance
     return (ca.sumsqr(u) - length**2) / (2 * length)
 
@@ -177,7 +167,7 @@ def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
     return ca.sparsify(target @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
 
 
-def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:
+def _slip(constraint: kinds.RollingConstraint, kinematics: Kinematics) -> ca.SX:
     """Tangential velocity of the material contact point in [m/s], shape (2,)."""
     q, v = kinematics.q, kinematics.v
     R, u = kinematics.relative(constraint)

@@ -49,7 +49,7 @@ OWN_DAMPING = 1e-5
 IMMOBILE = 1e-20
 # Number of rows above which forces are computed by a matrix of the size of M, if that is smaller,
 # and the multiple used there: forces of eight contacts are a thousand times closer to least norm.
-MANY, MOTION_DAMPING = 9, 1e-10
+MANY_ROWS, MOTION_DAMPING = 9, 1e-10
 # Tangential speed in [m/s] below which a contact is at rest: its direction is rounding.
 AT_REST = 1e-9
 
@@ -240,7 +240,7 @@ def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
 
 
 class Delassus:
-    """Compliance of the contacts: accelerations under contact forces.
+    """Mobility of the contacts: accelerations under contact forces; the Delassus matrix.
 
     Args:
         A: Rows, shape (m, n).
@@ -252,7 +252,7 @@ class Delassus:
     """
 
     def __init__(self, A: ca.SX, B: ca.SX) -> None:
-        self._many = A.shape[0] > max(MANY, A.shape[1])
+        self._many = A.shape[0] > max(MANY_ROWS, A.shape[1])
         self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
         self._scale = _scales(ca.sparsify(self.W))
 
@@ -289,7 +289,7 @@ class Delassus:
         R = ca.diag(rows)
         K = R @ self.W @ D
         unused = ca.diag(1 - rows)
-        damping = ca.diag(DAMPING * self._scale + 1e-30)
+        damping = ca.diag(DAMPING * self._scale + 1e-30)  # not zero where all contacts are open
         factors = lu(K + damping @ R + unused)
         y = lu_solve(factors, required)
         for _ in range(REFINEMENTS):

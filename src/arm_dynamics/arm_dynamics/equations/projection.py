@@ -20,8 +20,8 @@ NOTHING = 1e-13
 # Below this fraction the robot passes a singular position, where rounding rotates the directions
 # of possible motion: there, a row's effect on accelerations fades out, and velocities are kept.
 SINGULAR = 1e-5
-_TINY = 1e-200
-SHARP = 1e9
+_TINY = 1e-200  # so that rows that are all zero divide by no zero
+SHARP = 1e9  # slope of a gate over the relative excess above its threshold
 
 
 class Metric:

@@ -59,9 +59,9 @@ class Tree:
 
     Attributes:
         links: One for each of Pinocchio's joints.
-        armature: Drive inertia of each joint in [kg m²] or [kg].
-        followers: Map E from independent velocities to those of the links.
-        offsets: Offset e of the link positions.
+        armature: Drive inertia of each joint in [kg m²] or [kg], shape (n,).
+        followers: Map E from independent velocities to those of the links, shape (links, n).
+        offsets: Offset e of the link positions in [rad] or [m], shape (links,).
     """
 
     links: tuple[Link, ...]

@@ -19,17 +19,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.equations.constraint import across
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.scene.constraint import (
-    CouplingConstraint,
-    DistanceConstraint,
-    FrameBased,
-    FrameConstraint,
-    LineConstraint,
-    PlaneConstraint,
-    PointConstraint,
-    RollingConstraint,
-    label,
-)
+from arm_dynamics.scene import constraint as kinds
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -51,7 +41,10 @@ class Row:
 
 @dataclass(frozen=True)
 class _Derivatives:
-    """Motion of a point or an orientation: value, Jacobian, first and second derivative."""
+    """Motion of a point or an orientation: value, Jacobian J, rate J v, and drift J̇ v.
+
+    In [m] or [rad], per [s] and [s²]; shapes (3,), (3, n), (3,) and (3,).
+    """
 
     value: Array
     J: Array
@@ -80,9 +73,9 @@ class ConstraintRows:
         self._robot, self._data = robot, pin.Data(robot.pin)
         listed = robot.scene.bilateral
         self.constraints, self.places = tuple(listed.values()), tuple(listed)
-        self.names = tuple(label(constraint, i) for i, constraint in listed.items())
+        self.names = tuple(kinds.label(constraint, i) for i, constraint in listed.items())
         for name, constraint in zip(self.names, self.constraints, strict=True):
-            if isinstance(constraint, CouplingConstraint):
+            if isinstance(constraint, kinds.CouplingConstraint):
                 continue
             first, second = constraint.frames
             if robot.frame(first).parentJoint == robot.frame(second).parentJoint:
@@ -114,7 +107,7 @@ class ConstraintRows:
             np.concatenate([np.zeros(0), *(row.drift for row in rows)]),
         )
 
-    def relative(self, constraint: FrameBased) -> tuple[_Derivatives, _Derivatives, Array]:
+    def relative(self, constraint: kinds.FrameBased) -> tuple[_Derivatives, _Derivatives, Array]:
         """First point and rotation of the first frame relative to the second, and their R."""
         a, b = (self._frame(*x) for x in zip(constraint.frames, constraint.points, strict=True))
         (p, spin, R_a), (p_b, spin_b, R_b) = a, b
@@ -173,7 +166,7 @@ def _row(constraint: object, rows: ConstraintRows, q: Array) -> Row:
 
 
 @_row.register
-def _(constraint: CouplingConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.CouplingConstraint, rows: ConstraintRows, q: Array) -> Row:
     A = np.zeros((1, len(q)))
     i, j = map(rows.joint_names.index, constraint.joints)
     A[0, i], A[0, j] = 1.0, -constraint.ratio
@@ -181,32 +174,32 @@ def _(constraint: CouplingConstraint, rows: ConstraintRows, q: Array) -> Row:
 
 
 @_row.register
-def _(constraint: PointConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.PointConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, _, _ = rows.relative(constraint)
     return Row(u.value, u.J, u.drift)
 
 
 @_row.register
-def _(constraint: FrameConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.FrameConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, turn, R = rows.relative(constraint)
     w = _turned(R, turn, pin.rpy.rpyToMatrix(*constraint.rpy))
     return Row(np.r_[u.value, w.value], np.vstack([u.J, w.J]), np.r_[u.drift, w.drift])
 
 
 @_row.register
-def _(constraint: LineConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.LineConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, T = rows.relative(constraint)[0], across(constraint.direction)
     return Row(T @ u.value, T @ u.J, T @ u.drift)
 
 
 @_row.register
-def _(constraint: PlaneConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.PlaneConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, T = rows.relative(constraint)[0], np.array([constraint.normal])
     return Row(T @ u.value - constraint.height, T @ u.J, T @ u.drift)
 
 
 @_row.register
-def _(constraint: DistanceConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.DistanceConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, length = rows.relative(constraint)[0], constraint.distance
     residual = (u.value @ u.value - length**2) / (2 * length)
     drift = (u.value @ u.drift + u.rate @ u.rate) / length
@@ -214,7 +207,7 @@ def _(constraint: DistanceConstraint, rows: ConstraintRows, q: Array) -> Row:
 
 
 @_row.register
-def _(constraint: RollingConstraint, rows: ConstraintRows, q: Array) -> Row:
+def _(constraint: kinds.RollingConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, turn, R = rows.relative(constraint)
     n, w = np.array(constraint.normal), turn.rate
     down, down_rate = -n, np.zeros(3)

@@ -21,7 +21,7 @@ from arm_dynamics.model.stops import Stops
 
 # Largest residual of a closed constraint in [m] or [rad]; Newton's method continues to rounding.
 CLOSED_TO = 1e-10
-NEWTON_STEPS = 100
+NEWTON_STEPS = 100  # at most; far from closure, each is shortened to ``LONGEST``
 # Largest Newton step of a joint in [rad], or in [m] on an arm of a reach of up to 1 m.
 LONGEST = 0.3
 # Singular values below this fraction of the largest are treated as zero.
@@ -260,17 +260,21 @@ class Closure:
             q, row = q + 0.5**halving * step, trial
             size = float(np.linalg.norm(row.residual))
         if size > CLOSED_TO:
-            left = self.residuals(q, names)
-            gaps = {name: size for name, size in left.items() if size > CLOSED_TO}
-            listed = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
-            held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
-            keeping = f" while {held} is held" if hold else ""
-            raise ConstraintError(
-                f"constraints cannot be closed from this position{keeping}; left open, in m or "
-                f"rad: {listed}. Do they contradict one another, or is the position too far off?",
-                left,
-            )
+            raise self._left_open(q, names, hold)
         return q
+
+    def _left_open(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
+        """The error of constraints that are not closed at ``q``, the end of the search."""
+        residuals = self.residuals(q, names)
+        gaps = {name: size for name, size in residuals.items() if size > CLOSED_TO}
+        listed = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
+        held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
+        keeping = f" while {held} is held" if hold else ""
+        return ConstraintError(
+            f"constraints cannot be closed from this position{keeping}; left open, in m or rad: "
+            f"{listed}. Do they contradict one another, or is the position too far off?",
+            residuals,
+        )
 
 
 def factored(M: Array, A: Array, rank: int) -> Factors:

@@ -131,6 +131,15 @@ class TaskSpace:
         threshold: Scaled mobility, dimensionless, below which results are damped; see
             ``inertia.task_inertia``.
 
+    Attributes:
+        model: The arm.
+        frame: As given; likewise ``reference`` and ``threshold``.
+        axes: Names of the m axes.
+        rows: Which of the six axes these are, for rows of a Jacobian.
+        linear: Number of linear ones among them, which come first.
+        rigid: Terms of the arm in joint space.
+        motion: Kinematics of the frame.
+
     Raises:
         InvalidInput: If a name is unknown or the threshold is not in (0, 1).
 

@@ -13,6 +13,7 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.terms.arm import NumericArm
 from arm_dynamics.terms.table import FIXED, SIZES, Entry
 
+# Largest difference that is rounding, relative to the summands; and number of states compared
 CHECK_TOLERANCE = 1e-10
 CHECK_STATES = 20
 

@@ -49,7 +49,13 @@ class Path(Protocol):
 
 @frozen
 class Line:
-    """A straight line between two poses with uniform rotation; see ``line``."""
+    """A straight line between two poses with uniform rotation; see ``line``.
+
+    Attributes:
+        start: The first pose.
+        step: From the first position to the second in [m], shape (3,).
+        turn: Rotation vector from the first orientation to the second in [rad], shape (3,).
+    """
 
     start: Pose
     step: Array
@@ -70,7 +76,15 @@ class Line:
 
 @frozen
 class Circle:
-    """An arc about an axis; see ``circle``."""
+    """An arc about an axis; see ``circle``.
+
+    Attributes:
+        start: The first pose.
+        centre: A point of the axis in [m], shape (3,).
+        axis: Direction of the axis, of unit length, shape (3,).
+        angle: Angle of the arc in [rad].
+        turn: Rotation vector of the frame's own rotation along it in [rad], shape (3,).
+    """
 
     start: Pose
     centre: Array

@@ -24,7 +24,7 @@ from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, cl
 from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import segment_excess
 
-_ROUNDED = 1e-9
+_ROUNDED = 1e-9  # up to which values beyond a limit, or a jump of velocities, are rounding
 _POINTS = 60  # smallest number of points at which torques are computed
 _QUANTITIES = ("position", "velocity", "acceleration")
 

@@ -71,13 +71,13 @@ class Follower:
     """Returns references, and switches to new trajectories without a jump in q, v or a.
 
     Example:
-        >>> follower = Follower(limits, q)
+        >>> follower = Follower(q, limits)
         >>> follower.follow([Waypoint(2.0, goal)], now=stamp)
         >>> follower.reference(stamp).q
     """
 
     def __init__(self, q: ArrayLike, limits: Limits | None = None) -> None:
-        """Hold position ``q`` in [rad], shape (n,); ``limits`` apply to every trajectory."""
+        """Hold position ``q`` in [rad] or [m], (n,); ``limits`` apply to every trajectory."""
         self._limits = limits
         self._start: int = 0
         self._active: Motion = hold(q)

@@ -21,10 +21,10 @@ class Limits:
     """Limits of a trajectory; infinite where there is none.
 
     Attributes:
-        velocity: Largest speed in [rad/s], shape (n,).
-        acceleration: Largest acceleration in [rad/s²], shape (n,).
-        lower: Lowest position in [rad], shape (n,).
-        upper: Highest position in [rad], shape (n,).
+        velocity: Largest speed in [rad/s] or [m/s], shape (n,).
+        acceleration: Largest acceleration in [rad/s²] or [m/s²], shape (n,).
+        lower: Lowest position in [rad] or [m], shape (n,).
+        upper: Highest position in [rad] or [m], shape (n,).
         joint_names: Names for error messages; numbers are used when empty.
         joint_types: As of ``ArmModel``, for units in these; none are written when empty.
     """
@@ -42,7 +42,7 @@ class Limits:
 
         Args:
             model: An ``ArmModel``.
-            acceleration: Largest acceleration of every joint in [rad/s²].
+            acceleration: Largest acceleration of every joint in [rad/s²] or [m/s²].
 
         Returns:
             Velocity and position limits of the model, and this acceleration.

@@ -30,7 +30,7 @@ from arm_dynamics.trajectory.waypoints import stop
 
 # Distance in [m] that is equivalent to a rotation by 1 rad
 LEVER = 0.25
-MAX_KNOTS = 10_000
+MAX_KNOTS = 10_000  # of a path; inverse kinematics is solved at each
 _SPACING = 0.02  # [m] between knots
 _NEAR = 1e-7  # [m], [rad] at a knot
 _FAR = 0.3  # [rad], [m] between successive knots

@@ -25,8 +25,8 @@ from arm_dynamics.trajectory.reference import Reference, Waypoint
 from arm_dynamics.trajectory.trajectory import Trajectory
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start
-_STRETCH_TRIES = 60
-_BALANCE_ROUNDS = 8
+_STRETCH_TRIES = 60  # of factors, each larger by 2 % to a factor of 2
+_BALANCE_ROUNDS = 8  # of changed durations, of which the fastest motion is taken
 
 
 def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Trajectory:
@@ -136,7 +136,10 @@ def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
 
 
 class Knots(NamedTuple):
-    """Checked waypoints as arrays; NaN rows of v and a are open."""
+    """Checked waypoints as arrays: times in [s], shape (w,); q, v and a, shape (w, n).
+
+    NaN rows of v and a are open.
+    """
 
     times: Array
     q: Array

@@ -12,7 +12,7 @@ from arm_studies.identification.data import JointRecord, interpolated, runs
 from arm_studies.identification.signals.cutoff import NOISE_RATIO, WIDEST, chosen_band
 from arm_studies.identification.signals.filtering import ZeroPhase
 
-ROUNDS = 4
+ROUNDS = 4  # Of correcting stamps by the motion, which is filtered anew with them.
 # Fraction of the positions' noise power that late stamps must explain to be corrected.
 EXPLAINED_FRACTION = 0.75
 LEAST_ERROR = 1e-2  # Errors below this fraction of the sampling interval are not corrected.

@@ -31,7 +31,7 @@ from arm_studies.identification.regression.rows.rows import Rows, Sampled, nomin
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
 NAMES += tuple(f"inertia.{k}" for k in "xx xy xz yy yz zz".split())
 PRIOR_RADIUS = 0.1  # Radius in [m] of the ball of 1 kg that is the weak prior of a payload.
-PRIOR_WIDTH = 10.0
+PRIOR_WIDTH = 10.0  # Its relative standard deviations, of density and of all else.
 # Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
 # matched with joints.
 ARM_DEVIATIONS = 0.5, 0.5
@@ -139,11 +139,12 @@ class _Fit:
     Attributes:
         rows: Of the arm without the payload.
         places: Of the parameters of the body that carries the payload.
-        to_carrier: Map from the payload's parameters in its frame to those in that body's joint.
+        to_carrier: Map from the payload's parameters in its frame to those in that body's joint,
+            shape (10, 10).
         columns: Of the payload in its frame, shape (n, k, 10).
         torque: What it explains, shape (k, n).
         weights: Of each joint; zero where not used, shape (k, n).
-        x: The payload's inertial parameters, physically consistent.
+        x: The payload's ten inertial parameters, physically consistent.
     """
 
     rows: Rows

@@ -63,9 +63,9 @@ class Torques:
     Attributes:
         time: In [s], shape (k,).
         measured: Low-pass filtered efforts in [N m] or [N], shape (k, n).
-        predicted: By the identified model; on held-out rows by the model identified without them;
-            NaN also where a joint may stick, since no law determines its friction.
-        nominal: By the nominal scene.
+        predicted: By the identified model, shape (k, n); on held-out rows by the model identified
+            without them; NaN also where a joint may stick, since no law determines its friction.
+        nominal: By the nominal scene, likewise.
         v: Velocities, shape (k, n).
         friction: Measured torques minus those of bodies and drives, shape (k, n).
         held_out: Rows that are held out, shape (k,).

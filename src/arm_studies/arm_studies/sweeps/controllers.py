@@ -24,7 +24,7 @@ from arm_studies.sweeps.study import ControllerChoice, validated
 # support; with others a run uses the Python controller.
 LAWS = ("computed_torque", "pd", "pd_gravity", "feed_forward", "float")
 GAINS = ("dt", "bandwidth", "damping_ratio")
-IMPERFECT = ("sensors", "commands")
+IMPERFECT = ("sensors", "commands")  # keys of imperfections, which need a Python controller
 
 
 def controller_of(recipe: Recipe, job: Job) -> ControllerChoice:

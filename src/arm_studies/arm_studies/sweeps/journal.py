@@ -15,7 +15,7 @@ from arm_dynamics.exceptions import InvalidInput, plain
 from arm_studies.sweeps.runs import Row
 
 NAME = "runs.jsonl"
-_FORMAT = 1
+_FORMAT = 1  # of the file; a journal of another one is not continued
 
 
 class Journal:

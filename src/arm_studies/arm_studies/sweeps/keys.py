@@ -74,10 +74,10 @@ def value_at(data: Any, key: str) -> Any:
     return data
 
 
-def overlaid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping merged into another, key by key; lists are replaced."""
-    merged = dict(below)
-    for key, value in above.items():
+def overlaid(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping with changes merged into it, key by key; lists are replaced."""
+    merged = dict(data)
+    for key, value in changes.items():
         old = merged.get(key)
         both = isinstance(value, Mapping) and isinstance(old, Mapping)
         merged[key] = overlaid(old, value) if both else value  # type: ignore[arg-type]

@@ -24,7 +24,7 @@ from arm_studies.sweeps.design import Point, noise_seed
 from arm_studies.sweeps.runs import Job, Recipe
 from arm_studies.sweeps.study import Study
 
-_PROBE = 1e-3
+_PROBE = 1e-3  # relative change of a key's value that shows which quantity it is
 _SOME_FRICTION = 1.0  # [N m] or [N], in equations whose levels are inputs
 _LONG = 1000.0  # [s] of simulated time of one world above which SIMD code is compiled
 type Slots = dict[str, tuple[int, ...]]

@@ -74,13 +74,10 @@ class Varied(Part):
     def _one_of_them(self) -> Varied:
         if len(self.model_fields_set) != 1:
             raise ValueError(f"exactly one of {', '.join(Varied.model_fields)} is expected")
-        if self.values is not None:
-            if not self.values:
-                raise ValueError("the list is empty; at least one value is expected")
-            if unusable := [v for v in self.values if not isinstance(v, _PLAIN)]:
-                raise ValueError(
-                    f"{unusable[0]!r} in the list; numbers, names or lists are expected"
-                )
+        if self.values == ():
+            raise ValueError("the list is empty; at least one value is expected")
+        if unusable := [v for v in self.values or () if not isinstance(v, _PLAIN)]:
+            raise ValueError(f"{unusable[0]!r} in the list; numbers, names or lists are expected")
         ends = self.uniform or self.log_uniform
         if ends and not ends[0] < ends[1]:
             raise ValueError("the lower end must lie below the upper one")

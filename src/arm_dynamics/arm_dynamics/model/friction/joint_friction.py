@@ -166,7 +166,7 @@ class JointFriction(DryFriction):
         tables: Friction by speed and position of each joint that has a table, else None; its dry
             part is among the others.
         by_law: Dry friction of the joints whose friction model has states, for that model.
-        efficiency: Efficiency of each joint's gear.
+        efficiency: Efficiency of each joint's gear, shape (n,).
         forward: Whether each drive's torque is positive, 1 or 0; None: as its sign says.
     """
 

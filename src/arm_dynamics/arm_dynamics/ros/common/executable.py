@@ -28,7 +28,7 @@ from arm_dynamics.ros.common.transport import avoid_shared_memory
 
 _ROS = "--ros-args"
 _HELP = {"-h", "--help"}
-_WIDTH = 98
+_WIDTH = 98  # columns of the help
 _FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 Words = tuple[str, ...]
 

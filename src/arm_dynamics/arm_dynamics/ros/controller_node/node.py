@@ -11,7 +11,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import finite_numbers
+from arm_dynamics.arrays import Array, finite_numbers
 from arm_dynamics.control.controller import Checked, Measured
 from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
@@ -36,7 +36,7 @@ from arm_dynamics.ros.controller.shared_answers import Parts
 from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
-from arm_dynamics.ros.joint_state import Expected, JointStateReader, JointStateSink
+from arm_dynamics.ros.joint_state import Expected, JointStateReader, JointStateSink, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Reference
@@ -190,20 +190,13 @@ class ControllerNode(Node):
             return self._command_for(raw)
 
     def _command_for(self, raw: bytes) -> bytes | None:
+        """The command that answers a state, after it was published; None if there is none."""
         if (command := self._log.again(raw)) is not None:
             self.send(command)
             return command
-        try:
-            stamp, numbers = self._reader.read(raw)
-        except InvalidInput as error:
-            lacking = str(error).startswith("velocity")
-            way_out = "; 'velocities: positions' derives them" if lacking else ""
-            self._log.passed_over += 1
-            self._log.unusable = f"{plain(error)}{way_out}"
-            self._throttled.warning(f"joint state ignored: {self._log.unusable}")
+        if (read := self._read(raw)) is None:
             return None
-        if not self._source.accept(self._reader.sender):
-            return None
+        stamp, numbers = read
         q = np.array(numbers[0])
         if self._velocity is None:
             state = Checked(q, np.array(numbers[1]))
@@ -211,6 +204,30 @@ class ControllerNode(Node):
         else:
             reference = self._reference(stamp, Checked(q, self._velocity.last))
             state = Checked(q, self._velocity(stamp, q))
+        if (tau := self._torque(state, reference)) is None:
+            return None
+        command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
+        self.send(command)
+        self._log.note(raw, command)
+        self.action.monitor(stamp, reference, state)
+        self._report.publish(stamp, self.params.state_period, self.goals, reference, state, tau)
+        return command
+
+    def _read(self, raw: bytes) -> Read | None:
+        """The stamp and the numbers of a state; None if it cannot be used."""
+        try:
+            read = self._reader.read(raw)
+        except InvalidInput as error:
+            lacking = str(error).startswith("velocity")
+            way_out = "; 'velocities: positions' derives them" if lacking else ""
+            self._log.passed_over += 1
+            self._log.unusable = f"{plain(error)}{way_out}"
+            self._throttled.warning(f"joint state ignored: {self._log.unusable}")
+            return None
+        return read if self._source.accept(self._reader.sender) else None
+
+    def _torque(self, state: Measured, reference: Reference) -> Array | None:
+        """The controller's torque, shape (n,); None, with a message, if it computes none."""
         try:
             tau = self.control.torque(state, reference)
         except ControllerFailed as error:
@@ -228,14 +245,10 @@ class ControllerNode(Node):
             return None
         if cut := self._saturated_joints():
             self._throttled.warning(f"torque clipped at the effort limit: {', '.join(cut)}")
-        command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
-        self.send(command)
-        self._log.note(raw, command)
-        self.action.monitor(stamp, reference, state)
-        self._report.publish(stamp, self.params.state_period, self.goals, reference, state, tau)
-        return command
+        return tau
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
+        """The reference at a state's stamp; after a jump, and at first, the arm's position."""
         goals, params = self.goals, self.params
         jump = self._jumps.detect(stamp, state, params.gap_limit, params.jump_limit)
         if jump:
@@ -250,6 +263,7 @@ class ControllerNode(Node):
         return goals.reference(stamp)
 
     def _saturated_joints(self) -> list[str]:
+        """Names of the joints whose torques were clipped at their limits."""
         active = self.control.active
         if not (isinstance(active, Saturated) and active.saturated.any()):
             return []

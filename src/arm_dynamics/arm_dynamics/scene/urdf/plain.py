@@ -22,6 +22,7 @@ HELD = ("floating", "planar")
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOMENTS = ("ixx", "iyy", "izz")
 PRODUCTS = ("ixy", "ixz", "iyz")
+# Attributes with numbers, and those with names, by the tag of their element
 _NUMBERS = {
     "origin": ("xyz", "rpy"),
     "axis": ("xyz",),
@@ -31,8 +32,9 @@ _NUMBERS = {
     "dynamics": ("damping", "friction"),
     "mimic": ("multiplier", "offset"),
 }
-_TAGS, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
+_TAGS = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}
+_ALIKE = 0.8  # similarity, see ``difflib``, from which an unknown tag is probably a misspelt one
 _LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = ("value", "damping", "friction", *_LIMITS)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)

@@ -26,11 +26,11 @@ from arm_dynamics.trajectory.limits import Limits
 # ``closely``; scaled motions keep away from their limits by twice as much.
 BETWEEN = 1e-5
 _NODES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # inside: values may jump at the ends
-_HALVINGS = 14
+_HALVINGS = 14  # of an interval, then a jump in it is seen from both sides
 _MOST = 100_000  # intervals at a time
-_ROUNDS = 20
+_ROUNDS = 20  # of slowing down and looking again, at most
 _STILL = 1e-9  # fraction of the fastest joint's speed below which a velocity is rounding
-_EXACT = 1e-13
+_EXACT = 1e-13  # relative error of a root
 _NONE = 1e-50  # squares of speeds, and square roots of limits, that are zero
 
 

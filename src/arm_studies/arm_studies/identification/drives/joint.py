@@ -38,7 +38,7 @@ class JointTest:
 
     Attributes:
         time: At a constant step in [s], shape (k,).
-        torque: Of the motor, reflected to the joint, constant between samples, in [N m].
+        torque: Of the motor, reflected to the joint, constant between samples, in [N m], (k,).
         motor: Angle of the motor, reflected to the joint, in [rad], shape (k,).
         link: Angle of the link in [rad], shape (k,); NaN where the link was held.
         name: For messages.

@@ -26,7 +26,7 @@ _INSTANTS = 12  # per harmonic, at which a motion is evaluated while searching
 _KNOTS = 24  # knots per harmonic of the motion that is returned
 _SOFT = 0.02  # fraction of the velocity limit over which friction changes sign, to have a slope
 _INSIDE = 0.98  # of the limits, as a margin for motion between the instants
-_SHRINK = 0.97
+_SHRINK = 0.97  # of a motion about its start that leaves the room, until it does not
 _STATES = 40  # random states for each column of the regressor
 _SILENT = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory", "tol": 1e-4}
 

@@ -32,8 +32,8 @@ class Common:
     Attributes:
         columns: Shape (k, m).
         use: Rows that are used, shape (k,).
-        Q: Orthonormal columns of the rows that are used.
-        T: Triangle: Q T are the columns in these rows.
+        Q: Orthonormal columns of the rows that are used, shape (used rows, r).
+        T: Triangle: Q T are the columns in these rows, shape (r, m).
     """
 
     columns: Array

@@ -17,7 +17,7 @@ from arm_studies.identification.regression.friction import JointFit, Shape, Shap
 from arm_studies.identification.regression.rows.rows import Rows
 
 SIGNED = (friction.COULOMB_SKEW, friction.VISCOUS_SKEW, friction.EXCESS)
-STEPS = 25
+STEPS = 25  # Of Gauss-Newton, at most; the first four always.
 # ``tolerance`` of results: then shapes are known far better than any noise lets them be.
 TOLERANCE = 1e-6
 

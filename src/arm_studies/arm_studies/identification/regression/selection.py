@@ -22,7 +22,7 @@ SPEEDS = np.geomspace(0.01, 1.0, 7)
 # residual, which chance alone exceeds once in a thousand laws.
 LEAST_GAIN, LEAST_VARIANCES = 0.02, 10.0
 RESOLUTION = 1e-6  # Resolution of prediction errors relative to the torque.
-ROUNDS = 2
+ROUNDS = 2  # Over all joints, since weights depend on the laws of the others.
 INITIAL_KINDS = (friction.VISCOUS, COULOMB)  # Kinds that every joint begins with.
 
 

@@ -125,8 +125,8 @@ class Unbiased(NamedTuple):
 
     Attributes:
         values: Shape (unknowns,).
-        deviations: Standard deviations; inf where the motion does not determine an unknown.
-        scatter: Whether deviations are scatter.
+        deviations: Standard deviations, likewise; inf where the motion does not determine one.
+        scatter: Whether deviations are scatter, likewise.
         condition: Condition number.
     """
 

@@ -23,7 +23,7 @@
 
 #define INPUTS 3 /* largest number of vectors of a request */
 #define OUTPUTS 7  /* largest number of vectors of a response */
-#define TERMS 5
+#define TERMS 5 /* of inverse dynamics, each a bit of a request, see Term of terms/table.py */
 #define LARGE 1e100 /* beyond it, overflow depends on the order of operations; Python decides */
 #define ROOM 65536  /* capacity in numbers that is kept between requests */
 
@@ -64,6 +64,7 @@ static const layout_t LAYOUTS[SERVICES] = {
 static const size_t NAMES[SERVICES] = {OF(InverseDynamics, Request, joint_names), OF(ForwardDynamics, Request, joint_names),
                                        OF(DynamicsTerms, Request, joint_names)};
 
+/* A service, and what answers it. */
 typedef struct {
   const rcl_service_t* service;
   void* request;
@@ -85,7 +86,8 @@ struct server {
   bool ended;
 };
 
-static doubles_t* of(void* message, size_t place) { return (doubles_t*)((char*)message + place); }
+/* The vector of a message at an offset. */
+static doubles_t* of(void* message, size_t offset) { return (doubles_t*)((char*)message + offset); }
 
 static int64_t now(void) {
   struct timespec t;
