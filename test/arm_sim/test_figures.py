@@ -29,8 +29,9 @@ def paper() -> Iterator[None]:
 
 
 def test_every_frame_shows_the_motion_at_its_time() -> None:
+    """Labels are below the axes."""
     ground = np.array([[-1.0, 0.0], [1.0, 0.0]])
-    film = animation(TIME, [ROD, (ground, {"color": "k"})], trail=TIP, speed=0.5)
+    film = animation(TIME, [ROD, (ground, {"label": "ground"})], trail=TIP, speed=0.5)
     frames = list(film.new_frame_seq())
     assert len(frames) == 4 * RATE + 1 and (frames[0], frames[-1]) == (0, 400)
     assert film.event_source.interval == pytest.approx(1000.0 / RATE, abs=1.0)
@@ -40,6 +41,8 @@ def test_every_frame_shows_the_motion_at_its_time() -> None:
         np.testing.assert_array_equal(still.get_xydata(), ground)
         np.testing.assert_array_equal(trail.get_xydata(), TIP[: k + 1])
         assert clock.get_text() == f"{TIME[k]:.2f} s"
+    (legend,) = plt.gcf().legends
+    assert legend.get_window_extent().y1 <= plt.gca().get_tightbbox().y0 + 1.0
 
 
 @pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])

@@ -48,6 +48,7 @@ BAD = {
         r"friction\[0\] = 0.19 at joint 'shoulder'; at least 0.2 \(half the difference",
     ),
     "dry friction": ("coulomb", [-0.1, 0.0], r"coulomb\[0\] = -0.1 at joint 'shoulder'; at"),
+    "no dry friction": ("coulomb", [0.1, 0.2], r"coulomb\[1\] = 0.2 at joint 'elbow'; 0, since"),
     "half a constraint": ("constraints", [0.5], r"constraints\[0\] = 0.5; allowed: 1 .* and 0"),
 }
 
