@@ -74,10 +74,6 @@ def poses(q: Any) -> np.ndarray:
     return np.concatenate([pose.position, np.sign(largest) * turn], axis=-1)
 
 
-def near_home(rng: np.random.Generator, count: int) -> np.ndarray:
-    return ARM.q0 + rng.uniform(-0.2, 0.2, (count, 7))
-
-
 def far(pose: np.ndarray) -> np.ndarray:
     return pose + [3.0, 0, 0, 0, 0, 0, 0]
 
@@ -131,7 +127,7 @@ def test_the_command_shows_motion_and_forces(arm: Typist) -> None:
 def test_positions_found_bring_the_frame_to_the_pose(
     panda: ArmClient, rng: np.random.Generator
 ) -> None:
-    q = near_home(rng, 1)[0]
+    q = ARM.q0 + rng.uniform(-0.2, 0.2, 7)
     wanted = poses(q)
     found = panda.inverse_kinematics(FRAME, wanted)
     assert found.joint_names == ARM.joint_names

@@ -3,6 +3,7 @@
 
 import time
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,10 +27,11 @@ from two_link_control import (
 import models
 from arm_dynamics import ArmError
 from arm_dynamics.control.controller import Measured
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros import ControllerNode
-from arm_dynamics.ros.controller.goals import Goal
+from arm_dynamics.ros.controller.goals import Goal, Goals
 from arm_dynamics.ros.controller.jumps import Jumps
-from arm_dynamics.trajectory import Reference
+from arm_dynamics.trajectory import Limits, Reference
 from arm_dynamics.trajectory.follower import Outset
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import hold
@@ -116,9 +118,10 @@ def test_publishes_its_state(ros: Ros) -> None:
     effort(node, 0, (0.0, 0.0))
     for k in range(1, 31):
         tau = effort(node, k * MS, q, v)
-    ros.spin_until(lambda: len(heard) >= 4)
-    assert [message.header.stamp.nanosec // MS for message in heard] == [0, 10, 20, 30]
-    last = heard[-1]
+    effort(node, 15 * MS, q, v)  # time goes backwards, which is told at once
+    ros.spin_until(lambda: len(heard) >= 5)
+    assert [message.header.stamp.nanosec // MS for message in heard] == [0, 10, 20, 30, 15]
+    last = heard[3]
     assert last.joint_names == NAMES
     for field, exact in {
         "reference_position": [0.0, 0.0], "reference_velocity": [0.0, 0.0],
@@ -210,6 +213,17 @@ def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
             assert capfd.readouterr().err.count("refused, the previous one continues") == 1
 
 
+def test_goals_that_the_log_withholds_are_counted() -> None:
+    now, said = [0.0], list[str]()
+    log = Throttled(SimpleNamespace(error=said.append), lambda: now[0])
+    goals = Goals(DYNAMICS.model, Limits.of(DYNAMICS.model), log)
+    for k in range(15):  # ten of them are logged
+        goals.refuse("goal", f": there is no joint nobody{k}")
+    now[0] = 60.0
+    goals.log_unlogged()
+    assert said[-1].startswith("5 more goals refused since") and len(said) == 11
+
+
 def test_a_state_that_comes_again_is_answered_for_the_new_motion(node: ControllerNode) -> None:
     """As in lockstep, where the first state waits until the robot is told to move."""
     before = effort(node, 0, (0.0, 0.0))
@@ -251,6 +265,14 @@ def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped() -> None:
     assert jumps.detect(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
 
 
+def test_the_longest_time_between_states_is_known_and_zero_allows_any_jump() -> None:
+    jumps, stamp = Jumps(["a", "b"]), NOW
+    for gap in (0, 1, 30, 2, 5000, 3):  # the last but one is a jump
+        jumps.detect(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
+    assert_close(jumps.take_longest(), 0.03, ALGEBRA)
+    assert not jumps.detect(stamp + MS, at(9.0, 9.0), 0.0, 0.0)
+
+
 def test_an_arm_that_was_put_elsewhere_is_held_there(ros: Ros) -> None:
     """As after a reset of a simulation whose stamps are those of a clock."""
     node = ros.add(ControllerNode, models.scene("two_link"), bandwidth=[10.0])
@@ -262,6 +284,8 @@ def test_an_arm_that_was_put_elsewhere_is_held_there(ros: Ros) -> None:
     assert node.goals.outcome == (
         "the motion ended, joint 'shoulder' moved by 1.2 in 0.001 s; the arm is held where it is"
     )
+    effort(node, NOW, (1.3, 0.4))  # a jump at rest ends no motion
+    assert "moved by 1.2" in node.goals.outcome
 
 
 def test_a_jump_ends_what_is_being_planned(ros: Ros) -> None:

@@ -3,6 +3,7 @@
 
 import threading
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -163,10 +164,10 @@ def test_description_comes_by_topic_even_if_it_was_published_before(ros: Ros) ->
     ros.spin_until(lambda: len(info(node).joint_names) == 2)
 
 
-def test_a_broken_description_keeps_the_one_before_and_is_told_once(
-    ros: Ros, capfd: pytest.CaptureFixture[str]
+def test_a_description_that_cannot_be_used_keeps_the_one_before_and_is_told_once(
+    ros: Ros, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nor is text that names a file read as one."""
+    """Text that names a file is not read as one; one robot is too large for the memory."""
     node = ros.add(DynamicsNode, robot_description=TWO_LINK)
     for broken in ("<robot name='x'/>", str(models.SCENES / "pendulum.urdf")):
         for _ in range(3):
@@ -174,6 +175,10 @@ def test_a_broken_description_keeps_the_one_before_and_is_told_once(
         assert len(info(node).joint_names) == 2
         said = capfd.readouterr().err
         assert said.count("robot_description refused, the previous one is kept") == 1
+    monkeypatch.setattr(dynamics_node, "Dynamics", Mock(side_effect=MemoryError))
+    node.on_robot_description(String(data=PENDULUM))
+    assert "not enough memory to build it" in capfd.readouterr().err
+    assert len(info(node).joint_names) == 2
 
 
 class Slow:

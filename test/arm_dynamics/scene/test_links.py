@@ -57,12 +57,6 @@ def test_equal_an_edited_urdf(link: str, lock: tuple[str, ...], rng: np.random.G
     assert abs(own.model.total_mass - Dynamics(URDF).model.total_mass) > 0.1
 
 
-def test_what_is_not_given_is_not_the_urdfs(rng: np.random.Generator) -> None:
-    """A mass alone is a point mass at the origin of the link."""
-    own = Dynamics({"robot": {"urdf": URDF}, "links": {"c": {"mass": 0.4}}})
-    assert_same(own, Dynamics(edited("c", POINT)), rng)
-
-
 def test_an_unusable_inertia_can_be_replaced(rng: np.random.Generator) -> None:
     broken = URDF.replace('<mass value="0.9"/>', '<mass value="none"/>')
     own = Dynamics({"robot": {"urdf": broken}, "links": {"c": BODY}})

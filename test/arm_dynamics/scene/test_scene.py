@@ -4,11 +4,10 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, SceneError, load_scene
+from arm_dynamics import SceneError, load_scene
 from arm_dynamics.scene.imperfections import values
 from arm_dynamics.scene.schema import Joint
 
@@ -47,17 +46,6 @@ def test_packages_are_found_by_the_paths_of_ros(
     (folder / "arm.urdf").write_text(URDF.read_text())
     monkeypatch.setenv(variable, str(tmp_path))
     assert load_scene("package://my_arm/urdf/arm.urdf") == load_scene(URDF)
-
-
-def test_star_applies_to_all_joints_and_names_override_it() -> None:
-    joints = {
-        "*": {"friction": {"viscous": 0.5, "coulomb": 0.1}, "armature": 0.2},
-        "joint2": {"friction": {"viscous": 9.0}},
-    }
-    model = Dynamics({"robot": {"urdf": str(URDF)}, "joints": joints}).model
-    np.testing.assert_array_equal(model.viscous, [0.5, 9.0, 0.5])
-    np.testing.assert_array_equal(model.friction.coulomb.mean, [0.1, 0.1, 0.1])
-    np.testing.assert_array_equal(model.armature, [0.2, 0.2, 0.2])
 
 
 def joint1(common: dict[str, Any], own: dict[str, Any]) -> Joint:

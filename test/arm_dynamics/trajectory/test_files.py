@@ -58,19 +58,12 @@ def test_motions_that_cannot_repeat_are_refused() -> None:
     assert JointTrajectory.of(motion, NAMES)
 
 
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("", "is not a joint trajectory"),
-        (
-            "joint_names: [a]\npoints: [{positions: [x], time_from_start: {sec: 0}}]",
-            "real numbers",
-        ),
-    ],
-)
-def test_other_files_are_refused_by_name(tmp_path: Path, text: str, told: str) -> None:
-    path = tmp_path / "b.yaml"
-    path.write_text(text)
-    with pytest.raises(InvalidInput, match=told) as refused:
-        JointTrajectory.load(path)
-    assert "b.yaml" in str(refused.value)
+def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
+    path, points = tmp_path / "b.yaml", "points: [{positions: [x], time_from_start: {sec: 0}}]"
+    for text, told in (
+        ("", "not a joint trajectory"),
+        (f"joint_names: [a]\n{points}", "real num"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InvalidInput, match=f"b.yaml.*{told}"):
+            JointTrajectory.load(path)

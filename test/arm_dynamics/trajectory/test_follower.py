@@ -21,16 +21,6 @@ def follower() -> Follower:
     return Follower([0.0, 0.0])
 
 
-def test_replacement_in_motion_does_not_jump(follower: Follower) -> None:
-    follower.follow([Waypoint(2.0, [1.0, -1.0])], 0)
-    now = 700_000_000
-    before = triple(follower.reference(now))
-    assert abs(before[1]).min() > 0.1
-    follower.follow([Waypoint(1.5, [-1.0, 1.0])], now)
-    assert_close(triple(follower.reference(now)), before, ALGEBRA)
-    assert_close(follower.reference(now + 2 * SECOND).q, [-1.0, 1.0], ALGEBRA)
-
-
 def test_later_start_lets_the_old_one_go_on_until_then(follower: Follower) -> None:
     follower.follow([Waypoint(2.0, [1.0, -1.0])], 0)
     old = Follower([0.0, 0.0])

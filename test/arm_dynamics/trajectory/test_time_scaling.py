@@ -94,16 +94,6 @@ def test_what_rises_between_points_is_seen() -> None:
     assert np.all(np.diff(times) >= 0.0) and shares.shape == (*times.shape, 1)
 
 
-def test_both_sides_of_a_jump_are_seen() -> None:
-    when = 0.1234
-    times, shares = closely(
-        lambda t: np.where(t < when, t / when, -2.0 * (1.0 - t))[:, None],
-        np.linspace(0.0, 1.0, 3),
-    )
-    assert_close([shares.max(), shares.min()], [1.0, -2.0 * (1.0 - when)], 1e-4)
-    assert len(times) < 1000
-
-
 def test_motions_that_bend_everywhere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scaling, "_MOST", 50)
     noise = np.random.default_rng(0)

@@ -18,7 +18,7 @@ from arm_dynamics.trajectory import (
     stop,
 )
 from arm_dynamics.trajectory.quintics import extremes
-from tolerances import ALGEBRA, FINITE_DIFF, assert_close
+from tolerances import ALGEBRA, assert_close
 
 N = 3
 
@@ -43,14 +43,6 @@ def random_waypoints(rng: np.random.Generator, count: int = 6) -> list[Waypoint]
 def motion(trajectory: Trajectory, times: np.ndarray) -> np.ndarray:
     """Position, velocity and acceleration, shape (k, 3, n)."""
     return np.array([[s.q, s.v, s.a] for s in map(trajectory.sample, times)])
-
-
-def test_velocity_and_acceleration_are_derivatives(rng: np.random.Generator) -> None:
-    trajectory, h = quintic(random_waypoints(rng)), 1e-6
-    for t in rng.uniform(0.01, trajectory.duration - 0.01, 50):
-        before, here, after = (trajectory.sample(t + d) for d in (-h, 0.0, h))
-        assert_close((after.q - before.q) / (2 * h), here.v, FINITE_DIFF)
-        assert_close((after.v - before.v) / (2 * h), here.a, FINITE_DIFF)
 
 
 def test_open_derivatives_make_jerk_and_snap_continuous(rng: np.random.Generator) -> None:

@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
 from arm_dynamics import ArmModel, Dynamics, ModelError
 from models.newton_euler import Robot
@@ -187,12 +186,6 @@ def assert_limits(model: ArmModel, robot: Robot) -> None:
         assert model.velocity_limit[i] == (velocity or np.inf)
         if robot.joints[name].kind != "continuous":
             assert (model.position_lower[i], model.position_upper[i]) == (lower, upper)
-
-
-@pytest.mark.parametrize("way", SOUND.values(), ids=SOUND)
-def test_each_sound_way_is_read(way: Way, rng: np.random.Generator) -> None:
-    for _ in range(2):
-        assert_as_written(way(ROBOT, rng), rng)
 
 
 def test_ways_together(rng: np.random.Generator, fuzz: int) -> None:

@@ -117,17 +117,3 @@ def test_text_is_never_expanded() -> None:
     for source in (text, renamed.replace("<xacro:", "<x:")):
         with pytest.raises(SceneError, match="<xacro:arm> is not expanded: expand it with 'xacro"):
             load_scene(source)
-
-
-def test_the_real_program(tmp_path: Path) -> None:
-    pytest.importorskip("xacro")
-    source = tmp_path / "arm.urdf.xacro"
-    source.write_text(
-        SOURCE.replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ', 1)
-        .replace("<xacro:prop", "<xacro:arg name='mass' default='2'/><xacro:prop")
-        .replace("value='2'", "value='$(arg mass)'")
-    )
-    assert ArmModel(load_scene(source)).whole == ArmModel(load_scene(URDF)).whole
-    assert with_arguments(source, mass=3).whole.inertias[2].mass == 3.0
-    with pytest.raises(SceneError, match="did you mean 'mass'"):
-        with_arguments(source, mas=3)
