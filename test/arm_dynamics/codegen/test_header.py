@@ -59,6 +59,8 @@ def test_the_layout_is_that_of_the_compiler(tmp_path: Path) -> None:
     library = build(LAYOUT, "c", FLAGS, (f"-I{tmp_path}",)).library
     wanted = (c_int64 * (len(fields) + 1)).in_dll(library, "layout")
     assert [*places, ctypes.sizeof(outer)] == list(wanted)
+    with pytest.raises(ValueError, match="there is no structure or enumeration 'c_t'"):
+        Header(tmp_path / "given.h", only="c_t")
 
 
 @pytest.mark.parametrize(

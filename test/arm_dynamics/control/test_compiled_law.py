@@ -63,7 +63,7 @@ def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
         assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
 
 
-@pytest.mark.parametrize("robot", sampled((*models.ROBOTS, *models.DRIVEN), 4))
+@pytest.mark.parametrize("robot", sampled((*models.ROBOTS, *models.DRIVEN, *models.BALANCED), 4))
 def test_it_is_the_plain_law(robot: str, rng: np.random.Generator) -> None:
     dynamics = models.dynamics(robot)
     agree(dynamics, rng, rng.uniform(0.0, 40.0, dynamics.n), 0.7, 4e-3)

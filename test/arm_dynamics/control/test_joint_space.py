@@ -65,6 +65,19 @@ def test_tuned_gains_are_stable_when_held_for_a_tick(name: str, omega: float) ->
         assert abs(np.linalg.eigvals(closed)).max() < 1.0 + 1e-9
 
 
+def test_gains_of_a_posture_are_those_of_its_inertia() -> None:
+    dyn, q = models.dynamics("two_link"), np.array([0.3, 0.8])
+    kp, kd = tuned(dyn, 10.0, 0.5, q)
+    inertia = dyn.mass_matrix(q).diagonal()
+    assert_close([kp, kd], [100.0 * inertia, 10.0 * inertia - dyn.model.viscous], ALGEBRA)
+
+
+def test_a_state_in_single_precision_is_taken_as_the_numbers_it_holds() -> None:
+    law, q = ComputedTorque(models.dynamics("two_link")), np.float32([0.1, 0.7])
+    single, double = (law.torque(Measured(x, x), at_rest(NONE)) for x in (q, q.astype(float)))
+    assert single.dtype == np.float64 and single.tolist() == double.tolist()
+
+
 def test_pid_removes_what_pd_leaves() -> None:
     sim = models.simulator("two_link", dt=1e-3)
     kp, kd = tuned(sim.dynamics, 15.0)
@@ -209,6 +222,7 @@ BAD = [
     (Measured(np.array([np.nan, 0.0]), NONE), at_rest(NONE), r"state.q\[0\] = nan"),
     (Measured(NONE, np.array([0.0, np.inf])), at_rest(NONE), r"state.v\[1\] = inf"),
     (Measured(np.zeros(3), NONE), at_rest(NONE), r"state.q has shape \(3,\)"),
+    (Measured(np.zeros((1, 2)), NONE), at_rest(NONE), r"state.q has shape \(1, 2\)"),
     (Measured(NONE, NONE), Reference(NONE, NONE, np.zeros(())), r"reference.a has shape \(\)"),
     (Measured(NONE, NONE), NONE, "the reference is of type ndarray"),
 ]

@@ -11,7 +11,7 @@ import pytest
 from samples import always
 
 import models
-from arm_dynamics import Dynamics, InvalidInput, Term, load_scene
+from arm_dynamics import Dynamics, InvalidInput, ModelError, Term, load_scene
 from arm_dynamics.codegen import compiler
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.terms.evaluator import MANY
@@ -155,6 +155,23 @@ def test_only_what_is_asked_for_is_built(
         for _ in range(2):
             dyn.forward(*batch)
     assert caplog.messages == ["building code for batches: forward dynamics of 2 joints"]
+
+
+def test_a_position_without_mass(rng: np.random.Generator) -> None:
+    """A rod with a point mass nods on a post that turns: upright, the post has no inertia."""
+    dyn = Dynamics("""<robot name="rod"><link name="base"/><link name="post"/>
+      <link name="rod"><inertial><origin xyz="0 0 0.5"/><mass value="1"/>
+        <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="post"/>
+        <axis xyz="0 0 1"/></joint>
+      <joint name="nod" type="continuous"><parent link="post"/><child link="rod"/>
+        <axis xyz="0 1 0"/></joint></robot>""")
+    q, v, tau = (rng.uniform(0.5, 1.0, (MANY, 2)) for _ in range(3))
+    assert np.isfinite(dyn.forward(q, v, tau)).all()
+    q[77, 1] = 0.0
+    for given in ((q, v, tau), (q[77], v[77], tau[77])):
+        with pytest.raises(ModelError, match="joint 'turn' moves no mass"):
+            dyn.forward(*given)
 
 
 def test_an_acceleration_that_overflows(rng: np.random.Generator) -> None:

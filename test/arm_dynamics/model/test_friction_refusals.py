@@ -131,6 +131,7 @@ TABLES: list[tuple[dict[str, Any], str]] = [
     ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
     ({"speed": [0, 1e-300, 1], "torque": [1, 2, 3]}, "a slope of 1e+300 between two points"),
     ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
+    ({**FLAT, "torque": [[1, 2], [1, 2]]}, "positions = 1, rows of"),
     (TWICE | {"period": 1}, "period = 1.0: longer than 'position' is"),
     (FLAT | {"period": 6.3}, "'position' is missing, which repeats"),
     (TWICE | {"torque": [[1, 2], [0, 3]]}, "torque at speed 0 = [1.0, 0.0]: more than 0 at every"),

@@ -27,6 +27,13 @@ def test_scara_by_hand() -> None:
     np.testing.assert_allclose(model.total_mass, 4 + 2.5 + 0.8 + 0.3, rtol=1e-15)
 
 
+def test_selected_joints_keep_the_scale_of_their_friction() -> None:
+    joints = {"inner": {"friction": {"coulomb": 2.0}}}
+    friction = ArmModel(load_scene({"robot": {"urdf": SCARA}, "joints": joints})).friction
+    doubled = friction.scaled(np.where(friction.coulomb.mean > 0.0, 4.0, 0.0)).of([0])
+    assert doubled.level_at(np.ones(4), np.zeros(4), np.zeros(4))[0] == 4.0
+
+
 def test_scene_replaces_limits() -> None:
     slide = {"limits": {"effort": 5.0, "velocity": 0.5, "lower": -0.1, "upper": 0.1}}
     model = ArmModel(load_scene({"robot": {"urdf": SCARA}, "joints": {"slide": slide}}))
