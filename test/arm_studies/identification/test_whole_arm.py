@@ -100,15 +100,6 @@ def two_link():
     return model, t, q, v, a, torque(regressor, theta, numbers, q, v, a)
 
 
-def test_from_positions_alone():
-    model, t, q, v, a, tau = two_link()
-    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau))
-    _, _, _, numbers = truth("two_link")
-    for name, own in numbers.items():
-        assert result.parameters[f"{name}.viscous"] == pytest.approx(own["viscous"], rel=1e-3)
-        assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=1e-3)
-
-
 @pytest.mark.parametrize("given", [(0.7, 1.5, 2.4, 0.3), (0.7, 2.4, 1.5, 0.6)])
 def test_dry_friction_that_falls_with_speed_or_rises_as_that_of_harmonic_drives(given):
     model, t, q, v, a, _ = two_link()

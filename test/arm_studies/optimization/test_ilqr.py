@@ -76,20 +76,6 @@ def test_at_limits_the_gradient_points_out_and_elsewhere_it_is_zero() -> None:
     assert abs(slope[~above & ~below]).max() < 1e-6 * scale
 
 
-def test_feedback_stays_within_the_limits_on_both_sides(rng: np.random.Generator) -> None:
-    sim, b = arm(), 5
-    low, high = np.full((NODES, sim.n), -3.0), np.full((NODES, sim.n), 2.0)
-    k, K = rng.normal(size=(NODES, sim.n)), rng.normal(size=(NODES, sim.n, 2 * sim.n))
-    still = np.tile(sim.arm.x, (NODES, 1))
-    course = Course(still, np.zeros((NODES, sim.n)), Policy(k, K, 0.0), low, high)
-    x, u = np.tile(sim.arm.x, (b, NODES + 1, 1)), np.empty((b, NODES, sim.n))
-    size = np.linspace(0.2, 4.0, b)
-    Forward(sim).follow(course, size, x, u)
-    wanted = size[:, None, None] * k + np.einsum("kij,bkj->bki", K, x[:, :-1] - still)
-    assert (wanted < low).any() and (wanted > high).any()
-    assert_close(u, np.clip(wanted, low, high), 1e-12)
-
-
 def test_all_arms_have_the_parameters_of_the_simulator() -> None:
     scene = load_scene("two_link").model_dump(exclude_unset=True) | {"tunable": ["gravity"]}
     sim = Simulator(scene, integrator="rk4", dt=DT)
