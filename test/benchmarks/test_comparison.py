@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark: its reference, its clocks and its report on a tiny problem."""
 
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from rich.console import Console
 
@@ -15,6 +15,7 @@ from benchmarks.comparison.report import summary, write
 from benchmarks.comparison.suite import judged
 from benchmarks.measurement.intervals import of_median
 from benchmarks.peers.base import OURS, Contestant, halvings
+from benchmarks.peers.ours import FixedTrial
 from benchmarks.reference import solution
 from benchmarks.reference.closed_loop import Loop
 from benchmarks.reporting.progress import Bar
@@ -23,40 +24,12 @@ from benchmarks.studies import energy, model_agreement, work_precision
 from benchmarks.studies.bench import Bench
 
 
-class LeapTrial:
-    """A simulator small enough for a test: explicit Euler on Pinocchio."""
-
-    def __init__(self, robot: Robot, step: float) -> None:
-        self.model, self.data, self.step = robot.pin, robot.pin.createData(), step
-        self.reset(robot.q0, np.zeros(robot.n))
-
-    def reset(self, q: np.ndarray, v: np.ndarray) -> None:
-        self.q, self.v = q.copy(), v.copy()
-
-    def advance(self, duration: float) -> None:
-        self._hold(np.zeros(len(self.q)), round(duration / self.step))
-
-    def replay(self, torques: np.ndarray) -> None:
-        for tau in torques:
-            self._hold(tau, round(1e-3 / self.step))
-
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.q.copy(), self.v.copy()
-
-    def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return pin.aba(self.model, self.data, q, v, tau).copy()
-
-    def _hold(self, tau: np.ndarray, steps: int) -> None:
-        for _ in range(steps):
-            a = self.acceleration(self.q, self.v, tau)
-            self.q, self.v = self.q + self.step * self.v, self.v + self.step * a
-
-
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     """One contestant and a chain of two links for a twentieth of a second."""
     small = Robot("Chain 2", chain(2).urdf, chain(2).q0, duration=0.05)
-    who = Contestant(OURS, "leap", "step", (4e-3, 2e-3, 1e-3), (1e-3,), LeapTrial)
+    build = partial(FixedTrial, "euler")
+    who = Contestant(OURS, "euler", "step", (5e-3, 2.5e-3, 1e-3), (1e-3,), build)
     bench = Bench([who], Bar(Console(file=StringIO())), quick=True)
     monkeypatch.setattr(Bench, "repeats", 1)
     monkeypatch.setattr(Bench, "robots", lambda self: [small])
@@ -112,7 +85,7 @@ def test_a_verdict_on_a_time_does_not_turn_with_the_host(
 def test_steps_and_targets() -> None:
     assert halvings(8e-3, 1e-3) == (8e-3, 4e-3, 2e-3, 1e-3)
     with pytest.raises(ValueError, match=r"0\.016 s does not divide 1\.0 s"):
-        Contestant(OURS, "leap", "step", (0.016,), (), LeapTrial)
+        Contestant(OURS, "euler", "step", (0.016,), (), partial(FixedTrial, "euler"))
     points = [
         {"method": "slow", "error_rad": e, "cpu_s": c}
         for e, c in ((1e-2, 1.0), (1e-4, 100.0), (None, 1e4))

@@ -122,19 +122,12 @@ GRIPPERS = {
     ),
 }  # fmt: skip
 LINKAGES = {
-    "a parallelogram held by followers, as palletizers": [
-        link("rod"), joint("rod_joint", "revolute", "link_1", "rod", "0.1 0 0", "0 1 0",
-                           mimic("joint_2", 1.0, 0.0, LIMIT)),
-        link("plate"), joint("plate_joint", "revolute", "link_3", "plate", "0 0 0.3", "0 1 0",
-                             mimic("joint_3", -1.0, 0.1, LIMIT)),
-    ],
     "an opened loop": [link("rod"), joint("pin", "continuous", "base_link", "rod", axis="0 1 0")],
     "a loop": [joint("pin", "continuous", "base_link", "link_3")],
 }  # fmt: skip
 ODD = {
     "a fixed world": [link("world", None), joint("to_world", "fixed", "world", "base_link")],
     "a floating base": [link("world", None), joint("to_world", "floating", "world", "base_link")],
-    "a planar base": [link("floor", None), joint("base", "planar", "floor", "base_link")],
     "a shoulder through links without mass": [
         link("virtual", None), joint("roll", "continuous", "link_3", "virtual", axis="1 0 0"),
         link("real"), joint("pitch", "continuous", "virtual", "real", axis="0 1 0"),
@@ -172,7 +165,6 @@ REFUSED = {
     "followers in a ring": "joint '(left|right)': its mimic rule leads back to itself",
     "a loop": "joint 'pin': link 'link_3' already has a parent joint",
     "a floating base": "joint 'to_world': type 'floating' .*'robot.lock: \\[to_world\\]'",
-    "a planar base": "joint 'base': type 'planar' .*'robot.lock: \\[base\\]'",
     "a joint without limit": "joint 'j': a revolute joint needs <limit>",
 }
 """Those that are refused, and how."""

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from arm_dynamics import Scene
 from models.oracle import Oracle
+from reference.independent.tree import Point
 
 Array = np.ndarray
 NUMBERS = ("stiffness", "rest", "damping")
@@ -42,13 +43,9 @@ class SprungOracle(Oracle):
     def length(self, spring: Any, q: Array) -> float:
         """Of a spring between points in [m]."""
         pin.framesForwardKinematics(self.model, self.data, self.full(q))
-        ends = []
-        for frame, point in zip(spring.frames, spring.points, strict=True):
-            place = np.array(point)
-            if frame != "world":
-                place = self.data.oMf[self.model.getFrameId(frame)].act(place)
-            ends.append(place)
-        return float(np.linalg.norm(ends[0] - ends[1]))
+        ends = zip(spring.frames, spring.points, strict=True)
+        one, other = (Point(self, *end).place() for end in ends)
+        return float(np.linalg.norm(one - other))
 
     def elastic(self, spring: Any, q: Array) -> float:
         """Its tension but for the damper in [N]."""

@@ -24,7 +24,6 @@ from reference.independent import simulate
 
 FILE = Path(__file__).with_name("features_together.json")
 TIMES = np.linspace(0.0, 1.0, 6)
-COUNTED = ("sticks", "slides", "impact", "grips", "rubs", "hit", "holds", "kink")
 Job = tuple[str, tuple[str, ...]]
 
 
@@ -57,7 +56,6 @@ def solved(job: Job) -> dict[str, Any]:
         "scene": digest,
         "q": motion.q.tolist(),
         "balance": float(abs(motion.balance).max()),
-        "events": {kind: len(motion.happened(kind)) for kind in COUNTED if motion.happened(kind)},
     }
 
 

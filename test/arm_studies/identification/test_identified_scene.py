@@ -63,13 +63,6 @@ def test_a_law_with_states_stays():
     assert (friction.viscous, friction.coulomb, friction.static) == (0.1, 1.0, None)
 
 
-def test_a_law_that_the_identified_friction_contradicts_is_refused_by_name():
-    """Bristles bend only up to a Coulomb friction above zero."""
-    model = two_link(lugre={"sigma0": 1e4})
-    with pytest.raises(InvalidInput, match=r"joints\.shoulder\.friction\.lugre' needs coulomb"):
-        told({COULOMB: 0.0}, Shape(), model=model)
-
-
 def test_friction_that_is_neither_identified_nor_kept_is_refused_by_name():
     table = {"at": [-1.0, 1.0], "factor": [1.0, 1.2]}
     with pytest.raises(InvalidInput, match=r"'shoulder' has 'friction\.position', which cannot"):

@@ -100,16 +100,6 @@ def test_late_efforts_are_told_and_errors_of_the_arm_are_scatter():
         assert scatter or any(note.startswith("efforts are 5 ±") for note in told)
 
 
-def test_under_noise_it_is_still_a_body(record):
-    noise = np.random.default_rng(1).standard_normal(record.effort.shape)
-    noisy = JointRecord.of(
-        record.joint_names, record.time, record.q, record.effort + 0.3 * noise, record.v, record.a
-    )
-    found = identify_payload(scene(), noisy, "panda_hand")
-    assert found.mass == pytest.approx(BODY["mass"], rel=0.05)
-    load_scene(scene(payloads=[found.model_dump()]))  # which refuses what no body has
-
-
 @pytest.mark.parametrize(("frame", "lost", "said"), [
     ("panda_hant", [], "did you mean 'panda_hand'"),
     ("panda_link0", [], "frame 'panda_link0' does not move"),

@@ -7,7 +7,7 @@ import pytest
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.preparation.even_record import resampled
-from arm_studies.identification.signals.cutoff import chosen_band, white_noise
+from arm_studies.identification.signals.cutoff import chosen_band
 from arm_studies.identification.signals.filtering import ZeroPhase
 
 RATE = 500.0
@@ -191,12 +191,3 @@ def test_the_motion_is_that_at_the_time_of_the_efforts():
             found.a[inside, 0], -4.0 * np.sin(2.0 * (t - 0.005))[inside], atol=1e-4
         )
         assert found.aged == (stated is not None)
-
-
-def test_white_noise_is_seen_above_the_motion(rng):
-    t = np.arange(0.0, 20.0, 0.01)
-    motion = np.abs(np.sin(2.0 * t)) ** 3  # whose second derivative bends
-    noisy = np.column_stack([motion, motion + 0.02 * rng.normal(size=t.shape)])
-    found = white_noise(noisy, 0.01, 5.0)
-    assert found[0] == 0.0
-    assert found[1] == pytest.approx(0.02, rel=0.15)

@@ -4,11 +4,17 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from samples import always, sampled
 
 from arm_dynamics import ArmError, InvalidInput
@@ -162,20 +168,17 @@ def test_imperfections_without_chance_need_no_seed() -> None:
     assert late[0] > 1.1 * prompt[0]
 
 
-def test_a_run_that_diverges_is_a_row() -> None:
+def test_a_run_that_diverges_or_cannot_be_made_is_a_row() -> None:
     gains = {"controller": {"name": "pd", "settings": {"bandwidth": 5.0}}}
-    study = STUDY | gains | {"changes": {"sim": {"integrator": "euler"}},
-                             "vary": {"joints.*.friction.viscous": [0.1, 1e5]}}  # fmt: skip
+    study = STUDY | gains | {
+        "changes": {"sim": {"integrator": "euler"}},
+        "vary": {"joints.*.friction.viscous": [0.1, 1e5], "motion.points.0.time": [0.25, -0.2]},
+    }  # fmt: skip
     table = sweep(study, workers=1).table
-    assert table["status"].tolist() == ["done", "diverged"]
-    assert np.isfinite(table["energy"][0]) and np.isnan(table["energy"][1])
-    assert table["note"][1].startswith("at t = ")
-
-
-def test_a_run_that_cannot_be_made_is_a_row() -> None:
-    table = sweep(STUDY | {"vary": {"motion.points.0.time": [0.25, -0.2]}}, workers=1).table
-    assert table["status"].tolist() == ["done", "failed"]
-    assert "study: 'motion.points.0.time' = -0.2: more than 0 is expected" in table["note"][1]
+    assert table["status"].tolist() == ["done", "failed", "diverged", "failed"]
+    assert np.isfinite(table["energy"][0]) and np.isnan(table["energy"][2])
+    assert table["note"][2].startswith("at t = ")
+    assert "'motion.points.0.time' = -0.2: more than 0 is expected" in table["note"][1]
 
 
 OF_THREE = {"bandwidth": [1.0, 2.0, 3.0]}
@@ -210,12 +213,10 @@ CHANGES: dict[str, dict[str, Any]] = {
     },
     "smooth": {},
     "failing": {"vary": {"payloads.0.mass": {"uniform": [-0.2, 1.0]}}},
-    "gains": {"vary": VARIED["vary"] | {"controller.settings.bandwidth": [10.0, 30.0]}},
     "dry friction": {
         "changes": {"joints": {"elbow": {"friction": {"coulomb": 0.5}}}},
         "vary": {"payloads.0.mass": {"uniform": [0.1, 1.0]}},
     },
-    "error control": {"changes": {"sim": {"tolerance": 1e-9}}},
     "diverging": {
         "changes": {"sim": {"integrator": "euler"}},
         "vary": {"joints.*.friction.viscous": {"log_uniform": [0.1, 1e5]}},
@@ -333,3 +334,97 @@ def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
 
     with pytest.warns(DeprecationWarning, match="now (on_progress=|simulated)"):  # as of old
         assert sweep(VARIED, tmp_path, workers=1, told=told).made == 12
+
+
+# --- in other processes ------------------------------------------------------------------------
+
+with_group = pytest.mark.group("sweep")
+SHARED = VARIED | {
+    "vary": {"controller": ["computed_torque", "pid"], **VARIED["vary"]}, "samples": 8,
+}  # fmt: skip
+RUNS = 16  # of two controllers
+
+
+@pytest.fixture(scope="module")
+def alone() -> dict[str, Any]:
+    """The table of this process alone."""
+    return bits(sweep(SHARED, workers=1).table)
+
+
+@with_group
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # the cluster's own sockets
+def test_a_cluster_makes_the_same_table(alone: dict[str, Any], tmp_path: Path) -> None:
+    import distributed
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
+    ) as cluster:
+        pids = {worker.pid for worker in cluster.workers.values()}
+        assert len(pids - {os.getpid()}) == 2
+        assert bits(sweep(SHARED, cluster=cluster.scheduler_address).table) == alone
+
+
+@with_group
+def test_killed_with_its_workers_and_called_again(alone: dict[str, Any], tmp_path: Path) -> None:
+    """The kill is real: SIGKILL, once the first runs are in the journal; workers end by it."""
+    file, out = tmp_path / "study.yaml", tmp_path / "out"
+    file.write_text(yaml.safe_dump(SHARED, sort_keys=False))
+    killer = (
+        "import os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from arm_studies.sweeps import sweep\n"
+        "def told(progress):\n"
+        "    if progress.done:\n"
+        "        tasks = Path('/proc/self/task').glob('*/children')\n"
+        "        print(*(task.read_text() for task in tasks), flush=True)\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "sweep(sys.argv[1], sys.argv[2], workers=2, on_progress=told)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", killer, str(file), str(out)],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    ) as killed:  # fmt: skip
+        # The pipe is closed when the last of its writers has ended, workers included.
+        told, _ = killed.communicate(timeout=120)
+    children = [int(pid) for pid in told.split()]
+    assert killed.returncode == -signal.SIGKILL and len(children) >= 2
+    until = time.monotonic() + 20.0
+    while any(map(running, children)) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert [pid for pid in children if running(pid)] == []
+    done = len((out / "runs.jsonl").read_text().splitlines()) - 1
+    assert 0 < done < RUNS
+    again = sweep(file, out, workers=1)
+    assert again.simulated == RUNS - done
+    assert bits(again.table) == alone
+
+
+def running(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@with_group
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"workers": 0}, "workers = "),
+        ({"workers": 2, "cluster": "tcp://127.0.0.1:1"}, "a cluster has its own workers"),
+        ({"cluster": "tcp://127.0.0.1:1"}, "'tcp://127.0.0.1:1': no Dask scheduler answers"),
+    ],
+)
+def test_nobody_to_share_with(
+    given: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_studies.sweeps.sharing._TIMEOUT", 0.2)
+    with pytest.raises(InvalidInput, match=said):
+        sweep(SHARED, **given)
+
+
+def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "joblib", None)
+    with pytest.raises(InvalidInput, match="cannot find the module 'joblib'.*arm setup sweep"):
+        sweep(SHARED, workers=2)

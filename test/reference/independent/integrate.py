@@ -38,10 +38,6 @@ class Motion:
         """Energy from nowhere, [J]."""
         return self.energy - self.energy[0] - self.supplied + self.lost
 
-    def happened(self, kind: str) -> list[tuple[float, str, int]]:
-        """The events of one kind."""
-        return [event for event in self.log if event[1] == kind]
-
 
 def simulate(
     scene: Mapping[str, Any],

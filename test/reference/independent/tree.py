@@ -94,7 +94,7 @@ class Tree(FreeTree):
 class Point:
     """A point of a link, or of the world; ask after ``Tree.move``."""
 
-    def __init__(self, tree: Tree, frame: str, at: Sequence[float]) -> None:
+    def __init__(self, tree: FreeTree, frame: str, at: Sequence[float]) -> None:
         self._tree, self._at = tree, np.array(at, dtype=float)
         self._frame = None if frame == "world" else tree.model.getFrameId(frame)
 

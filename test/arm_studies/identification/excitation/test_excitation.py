@@ -135,15 +135,6 @@ def _least_squares(room: Room, found: Any) -> np.ndarray:
     return np.linalg.norm(np.linalg.inv(R)[: model.n], axis=1)
 
 
-def test_the_same_seed_gives_the_same_motion() -> None:
-    room = Room(planar(), acceleration=30.0)
-    first, again, other = (
-        excite(room, period=4.0, harmonics=2, attempts=1, seed=seed) for seed in (0, 0, 1)
-    )
-    np.testing.assert_array_equal(first.motion.coefficients, again.motion.coefficients)
-    assert not np.array_equal(first.motion.coefficients, other.motion.coefficients)
-
-
 def test_a_box_and_a_floor_are_kept_clear_of() -> None:
     box = Box((-0.6, -2.0, -0.9), (1.5, 2.0, 0.4), ("tip",))
     task = TaskSpace(planar().model, "tip")
