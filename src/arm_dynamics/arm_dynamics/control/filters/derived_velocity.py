@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics.arrays import Array, positive
-from arm_dynamics.control.low_pass import LowPass
+from arm_dynamics.control.filters.low_pass import LowPass
 from arm_dynamics.exceptions import InvalidInput
 
 
