@@ -6,8 +6,8 @@ import pytest
 import scipy
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.control.derived_velocity import DerivedVelocity
-from arm_dynamics.control.low_pass import LowPass
+from arm_dynamics.control.filters.derived_velocity import DerivedVelocity
+from arm_dynamics.control.filters.low_pass import LowPass
 from tolerances import ALGEBRA, assert_close
 
 DT, CUTOFF = 1e-3, 50.0

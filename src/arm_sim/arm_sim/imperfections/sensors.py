@@ -9,7 +9,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import frozen
-from arm_dynamics.control.low_pass import LowPass
+from arm_dynamics.control.filters.low_pass import LowPass
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene import imperfections as schema

@@ -12,8 +12,8 @@ from arm_dynamics.control import factory
 from arm_dynamics.control.compiled_law import Job, preparation
 from arm_dynamics.control.controller import AnyController
 from arm_dynamics.control.custom import Maker, is_own, load_controller
-from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control.filters.derived_velocity import DerivedVelocity
 from arm_dynamics.control.switch import Switch
 from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics

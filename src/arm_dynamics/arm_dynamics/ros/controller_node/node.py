@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, finite_numbers
 from arm_dynamics.control.controller import Checked, Measured
-from arm_dynamics.control.derived_velocity import DerivedVelocity
+from arm_dynamics.control.filters.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ControllerFailed, InvalidInput, plain

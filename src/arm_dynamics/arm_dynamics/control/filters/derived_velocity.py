@@ -4,7 +4,7 @@
 import numpy as np
 
 from arm_dynamics.arrays import Array, positive
-from arm_dynamics.control.low_pass import LowPass
+from arm_dynamics.control.filters.low_pass import LowPass
 from arm_dynamics.exceptions import InvalidInput
 
 
