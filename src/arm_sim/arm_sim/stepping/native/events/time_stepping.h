@@ -63,7 +63,8 @@ static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
 static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
   fill(scene, &guards, -INFINITY);
-  const guarded_t at = {.x = x, .segment = segment};
+  const memory_t* memory = segment->memory;
+  const guarded_t at = {x, segment, 0, 0.0, memory->places_of_guards, memory->loads_of_guards, 0.0};
   evaluate_stop_guards(scene, &at, &guards);
   return max_of(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
