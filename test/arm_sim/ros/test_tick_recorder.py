@@ -316,8 +316,9 @@ def test_a_killed_process_loses_only_what_was_not_yet_written(
 ) -> None:
     """It writes every half second, however small a chunk is."""
     run(engine, 300)
-    written = recorder.thread.written
+    written, end = recorder.thread.written, time.monotonic() + 60.0
     while recorder.thread.written == written:
+        assert time.monotonic() < end
         time.sleep(0.01)
     run(engine, 100)
     left = Path(shutil.copy(recorder.path, tmp_path / "left.mcap"))
