@@ -20,7 +20,6 @@ from arm_sim.cli.main import main
 from tolerances import PINOCCHIO, assert_close
 
 URDF = (models.FOLDER / "skew_axes.urdf").read_text()
-INERTIAL = re.compile(r"<inertial>.*?</inertial>", re.DOTALL)
 BODY = {
     "mass": 1.7,
     "com": [0.03, -0.02, 0.05],
