@@ -46,6 +46,8 @@ def arm(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[ArmCl
 def test_terms_and_task_space_have_their_shapes(arm: ArmClient, rng: np.random.Generator) -> None:
     dynamics = models.dynamics("two_link")
     q, v = rng.normal(size=(2, 4, 2))
+    assert arm.model_info().joint_names == dynamics.joint_names
+    np.testing.assert_allclose(arm.forward_dynamics(q, v), dynamics.forward(q, v, 0.0 * v))
     assert arm.dynamics_terms(q[0], v[0]).mass_matrix.shape == (2, 2)
     task = TaskSpace(dynamics, "tip", selection=("x", "z"))
     seen = arm.task_space("tip", q, v, axes=("x", "z"), direction=(1.0, 0.0))

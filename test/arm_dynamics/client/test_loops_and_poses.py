@@ -129,7 +129,7 @@ def test_positions_found_bring_the_frame_to_the_pose(
 ) -> None:
     q = ARM.q0 + rng.uniform(-0.2, 0.2, 7)
     wanted = poses(q)
-    found = panda.inverse_kinematics(FRAME, wanted)
+    found = panda.inverse_kinematics(FRAME, wanted, ARM.q0)
     assert found.joint_names == ARM.joint_names
     assert found.q.shape == (7,)
     assert found.reached.shape == found.distance.shape == found.angle.shape == ()

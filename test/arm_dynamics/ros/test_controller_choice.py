@@ -196,3 +196,8 @@ def test_bad_settings_in_motion_are_refused_and_the_law_goes_on(ros: Ros) -> Non
     result = change(node, switch_time=1.0)
     assert not result.successful
     assert "read-only" in result.reason
+
+
+def test_a_scene_without_friction_is_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    assert change(ros.add(ControllerNode, "ur5e"), friction=True).successful
+    assert "friction = true: the controller's scene has none" in capfd.readouterr().err

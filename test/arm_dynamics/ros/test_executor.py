@@ -17,9 +17,11 @@ from rclpy.parameter import Parameter
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.common import executor as module
+from arm_dynamics.ros.common.endpoints import subscribe
 from arm_dynamics.ros.common.executable import execute, run, split_words
 from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.dynamics_node import DynamicsParams
+from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 pytestmark = pytest.mark.ros
 
@@ -57,6 +59,13 @@ def test_falls_back_when_the_events_executor_dispatches_nothing(
     assert isinstance(executor, SingleThreadedExecutor)
     deaf.shutdown.assert_called_once()
     executor.shutdown()
+
+
+def test_a_callback_that_fails_does_not_end_the_node(
+    node: Node, capfd: pytest.CaptureFixture[str]
+) -> None:
+    subscribe(node, DIAGNOSTICS, lambda message: 1 / message).callback(0)
+    assert "ZeroDivisionError" in capfd.readouterr().err
 
 
 def test_a_fault_of_the_program_is_shown_and_ends_the_node() -> None:

@@ -152,12 +152,14 @@ def test_damaged_goals_are_refused_and_the_arm_holds(
     for message, name in (
         (long_trajectory(100, 1.0), "joint_trajectory"), (path([0, 0.1, 0]), "cartesian_path")
     ):  # fmt: skip
-        node.goals.outcome, raw = "", sent(message)
-        ros.publisher(type(message), f"/controller/{name}").publish(raw[: len(raw) // 2])
-        ros.spin_until(lambda: node.goals.outcome)
-        planned(node, MS)
-        assert "refused: the message" in node.goals.outcome
-    assert capfd.readouterr().err.count("refused: the message") == 2, "each has a reason"
+        publisher, raw = ros.publisher(type(message), f"/controller/{name}"), sent(message)
+        for length in (10, len(raw) // 2):
+            node.goals.outcome = ""
+            publisher.publish(raw[:length])
+            ros.spin_until(lambda: node.goals.outcome)
+            planned(node, MS)
+            assert "refused: the message" in node.goals.outcome
+    assert capfd.readouterr().err.count("refused: the message") == 4, "each has a reason"
     np.testing.assert_array_equal(see(node, 1000 * MS), before)
 
 

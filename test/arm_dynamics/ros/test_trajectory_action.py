@@ -15,6 +15,7 @@ from two_link_control import MS, NAMES, effort, point, reference_of, state, traj
 
 import models
 from arm_dynamics.ros import ControllerNode
+from arm_dynamics.ros.controller import trajectory_action
 from arm_dynamics.trajectory import Reference
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import hold
@@ -350,3 +351,12 @@ def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:
     node.on_joint_states(serialize_message(shown))
     assert Client(ros).send(goal(trajectory(point(2.0, *there), names=names))).accepted
     assert node.goals.follower.reference(2000 * MS).q[turn] == pytest.approx(2.0 * np.pi + 0.3)
+
+
+def test_without_the_interface_there_is_no_action(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    absent = trajectory_action.ACTION._replace(type=None)
+    monkeypatch.setattr(trajectory_action, "ACTION", absent)
+    ros.add(ControllerNode, models.scene("two_link"))
+    assert "control_msgs is not installed" in capfd.readouterr().err

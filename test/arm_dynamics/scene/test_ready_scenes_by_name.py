@@ -55,6 +55,7 @@ def test_a_file_of_the_name_comes_first_and_folders_of_ones_own_second(
         ("package://", "is a folder; a file is expected"),
         ("x" * 5000, r"no file 'xxx.* … .*xxx' in"),
         ("~nobody-of-this-name/arm.yaml", "no file '~nobody-of-this-name/arm.yaml'; searched: "),
+        ("two\nlink", "neither URDF text nor the name of a file"),
         ("/dev/null", "'/dev/null' is a pipe or a device; a file is expected"),
     ],
 )

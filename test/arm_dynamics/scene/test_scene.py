@@ -33,6 +33,8 @@ def test_a_urdf_is_a_scene_in_every_form() -> None:
     text = URDF.read_text()
     forms = [URDF, str(URDF), text, {"robot": {"urdf": str(URDF)}}, {"robot": {"urdf": text}}]
     assert all(load_scene(form) == load_scene(URDF) for form in forms)
+    with pytest.raises(SceneError, match="3 is of type int; a path, URDF text or a dictionary"):
+        load_scene(3)
 
 
 @pytest.mark.parametrize(

@@ -116,6 +116,8 @@ def test_what_cannot_be_is_refused() -> None:
     dyn, motion = models.dynamics("panda"), straight()
     with pytest.raises(Unreachable):
         retimed(motion, dyn, 5.0)  # the weight alone takes more
+    with pytest.raises(InvalidInput, match="nothing limits the motion"):
+        retimed(motion, dyn, np.inf)
     with pytest.raises(InvalidInput, match="limit is -1"):
         retimed(motion, dyn, -1.0)
     with pytest.raises(InvalidInput, match="points = 3"):

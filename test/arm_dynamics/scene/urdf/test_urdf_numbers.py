@@ -65,7 +65,7 @@ def assert_read(text: str, expected: str = URDF) -> None:
     assert pin.buildModelFromXML(urdf.text) == pin.buildModelFromXML(other.text)
 
 
-@pytest.mark.parametrize("text", ["1_000", "0x10", "infinity", "nan", "1e400", "1,5", ""])
+@pytest.mark.parametrize("text", ["1_000", "0x10", "infinity", "nan", "1e400", "${pi/2}", ""])
 def test_what_other_readers_take_for_no_number_is_refused_by_name(text: str) -> None:
     for found in NUMBERS:
         key, rest = found[1], " ".join(found[2].split()[1:])

@@ -51,6 +51,7 @@ BAD = [
     ),
     (changed('iyy="0.015"', 'iyy="-1.6e-12"'), "link2.*inertia iyy='-1.6e-12'"),
     (changed("0 -1 0", "0 0.999e-9 0"), "joint1.*axis '0 0.999e-9 0' has no direction"),
+    (following("thumb"), "joint2.*thumb"),
     (following("joint2"), "joint2.*mimics 'joint2', which is that joint itself"),
     (following("pin").replace(JOINT2, PIN + JOINT2), "joint2.*mimics 'pin', which does not move"),
     (following("joint3").replace('"link2"/>', '"link2"/><mimic joint="joint2"/>'), "joint[23]"),

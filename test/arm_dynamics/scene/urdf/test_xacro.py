@@ -84,6 +84,7 @@ def test_arguments_that_it_has_not_are_refused(source: Path) -> None:
 def test_a_source_is_a_urdf_or_a_xacro_file() -> None:
     for robot, words in (
         ({"urdf": "a.urdf", "xacro": "a.xacro"}, "'urdf' or 'xacro' is expected, not both"),
+        ({"xacro": "a", "arguments": {"a": [1]}}, "robot.arguments.a' = .1.: text, a number"),
         ({"urdf": URDF, "arguments": {"a": 1}}, "give the file as 'robot.xacro'"),
     ):
         with pytest.raises(SceneError, match=words):
