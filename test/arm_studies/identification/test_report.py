@@ -9,6 +9,7 @@ import pytest
 
 from arm_dynamics import Dynamics
 from arm_studies.identification import Identification, JointRecord, identify
+from arm_studies.identification.regression.bodies import consistent
 from arm_studies.identification.report import friction_words, joint_rows, text
 from arm_studies.identification.validation import Errors
 
@@ -25,6 +26,11 @@ def found() -> Identification:
     }
     tau = Dynamics(true).inverse(q, v, a)
     return identify("two_link", JointRecord.of(["shoulder", "elbow"], t, q, tau, v, a))
+
+
+def test_bodies_that_cannot_be_are_changed_and_it_is_told(found: Identification) -> None:
+    assert any("unconstrained fit is physically inconsistent" in note for note in found.notes)
+    assert all(map(consistent, found.bodies))
 
 
 def test_an_unknown_error_is_not_a_number(found: Identification) -> None:
