@@ -60,6 +60,7 @@ def test_forward_dynamics_terms_and_model(arm: Any) -> None:
     terms = answer(arm("dynamics-terms", "--position", "0.3 -0.7", "--json"))
     np.testing.assert_allclose(terms["mass_matrix"], dynamics.mass_matrix([0.3, -0.7]), atol=1e-12)
     assert answer(arm("model-info", "--json"))["effort_limits"] == [60.0, 25.0]
+    assert re.search(r"shoulder +revolute +-3\.1 +3\.1 +6 +60", arm("model-info").output)
 
 
 def test_task_space(arm: Any) -> None:

@@ -138,6 +138,7 @@ def test_limits_that_are_placeholders_are_named(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(text.replace('effort="80"', 'effort="1"'))
     told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
     assert list(told["placeholders"]) == ["joint1"]
+    assert "placeholders: joint1 (effort 1)" in run("describe", str(tmp_path / "arm.urdf")).output
     (tmp_path / "arm.yaml").write_text(
         "robot: {urdf: arm.urdf}\njoints: {joint1: {limits: {effort: 1}}}"
     )

@@ -88,6 +88,15 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
         assert np.nanmin(np.linalg.norm(points - end, axis=1)) < 1e-9
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_film_shows_the_plane_of_a_contact() -> None:
+    contact = {"type": "contact", "frame": "tip", "plane": {"point": [0.0, 0.0, -0.3]}}
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    _, _, edge, _, _ = Simulator(scene | {"constraints": [contact]}).run(0.05).animate()._func(0)
+    np.testing.assert_allclose(edge.get_ydata(), [-0.3, -0.3])
+    assert edge.get_label() == "plane of contact" and np.ptp(edge.get_xdata()) > 0.5
+
+
 def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
     sim = Simulator("pendulum")
     sim.reset([0.0])
