@@ -4,6 +4,8 @@
 import ctypes
 import hashlib
 import os
+import platform
+import struct
 import threading
 import time
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 from harness import Ros
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.threads import privileges
+from arm_dynamics.ros.common.threads import privileges, scheduling
 from arm_dynamics.ros.common.threads.privileges import ThreadParams, read_cpus
 from arm_dynamics.ros.common.threads.scheduling import (
     MiddlewareThreads,
@@ -86,6 +88,29 @@ def test_the_middleware_is_busy_while_one_of_its_threads_is_not_asleep() -> None
     thread.join()
     assert falls_asleep()  # the thread is gone, a moment after it is joined
     assert falls_asleep(other)
+
+
+def slice_of(thread: int) -> int:
+    """The time slice of a thread in [ns]; 0 before Linux 6.12."""
+    number = scheduling._SCHED_SETATTR[platform.machine()] + 1
+    attributes = ctypes.create_string_buffer(56)
+    ctypes.CDLL(None).syscall(number, thread, attributes, len(attributes), 0)
+    return struct.unpack_from("Q", attributes, 24)[0]
+
+
+@pytest.mark.skipif(platform.machine() not in scheduling._SCHED_SETATTR, reason="processor")
+def test_receivers_of_dds_are_the_next_to_run_when_messages_arrive(ros: Ros) -> None:
+    if not slice_of(0):
+        pytest.skip("Linux before 6.12 has no time slices of threads")
+    arrange_middleware_threads()
+    names = {int(x.name): (x / "comm").read_text() for x in Path("/proc/self/task").iterdir()}
+    receivers = [x for x, name in names.items() if name.startswith(("dds.shm", "dds.udp"))]
+    assert receivers and slice_of(0) > 100_000
+    for task in receivers:
+        assert slice_of(task) == 100_000
+        # Only those that the sender itself does not wake interrupt others.
+        interrupts = os.sched_getscheduler(task) == os.SCHED_OTHER
+        assert interrupts == names[task].startswith("dds.udp"), names[task]
 
 
 def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
