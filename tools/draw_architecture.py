@@ -43,7 +43,7 @@ SAYS = {
         "imperfections": "sensors, lines",
         "exceptions": "SimulationDiverged",
         "figures": "one style",
-        "memory": "refuses what does not fit",
+        "memory": "refuses what does not fit", "progress": "of what takes long",
     },
     "arm_dynamics": {
         "terms": "the table of terms",

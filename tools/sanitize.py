@@ -40,7 +40,7 @@ ENGINE = [
     "test/arm_sim/stepping/test_cone.py",
     "test/arm_sim/stepping/test_search.py",
     "test/arm_sim/stepping/test_adaptive.py",
-    "test/arm_studies/optimization/test_backward.py",
+    "test/arm_studies/optimization/test_ilqr.py",
 ]
 CALLS = [
     "test/arm_dynamics/dynamics/test_one_state.py::test_refuses_the_same_with_the_same_words",

@@ -210,8 +210,8 @@ class Clocked:
         def end() -> None:
             self.due.ended = self.node.simulator.arm.step_count == ended
 
-        engine.on_tick[:], self.due.ended = [end], 0
-        engine.run(library().by_the_clock, byref(self.due))
+        engine.on.tick[:], self.due.ended = [end], 0
+        engine.run(library().ticks_by_the_clock, byref(self.due))
         assert not engine.failure
 
 
