@@ -54,7 +54,7 @@ def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndar
 def check(sim: Simulator, tau: Any, by: tuple[str, ...] = ()) -> Modes:
     """Compare the derivatives of the tick at the present state; returns what joints do there."""
     tau, x, n = np.array(tau, dtype=float), sim.arm.x.copy(), sim.n
-    modes = sim.arm.compiled.stepper.modes_at(x, tau)
+    modes = sim.arm.compiled.stepper.reactions.modes_at(x, tau, sim.arm.compiled.stepper.p)
     p = modes.p if sim.arm.plant.eventful else sim.arm.parameters
     end = tick(sim, *seeded([x, tau, p]))
     places = [i for own in sim.arm.plant.parameters.places(by).values() for i in own]

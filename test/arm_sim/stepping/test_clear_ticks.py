@@ -77,7 +77,7 @@ def test_ticks_are_those_of_the_engine(name: str, dt: float, rng: np.random.Gene
         u = np.clip(u, -15.0, 15.0)
         wanted, event = by_the_engine(stepper, x, u, dt)
         eventful += event
-        found = stepper.each(x[None], u[None], stepper.p[None], 1)[0][0]
+        found = stepper.advance_each(x[None], u[None], stepper.p[None], 1)[0][0]
         np.testing.assert_array_equal(found, wanted)
         np.testing.assert_array_equal(np.signbit(found), np.signbit(wanted))  # of zeros
     assert 0.02 < eventful / STATES < 0.9

@@ -158,8 +158,7 @@ class TickDerivatives:
                 f"linearize: a joint is at its stop, which needs compiled code: {HOW_TO_GET_CODE}"
             )
         u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
-        modes, nx = self._stepper.modes_at(x, u).p, self._plant.nx
-        modes[: len(p)] = p
+        modes, nx = self._stepper.reactions.modes_at(x, u, p).p, self._plant.nx
         held = np.eye(self.held + 1, nx + self.held, nx)  # lengths are constant
         slope, after = np.eye(nx, nx + self.held), x
         for h in self._lengths(x, u.ravel(), modes, control):

@@ -176,7 +176,7 @@ class EnergyAccount:
         Those of ``FLOWS``, in their order, and after them the energy lost in impacts.
         """
         begin = np.hstack([x, np.zeros((len(x), len(FLOWS)))])
-        after, lost = self._ledger.each(begin, u, p, ticks=1)
+        after, lost = self._ledger.advance_each(begin, u, p, ticks=1)
         return np.column_stack([after[:, x.shape[1] :], lost])
 
     @built_once

@@ -128,10 +128,10 @@ class RecordedMotion(Contents):
 
         See ``Simulator.stop_torque``.
         """
-        stepper, x, torque = self._physics.replay_stepper, self.x, np.zeros_like(self.q)
+        x, torque = self.x, np.zeros_like(self.q)
+        reactions = self._physics.replay_stepper.reactions
         for k in self._at_stops:
-            stepper.p[:] = self.p[k]
-            torque[k] = stepper.stop_torque(x[k], self.command[k])
+            torque[k] = reactions.of_stops(x[k], self.command[k], self.p[k])
         return read_only(torque)
 
     @cached_property
@@ -146,10 +146,9 @@ class RecordedMotion(Contents):
         tau = np.array(self.plant.joint_torque(x, self.command))
         tau += 0.0 if outside is None else self.p[:, outside]
         if self.plant.eventful and self.plant.constrained:
-            stepper = self._physics.replay_stepper
+            reactions = self._physics.replay_stepper.reactions
             for k in self._at_stops if self.plant.free else range(len(self)):
-                stepper.p[:] = self.p[k]
-                tau[k] += stepper.push(x[k], self.command[k])
+                tau[k] += reactions.beside_bilateral(x[k], self.command[k], self.p[k])
         return self._physics.multipliers(x, tau, self.p)
 
     @cached_property

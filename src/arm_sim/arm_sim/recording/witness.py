@@ -170,7 +170,7 @@ def _open_loop(stepper: Stepper, state: Array, commands: Array, after: Array) ->
     """Advance in place under commands, and write the states after them; return their number."""
     rows = np.repeat(commands, FINER, axis=0)
     trace = np.empty((len(rows), len(state)))
-    steps = stepper.roll(state, rows, trace, np.empty_like(rows), np.empty((len(rows), 2)))
+    steps = stepper.advance(state, rows, trace, np.empty_like(rows), np.empty((len(rows), 2)))
     ticks = steps // FINER
     after[:ticks] = trace[FINER - 1 : ticks * FINER : FINER]
     return ticks
@@ -181,7 +181,9 @@ def _closed_loop(
 ) -> int:
     """Ticks under a controller that answers to each state, from a row of the motion."""
     command, trace = np.empty(nu), np.empty((FINER, len(state)))
-    tick = stepper.ticks(state, command, trace, np.empty((FINER, nu)), np.empty((FINER, 2)))
+    tick = stepper.ticks_function(
+        state, command, trace, np.empty((FINER, nu)), np.empty((FINER, 2))
+    )
     for k in range(len(after)):
         command[:] = control(state, row + k)
         if tick() < FINER:

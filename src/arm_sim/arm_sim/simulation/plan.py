@@ -107,7 +107,7 @@ class Plan:
             self._stepper.restart()
             x = np.concatenate([model.q0, model.v0, self._plant.laws.initial(model.q0, model.v0)])
             start = time.perf_counter_ns()
-            ticks = self._stepper.roll(x, np.zeros(model.n), trace, effort, notes)
+            ticks = self._stepper.advance(x, np.zeros(model.n), trace, effort, notes)
             best = min(best, (time.perf_counter_ns() - start) / max(1, ticks))
         self._stepper.restart()
         return best

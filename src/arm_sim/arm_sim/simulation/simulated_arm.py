@@ -95,7 +95,7 @@ class SimulatedArm:
     def _bind(self, compiled: CompiledScene) -> None:
         self._stepper = compiled.stepper
         arrays = self._x, self._command, self._effort[0], self._notes[0]
-        self._tick, arm = self._stepper.bound(*arrays)
+        self._tick, arm = self._stepper.tick_function(*arrays)
         _put(self, "compiled", compiled)
         _put(self, "pointers", arm)
         self._step: PythonStep | None = None  # compiled when it is first used
@@ -297,7 +297,7 @@ class SimulatedArm:
         trace[:, 0] = np.nan  # equals no state, where no tick is made
         try:
             command = command if line is None else self._arrived_rows(sent)
-            ticks = stepper.ticks(self._x, command, trace, effort, notes)()
+            ticks = stepper.ticks_function(self._x, command, trace, effort, notes)()
         finally:
             if ticks < 0:  # the handler of a signal raised an exception when they were made
                 same = np.flatnonzero((trace == self._x).all(axis=1))

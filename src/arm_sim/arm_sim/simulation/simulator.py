@@ -195,7 +195,8 @@ class Simulator:
         In [N m] or [N]: positive at a lower stop, negative at an upper one, zero elsewhere. A part
         that static friction may bear is included.
         """
-        return self._stepper.stop_torque(self.arm.x, self.arm.acted)
+        arm, stepper = self.arm, self._stepper
+        return stepper.reactions.of_stops(arm.x, arm.acted, stepper.p)
 
     @property
     def dynamics(self) -> Dynamics:
@@ -421,7 +422,8 @@ class Simulator:
         outside = self.arm.plant.parameters.of(EXTERNAL, self._stepper.p)
         tau = self.effort + outside if outside.size else self.effort
         if self.arm.plant.eventful and self.arm.plant.constrained:
-            tau = tau + self._stepper.push(self.arm.x, self.arm.acted)
+            reactions, p = self._stepper.reactions, self._stepper.p
+            tau = tau + reactions.beside_bilateral(self.arm.x, self.arm.acted, p)
         return self.dynamics.constrained.without_sticking(state.q, state.v, tau, names)[1]
 
     def set_constraint(self, name: str, on: bool) -> State:

@@ -73,7 +73,7 @@ class Trace:
             commands: Commands of the ticks from one row to another, shape (k, n), or one for all.
         """
         self._substep, arm = stepper.substep, self.arm
-        for first, end in self.slices(stepper.few):
+        for first, end in self.slices(stepper.ticks_per_slice):
             trace, acted = self._x[first + 1 : end + 1], self._command[first:end]
             notes, before = self._notes[first + 1 : end + 1], arm.step_count
             try:

@@ -73,7 +73,7 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
         )
     contact = plant.mechanics.contact
     assert contact is not None
-    modes = stepper.modes_at(x, u)
+    modes = stepper.reactions.modes_at(x, u, stepper.p)
     call = stepper.kernel.call
     gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
     force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
@@ -93,7 +93,7 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
 
 def _shared(plant: Plant, stepper: Stepper, x: Array, u: Array, modes: Modes) -> Array:
     """Change of contact forces to a distribution within all limits, shape (nc, 3)."""
-    change = stepper.shared(x, u, modes)[0].reshape(-1, 3)
+    change = stepper.reactions.change(x, u, modes)[0].reshape(-1, 3)
     for k, mode in enumerate(modes.contact):
         if not mode["sticks"]:
             change[k, 1:] = -plant.points[k].friction * change[k, 0] * mode["along"]

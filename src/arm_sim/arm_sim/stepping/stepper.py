@@ -12,31 +12,23 @@ import ctypes
 from collections.abc import Callable
 from copy import copy
 from functools import partial
-from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
-import arm_dynamics
-from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiled_scenes
 from arm_dynamics.codegen.addresses import address, pointer
-from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.codegen.known_kernels import digest_of
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.dynamics.checks import check_constrained, check_forward, sliding
-from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.actuation import CompiledControl, actuation
+from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.arm import Arm
-from arm_sim.stepping.engine import INCLUDED, Compiled, library
-from arm_sim.stepping.events import EventReport, Modes, Trouble
-from arm_sim.stepping.scene_source import scene_source
+from arm_sim.stepping.built_kernel import built_kernel
+from arm_sim.stepping.engine import Compiled, library
+from arm_sim.stepping.events import EventReport, Trouble
+from arm_sim.stepping.reactions import Reactions
 from arm_sim.stepping.slices import slices
-from arm_sim.stepping.tick_functions import FREE, MOVING, tick_functions
+from arm_sim.stepping.tick_functions import FREE, MOVING
 
 # Arithmetic operations that take some hundredths of a second, and steps in a tick with events
 LITTLE_WORK, MANY_STEPS = 20_000_000, 20
@@ -55,8 +47,9 @@ class Stepper:
     Attributes:
         kernel: The functions it runs.
         compiled: Their code with the engine; None on the virtual machine.
+        reactions: Modes and reactions at a state.
         p: Tunable quantities, shape (np,), to be changed in place.
-        few: Number of ticks that surely take little time.
+        ticks_per_slice: Number of ticks that surely take little time.
         tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
         moving_operations: The same while all joints slide and nothing touches.
         report: Losses and number of impacts, and why the last tick failed.
@@ -71,17 +64,10 @@ class Stepper:
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None,
         *, acted: bool = False,
     ) -> None:  # fmt: skip
-        compiled = control is None and backend in ("auto", "native")
-        recipe = recipe_of(plant, choice, acted) if compiled else ""
-        cached = Kernel.recalled(recipe) if recipe else None
-        self.kernel = cached or _built(plant, choice, backend, control, acted)
+        self.kernel = built_kernel(plant, choice, backend, control, acted)
         own = self.kernel.library
         self.compiled = Compiled(own, library()) if own else None
-        _check(plant, self.kernel, "rhs")
-        if plant.free:
-            _check(plant.free, self.kernel, f"{FREE}rhs")
-        if recipe and not cached:
-            self.kernel.keep(recipe)
+        self.reactions = Reactions(plant, self.kernel, self.compiled)
         self._plant, self._choice = plant, choice
         self._begin()
 
@@ -102,7 +88,7 @@ class Stepper:
             self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
         steps = MANY_STEPS if plant.eventful or self._control else 1
-        self.few = max(1, LITTLE_WORK // (steps * self.tick_operations + 1))
+        self.ticks_per_slice = max(1, LITTLE_WORK // (steps * self.tick_operations + 1))
 
     def twin(self, choice: Choice | None = None) -> Stepper:
         """Another stepper with the same code, which need not be generated and checked again.
@@ -115,7 +101,7 @@ class Stepper:
         twin._begin()
         return twin
 
-    def bound(
+    def tick_function(
         self, x: Array, command: Array, acted: Array, notes: Array
     ) -> tuple[Callable[[], int], Arm | None]:
         """A function that advances by a tick and can be called repeatedly.
@@ -152,14 +138,14 @@ class Stepper:
         arm.keeps = arrays, self
         return arm
 
-    def ticks(
+    def ticks_function(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
     ) -> Callable[[], int]:
-        """A function that advances by k ticks and can be called repeatedly, as ``bound``.
+        """A function that advances by k ticks and can be called repeatedly, as ``tick_function``.
 
         Args:
             x: State of shape (nx,), overwritten by the last good one.
-            command: As for ``bound``, or a row for each tick.
+            command: As for ``tick_function``, or a row for each tick.
             trace: Receives the state after each tick, shape (k, nx).
             effort: Receives the torque that acted in each tick, shape (k, n).
             notes: Receives the notes after each tick, shape (k, 2).
@@ -178,25 +164,25 @@ class Stepper:
             pointer(command), ctypes.c_longlong(stride), *map(pointer, outputs),
         )  # fmt: skip
 
-    def roll(
+    def advance(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array,
         halted: Callable[[], bool] = bool,
     ) -> int:  # fmt: skip
-        """Advance once, see ``ticks``, in slices; return the number of good ticks.
+        """Advance once, see ``ticks_function``, in slices; return the number of good ticks.
 
         It ends early when ``halted`` returns true.
         """
-        for first, end in slices(len(trace), self.few):
+        for first, end in slices(len(trace), self.ticks_per_slice):
             if halted():
                 return first
             rows = slice(first, end)
             part = command[rows] if command.ndim == 2 else command
-            ticks = self.ticks(x, part, trace[rows], effort[rows], notes[rows])()
+            ticks = self.ticks_function(x, part, trace[rows], effort[rows], notes[rows])()
             if ticks < end - first:
                 return first + ticks
         return len(trace)
 
-    def each(self, x: Array, command: Array, p: Array, ticks: int) -> tuple[Array, Array]:
+    def advance_each(self, x: Array, command: Array, p: Array, ticks: int) -> tuple[Array, Array]:
         """Advance from each of many states by some ticks, as after a restart.
 
         Args:
@@ -212,7 +198,7 @@ class Stepper:
         self.restart()
         after, lost = np.full_like(x, np.nan), np.full(len(x), np.nan)
         now, held, notes = np.empty(x.shape[1]), np.empty(command.shape[1]), np.empty(2)
-        tick, _ = self.bound(now, held, np.empty(self._plant.model.n), notes)
+        tick, _ = self.tick_function(now, held, np.empty(self._plant.model.n), notes)
         for k in range(len(x)):
             now[:], held[:], self.p[:] = x[k], command[k], p[k]
             before, self.substep = self.report.impact_loss, 0.0
@@ -239,43 +225,6 @@ class Stepper:
         if self._control is not None:
             self._control.step = length
 
-    def modes_at(self, x: Array, u: Array) -> Modes:
-        """Modes of joints and contacts at a state under a torque.
-
-        A contact that approaches its plane is treated as closed already.
-        """
-        modes = Modes(self._plant, self.p)
-        modes.direction[:] = 1.0
-        _set_switches(modes, self.kernel, x, u)
-        if self._plant.eventful and self.compiled:
-            arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p
-            self.compiled.engine.find_modes(self.compiled.scene, *map(pointer, arrays))
-        return modes
-
-    def shared(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
-        """How parts that hold together share their load, where least norms are beyond a limit.
-
-        Returns:
-            Change of the unknown contact forces from those of least norm to the nearest within
-            all limits, shape (3 nc,), and of the holding torques of joints, shape (n,).
-        """
-        contacts, n = 3 * len(self._plant.points), self._plant.model.n
-        change = np.zeros(contacts + n)
-        if self.compiled and self._plant.eventful:
-            arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p, change
-            self.compiled.engine.share_reactions(self.compiled.scene, *map(pointer, arrays))
-        return change[:contacts], change[contacts:]
-
-    def stop_torque(self, x: Array, u: Array) -> Array:
-        """Torques with which stops hold joints back at a state under a torque, shape (n,)."""
-        q, (lower, upper) = x[: self._plant.model.n], self._plant.model.stops.place
-        if not (self.kernel.native and ((q <= lower) | (q >= upper)).any()):
-            return np.zeros(len(q))
-        modes = self.modes_at(x, u)
-        torque = self.kernel.call("loads")(x, u, modes.p)[-2] - self.shared(x, u, modes)[1]
-        pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
-        return np.where(pushes, torque, 0.0)
-
     def actuated(self, x: Array, command: Array) -> Array:
         """Effective command of a tick from a state, of a controller's reference or a command."""
         return self._actuate(x, command)[0].copy()
@@ -283,21 +232,11 @@ class Stepper:
     def slope(self, x: Array, command: Array) -> tuple[Array, Array]:
         """Slope x' under a command, limits applied, and torques of the drives on the joints."""
         u = self.actuated(x, command)
-        rates: Array = self.kernel.call("rhs")(x, u, self.modes_at(x, u).p)[0]
+        rates: Array = self.kernel.call("rhs")(x, u, self.reactions.modes_at(x, u, self.p).p)[0]
         return rates.copy(), self._plant.joint_torque(x, u)
 
-    def push(self, x: Array, u: Array) -> Array:
-        """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
-        modes = self.modes_at(x, u)
-        torque: Array = self.kernel.call("bilateral")(x, u, modes.p)[1]
-        forces, joints = self.shared(x, u, modes)
-        if not (forces.any() or joints.any()):
-            return torque
-        spread = self.kernel.call("statics")(x, u, modes.p)[0].reshape(-1, len(joints)).T
-        return torque + spread[:, spread.shape[1] - len(forces) :] @ forces - joints
-
     def _by_call(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
-        """Ticks on the virtual machine, see ``ticks``."""
+        """Ticks on the virtual machine, see ``ticks_function``."""
         for k in range(len(trace)):
             u = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
             before = x.copy()
@@ -319,64 +258,3 @@ class Stepper:
             return False
         x[:] = after
         return True
-
-
-def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
-    """Key of all inputs of a scene's code, with what of a model may differ from its scene.
-
-    It is empty for few joints, whose code is quick to write, where ARM_CACHE lists folders: if the
-    code in them cannot be used, ``build`` says why.
-    """
-    if plant.model.n <= DENSE_AT_MOST and compiled_scenes.folders():
-        return ""
-    sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
-    model = plant.model
-    numbers = model.viscous.tolist(), model.command_limit.tolist()
-    inputs = model.scene.model_dump(), numbers, plant.options, choice, acted
-    return repr((inputs, sources, ca.__version__, np.__version__))
-
-
-def _built(
-    plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
-) -> Kernel:
-    """Generate and compile the equations of a scene."""
-    actuate = actuation(plant, control, compensated=not acted)
-    functions, smooth = tick_functions(plant, choice, actuate)
-    driver = scene_source(plant, choice, functions, smooth)
-    dry = ["dry friction"] if plant.model.has_dry_friction else []
-    features = [*dry, *(["contact"] if plant.points else [])]  # that need the engine
-    return Kernel(functions, backend, driver, " and ".join(features), INCLUDED)
-
-
-def _set_switches(modes: Modes, kernel: Kernel, x: Array, u: Array) -> None:
-    """The modes of cords and drives at a state under a command."""
-    if modes.switches.size:
-        modes.switches[:] = kernel.call("switches")(x, u, modes.p)[0] >= 0.0
-
-
-def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
-    """Check the kernel's accelerations against Pinocchio before they are used."""
-    call, dynamics, n = kernel.call(rhs), Dynamics(plant.model), plant.model.n
-    modes = Modes(plant, plant.parameters.nominal)
-
-    def acceleration(q: Array, v: Array, tau: Array) -> Array:
-        slides = sliding(v)
-        modes.direction[:] = slides[: len(modes.direction)]  # none is at a stop
-        x = np.concatenate([q, v, plant.laws.initial(q, v)])
-        _set_switches(modes, kernel, x, tau)
-        a = call(x, tau, modes.p)[0][n : 2 * n]
-        if plant.torques is None:
-            return a
-        # The laws change the torque that acts, and bristles are not deflected yet.
-        acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
-        steady = [law(v, slides, q, load) for load in (acted, tau)]
-        bent = law.of_laws(v, slides, q, acted)
-        missing = tau - steady[1] - (acted - steady[0] + bent)
-        if not plant.constrained:
-            return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
-        still, under = np.zeros(n), dynamics.constrained.without_sticking
-        lacking: Array = under(q, still, missing)[0] - under(q, still, still)[0]
-        return a + lacking
-
-    check = check_constrained if plant.constrained else check_forward
-    check(dynamics, acceleration)

@@ -62,7 +62,7 @@ def _error(fine: Stepper, coarse: Stepper, x: Array, ticks: int, n: int, order: 
         trace = np.empty((ticks * ratio, len(x)))
         effort, notes = np.empty((ticks * ratio, n)), np.empty((ticks * ratio, 2))
         stepper.restart()
-        if stepper.roll(x.copy(), np.zeros(n), trace, effort, notes) < len(trace):
+        if stepper.advance(x.copy(), np.zeros(n), trace, effort, notes) < len(trace):
             return np.inf
         ends.append(trace[ratio - 1 :: ratio, : 2 * n])
     apart = abs(ends[0] - ends[1]) / (1.0 + abs(ends[0])) / (2.0**order - 1.0)

@@ -99,7 +99,7 @@ class Forward:
             feedback = policy.K[node] @ (now - course.x[node])
             command = course.u[node] + size * policy.k[node] + feedback
             u[node] = np.clip(command, course.low[node], course.high[node])
-            if stepper.roll(now, u[node], trace, effort, notes) < 1:
+            if stepper.advance(now, u[node], trace, effort, notes) < 1:
                 break
             x[node + 1] = now
 

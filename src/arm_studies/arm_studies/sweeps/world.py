@@ -167,7 +167,7 @@ class World:
         trace, effort, notes = (np.empty((ticks, width)) for width in (len(run.x0), n, 2))
         stepper.restart()
         stepper.p[:] = run.p
-        good = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
+        good = stepper.advance(run.x0.copy(), self._inputs(run), trace, effort, notes)
         if good < ticks:
             raise SimulationDiverged(f"at t = {(good + 1) * self._simulator.dt:.6g} s")
         torque = self._simulator.arm.plant.joint_torque(trace, effort)

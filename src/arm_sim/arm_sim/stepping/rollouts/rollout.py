@@ -122,7 +122,7 @@ class Rollouts:
             stepper.p[:] = batch.p[arm]
             x, tau = batch.x0[arm].copy(), batch.tau[arm]
             tau = np.ascontiguousarray(tau if batch.tau.strides[1] else tau[0])
-            ticks = stepper.roll(x, tau, trace, effort, notes, lambda: marks.halted)
+            ticks = stepper.advance(x, tau, trace, effort, notes, lambda: marks.halted)
             if marks.halted:
                 break
             trace[ticks:] = np.nan
