@@ -28,7 +28,7 @@ with figure("friction", columns=2, size=(7.2, 2.6)) as (curve, pulled):
         "viscous": {"positive": 0.8, "negative": 0.2},
         "coulomb": {"positive": 1.2, "negative": 0.8},
     }
-    for name, law in (("Stribeck", DRY), ("by direction", SIDES)):
+    for name, law in (("dry, Stribeck", DRY), ("by direction", SIDES)):
         torques = wheel(1.0, law).dynamics.friction(speeds[:, None])
         torques[600] = np.nan  # at rest, friction is a reaction
         curve.plot(speeds, torques, label=name)
@@ -37,7 +37,7 @@ with figure("friction", columns=2, size=(7.2, 2.6)) as (curve, pulled):
 
     # --- a load pulled by a spring at constant speed: stick-slip ---
     STIFFNESS, SPEED, DT = 20.0, 0.1, 1e-3
-    slip = {name: wheel(1.0, law) for name, law in (("dry", DRY), ("LuGre", LUGRE))}
+    slip = {name: wheel(1.0, law) for name, law in (("dry, Stribeck", DRY), ("LuGre", LUGRE))}
     motions = {}
     for name, sim in slip.items():
         # The spring force in the middle of the tick.
@@ -45,11 +45,12 @@ with figure("friction", columns=2, size=(7.2, 2.6)) as (curve, pulled):
             8.0,
             lambda s: STIFFNESS * (SPEED * (s.time + 0.5 * DT) - s.q - 0.5 * DT * s.v),
         )
-        pulled.plot(motions[name].time, motions[name].q[:, 0], label=name)
+        color = "C2" if name == "LuGre" else "C0"  # C1 is the other law of the left panel
+        pulled.plot(motions[name].time, motions[name].q[:, 0], color, label=name)
     pulled.plot([0, 8], [0, 8 * SPEED], ":", color="0.5", label="end of the spring")
     pulled.set(xlabel="time [s]", ylabel="angle [rad]", title="Pulled by a slow spring")
     pulled.legend()
-still = float(np.mean(motions["dry"].v == 0.0))
+still = float(np.mean(motions["dry, Stribeck"].v == 0.0))
 print(f"stick-slip: exactly at rest {100 * still:.0f} % of the time")
 
 # --- bristles: pre-sliding displacement -------------------------------------------------------

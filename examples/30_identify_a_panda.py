@@ -76,7 +76,7 @@ say("another motion with both sets of numbers")
 goals = sim.model.q0 + np.array([[0.0] * 7, [0.8, 0.5, -0.4, 0.6, 0.5, 0.4, -0.6],
                                  [-0.7, 0.2, 0.6, -0.4, -0.8, 0.8, 0.9], [0.0] * 7])  # fmt: skip
 course = quintic_through(goals, Limits.of(sim.model, acceleration=4.0))
-scenes = {"the URDF": nominal, "identification": found.scene}
+scenes = {"the URDF": nominal, "the identification": found.scene}
 runs = {label: tracked(scene, course) for label, scene in scenes.items()}
 unseen, error = runs["the URDF"][0], {}
 for label, scene in scenes.items():
@@ -90,8 +90,8 @@ for label, scene in scenes.items():
 with figure("identify_a_panda", rows=2, size=(7.2, 5.0), sharex=True) as axes:
     for axis, (label, (run, off)) in zip(axes, runs.items(), strict=True):
         axis.plot(run.time, 1e3 * off, label=[f"joint {k}" for k in range(1, 8)])
-        axis.set(ylabel="error [mrad]", title=f"Computed torque with the parameters of {label}")
+        axis.set(ylabel="error [mrad]", title=f"Computed torque with parameters from {label}")
     axes[1].set_xlabel("time [s]")
 
 say("done")
-assert error["identification"] < 0.2 * error["the URDF"]
+assert error["the identification"] < 0.2 * error["the URDF"]

@@ -133,7 +133,7 @@ def drawing() -> str:
     parts += row(ground, LEFT, bottom + 2 * GAP, wide)
     height = bottom + 2 * GAP + ROW + 26
     legend = "A box may import what is below it or where the arrow points, not what touches it. "
-    legend += "Orange: knows ROS."
+    legend += "Orange: knows ROS. Grey: other projects."
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" '
         'font-family="DejaVu Sans, sans-serif" text-anchor="middle">'

@@ -111,7 +111,7 @@ def draw(record: dict[str, Any], file: Path) -> None:
     with figure(file, 1, 1, (6.4, 3.6)) as axis:
         for label, bars in (
             ("sim node, loop closed across three processes", loop["loop"]["bars"]),
-            ("bare thread at the same time", loop["thread"]["bars"]),
+            ("empty thread at the same time", loop["thread"]["bars"]),
         ):
             late, share = _later_than(bars)
             axis.step(1e6 * late, share, where="post", label=label)

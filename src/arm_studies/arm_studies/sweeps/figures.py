@@ -82,7 +82,6 @@ def _scatter(
             row[0].set_ylabel(words)
         for at, name in zip(axes[-1], numbers, strict=True):
             at.set_xlabel(heading(name))
-        axes[0, 0].plot([], [], " ", label="one mark per run")
     return path
 
 

@@ -158,7 +158,7 @@ def draw(
     prefix, scale = ("m", 1e3) if abs(run.error).max() > 1e-4 else ("µ", 1e6)
     unit = units(types, f"{prefix}rad", f"{prefix}m")
     title = (
-        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
+        f"{n['robot']}: computed torque at {1e-3 * n['wanted_rate']:g} kHz, tracking error "
         f"{scale * n['error_rms']:.3g} {unit} RMS"
     )
     joints = most_moved(run.position)
@@ -180,6 +180,7 @@ def draw(
                 torque.plot(run.time, effort[:, i], color=COLORS[i])
                 dots = run.query_time[::every], answers[::every, i]
                 torque.plot(*dots, color=COLORS[i], **CIRCLES)
-            torque.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")
+            size = "small torque" if drawn is weak else "torque"
+            torque.set_ylabel(f"{size} [{units(types, 'N m', 'N')}]")
         torques[0].plot([], [], color="0.4", label="answer of the dynamics service", **CIRCLES)
         torques[-1].set(xlabel="time [s]", xlim=(0.0, max(n["duration"], float(run.time[-1]))))
