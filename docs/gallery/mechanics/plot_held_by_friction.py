@@ -35,11 +35,18 @@ first = int(np.argmax(run.v[:, elbow] != 0.0))
 print(f"it breaks away at {run.time[first]:.3f} s, by the formula at {leaves:.4f} s")
 assert not run.v[:first].any() and abs(run.time[first] - leaves) <= 2 * sim.dt
 
-moving = ["shoulder_lift_joint", "elbow_joint", "wrist_1_joint"]
-figure = run.part(run.time >= 1.0).plot(joints=moving)
-for axis in figure.axes:
-    axis.axvline(leaves, color="0.4", linestyle="--")
-figure.axes[1].text(leaves + 0.01, -15.0, "breaks away,\nby the formula")
+near = abs(run.time - leaves) < 0.02
+time, load = 1e3 * (run.time[near] - leaves), run.tau[near] - sim.dynamics.gravity(run.q[near])
+figure, (load_axis, speed_axis) = plt.subplots(2, 1, sharex=True, figsize=(6.4, 4.4))
+held = time <= 0.0  # afterwards friction no longer balances the load
+load_axis.plot(time[held], -load[held, elbow], label="load, balanced by friction")
+load_axis.axhline(static, color="C1", label="static friction $F_s$")
+load_axis.set(title="Elbow", ylabel="torque [N m]")
+load_axis.legend()
+speed_axis.plot(time, -1e3 * run.v[near, elbow])
+speed_axis.set(xlabel="time after the break-away of the formula [ms]", ylabel="speed [mrad/s]")
+for axis in (load_axis, speed_axis):
+    axis.axvline(0.0, color="0.4", linestyle="--")
 
 # %%
 # In motion
