@@ -44,7 +44,7 @@ class Commands(click.Group):
         """Find a command, or fail with a list of the commands."""
         if args and args[0][:1].isalpha() and args[0] not in self.commands:
             if args[0] in OF_CLONE.split():
-                ctx.fail(f"'{args[0]}' needs a clone of the repository: ./arm {args[0]}")
+                ctx.fail(f"'{args[0]}' needs a clone of the repository: there, bash arm {args[0]}")
             names = [*self.list_commands(ctx), *self._of_script(ctx)]
             ctx.fail(f"unknown command '{args[0]}'; allowed: {choices(args[0], names, 60)}")
         return super().resolve_command(ctx, args)
