@@ -82,7 +82,7 @@ class Inputs:
             slot.put(command)
             if first and (idle := self._joints.without()):
                 what = "have no command yet: the brakes are released, and no effort holds them"
-                self._log.info(f"joints {known_names(idle, 8)} {what}")
+                self._log.warning(f"joints {known_names(idle, 8)} {what}")
         self._engine.round_trip.answered(message.stamp, arrival)
         return message.stamp
 
