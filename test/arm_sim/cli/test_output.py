@@ -4,10 +4,9 @@
 import io
 import logging
 import time
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr
 
 import pytest
-from rich.console import Console
 
 from arm_sim.cli import output
 from arm_sim.figures import units
@@ -79,16 +78,3 @@ def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None
     assert units(["prismatic"], "rad", "m") == "m"
     assert units(["prismatic", "revolute"], "rad", "m") == "rad, m"
     assert units(["revolute", "prismatic"], "rad", "m", " or ") == "rad or m"
-
-
-def test_tables_align_words_left_and_numbers_right_and_are_never_cut() -> None:
-    rows = [("[a]", "1", "no"), ("longer :name:", "1234567", "none at all")]
-    made = output.table(("joint", "torque", "friction"), rows, text=(0, 2))
-    for width in (80, 10):
-        screen = io.StringIO()
-        with redirect_stdout(screen):
-            output.show(Console(width=width), made)
-        lines = [line.rstrip() for line in screen.getvalue().splitlines()]
-        assert " joint           torque  friction" in lines
-        assert " [a]                  1  no" in lines
-        assert " longer :name:  1234567  none at all" in lines
