@@ -216,6 +216,7 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     assert other.exit_code == 1 and 0.0 < told["largest"] < 0.1 and told["first_difference"]
     exact = run("replay", str(path), "--tolerance", "1e-10")
     assert exact.exit_code == 1 and "first difference: " in exact.output
+    assert run("replay", str(path), "--scene", "pendulum").exit_code == 1
 
 
 def test_a_plot_has_the_joints_and_the_scene_that_are_named(

@@ -63,14 +63,6 @@ def test_one_hears_at_a_time() -> None:
     assert screen.getvalue().splitlines() == ["building one", "building a third"]
 
 
-@pytest.mark.parametrize(
-    ("value", "digits", "said"),
-    [(1234567.0, 6, "1.23457e+06"), (0.1234567, 3, "0.123"), (-0.0, 6, "0"), (-1e-9, 2, "-1e-09")],
-)
-def test_numbers_have_so_many_digits(value: float, digits: int, said: str) -> None:
-    assert output.number(value, digits) == output.limit(value, digits) == said
-
-
 def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None:
     assert output.limit(float("inf")) == output.limit(-float("inf")) == "-"
     assert output.number(0.12345678) == output.limit(0.12345678) == "0.123457"
