@@ -170,6 +170,16 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 @pytest.fixture
+def server() -> Iterator[Any]:
+    """A page's server, for what is drawn on it."""
+    from arm_sim.view.server import close_server, open_server
+
+    opened = open_server("arm", port=0)
+    yield opened
+    close_server(opened)
+
+
+@pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """A generator of its own for each test, the same on every run; the seed shows when the test
     fails.

@@ -5,11 +5,8 @@ import json
 from io import StringIO
 from pathlib import Path
 
-import numpy as np
-import pytest
 from rich.console import Console
 
-from arm_sim import Simulator
 from benchmarks.regression.lines import lines
 from benchmarks.regression.paired import ROOT, pair, table
 from benchmarks.reporting.progress import Bar
@@ -39,17 +36,3 @@ def test_only_what_is_slower_by_more_than_allowed_is_reported() -> None:
     assert failed == ["slow", "gone"]
     assert undecided == ["noisy"]
     assert shown.row_count == 4
-
-
-@pytest.mark.parametrize(
-    ("name", "sticks"), [("dry friction, sliding", False), ("contact, sticking", True)]
-)
-def test_what_is_timed_does_what_it_is_called(name: str, sticks: bool) -> None:
-    line = LINES[name]
-    simulator = Simulator(line["scene"], integrator=line["integrator"], dt=1e-3)
-    simulator.reset(line["q"], line["v"])
-    found = simulator.run(line["ticks"] * 1e-3, line.get("tau"))
-    if sticks:
-        np.testing.assert_allclose(found.q, np.tile(found.q[0], (len(found), 1)), atol=1e-12)
-    else:
-        assert (found.v > 0.0).all()

@@ -1,26 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every page of the gallery runs, and draws what it promises; what it claims it asserts itself."""
 
-import re
 import runpy
-import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.animation import FuncAnimation
-from packaging.requirements import Requirement
 from pictures import unseen
 
 from arm_dynamics.scene import ready_scenes
 from docs._extensions import lectures
 
 GALLERY = Path(__file__).parents[2] / "docs/gallery"
-GIVEN = {"arm_dynamics", "arm_sim", "arm_studies", "matplotlib", "numpy", "yaml"}
-PROJECT = tomllib.loads((GALLERY.parents[1] / "pyproject.toml").read_text())["project"]
-EXTRA = PROJECT["optional-dependencies"]["gallery"]
 PAGES = sorted(GALLERY.glob("*/plot_*.py"))
 
 
@@ -41,20 +34,6 @@ def test_page_runs(page: Path, paper: None, tmp_path: Path) -> None:
     for number in plt.get_fignums():
         plt.figure(number).canvas.draw()
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_page_has_its_parts(page: Path) -> None:
-    """What pip installs with an extra only is said where Python shows it, in its first import."""
-    text = page.read_text()
-    assert re.search(r"^assert ", text, re.MULTILINE)
-    assert "# Questions\n# ---------\n" in text and "*Hint:*" in text
-    imports = dict[str, str]()
-    for found in re.finditer(r"^(?:from|import) (\w+).*", text, re.MULTILINE):
-        imports.setdefault(found[1], found[0])
-    for name in imports.keys() - GIVEN - sys.stdlib_module_names:
-        assert imports[name].endswith('  # pip install ".[gallery]"')
-        assert any(Requirement(one).name == name for one in EXTRA)
 
 
 def test_every_scene_of_the_lectures_is_on_a_page() -> None:

@@ -16,14 +16,13 @@ from pathlib import Path
 
 import pages
 import pytest
-from installed import KEPT, OFFLINE, copied
+from installed import KEPT, copied
 
 BY_PIP = re.compile(
     r"python3\.12 -m venv my_env|\. my_env/bin/activate|pip install (?!--target).*|jupyter lab|"
     r"python tools/save_space\.py my_env"
 )
 INTO_VENV = re.compile(r"git clone .*|\.venv/bin/.*")
-PARTS = 'pip install src/arm_dynamics "src/arm_sim[robots]"'
 GOES_ON = {"jupyter lab": "is running at"}  # until Ctrl-C, and what it says
 
 
@@ -58,19 +57,6 @@ def project(tmp_path: Path) -> Path:
     (tmp_path / "bin").mkdir()
     (tmp_path / "bin/python3.12").symlink_to(Path(sys.base_prefix) / "bin/python3.12")
     return tmp_path
-
-
-def test_parts_of_the_suite_are_installed(project: Path) -> None:
-    """The whole with an extra is typed by ``test_ten_minutes.py``, without by the workflow's job
-    (``test/packages``); pip warns where a line names an extra that there is not.
-    """
-    here = [p for p in sys.path if p.endswith("-packages") and "/workspace/" not in p]
-    (project / "here.pth").write_text("\n".join(here))
-    make, *then = (x for x in lines(BY_PIP) if "my_env" in x or x == PARTS)
-    assert PARTS in then
-    link = "cp here.pth my_env/lib/python3.12/site-packages"  # instead of the network
-    said = typed([make, link, *then, "arm describe pendulum"], project, **OFFLINE)
-    assert "WARNING" not in said and "continuous" in said
 
 
 def test_extras_are_on_the_page_that_lists_them_and_those_that_pages_name_exist() -> None:

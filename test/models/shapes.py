@@ -91,17 +91,10 @@ def hand(*joints: tuple[str, str, str, str, str]) -> Sequence[str]:
 
 
 GRIPPERS = {
-    "two jaws, one follows": hand(
-        ("left", "prismatic", "link_3", "0 1 0", ""),
-        ("right", "prismatic", "link_3", "0 -1 0", mimic("left")),
-    ),
-    "six followers, as 2F-85": hand(
+    "knuckles and a tip, as 2F-85": hand(
         ("knuckle", "revolute", "link_3", "0 -1 0", LIMIT),
         ("right_knuckle", "revolute", "link_3", "0 -1 0", mimic("knuckle", -1.0, 0.0, LIMIT)),
-        ("inner", "revolute", "link_3", "0 -1 0", mimic("knuckle", 1.0, 0.0, LIMIT)),
-        ("right_inner", "revolute", "link_3", "0 -1 0", mimic("knuckle", -1.0, 0.0, LIMIT)),
-        ("tip", "revolute", "inner_link", "0 -1 0", mimic("knuckle", -1.0, 0.0, LIMIT)),
-        ("right_tip", "revolute", "right_inner_link", "0 -1 0", mimic("knuckle", 1.0, 0, LIMIT)),
+        ("right_tip", "revolute", "right_knuckle_link", "0 -1 0", mimic("knuckle", 1, 0, LIMIT)),
     ),
     "followers of followers": hand(
         ("first", "revolute", "link_3", "1 0 0", ""),

@@ -76,12 +76,7 @@ for line in lines:
 print(HOW_TO_GET_CODE, missing("jax", "jax"))
 """)  # fmt: skip
     assert "./arm" not in said.replace("./arm.urdf", "")
-    for words in (
-        "Usage: arm [OPTIONS]", "Usage: arm call", "    arm describe panda",
-        "Try 'arm describe --help'",
-        "(arm controller SCENE)", "(arm build SCENE", "no file './arm.urdf'",
-        "the module 'jax': pip install \".[jax]\", in the project's folder, installs it",
-    ):  # fmt: skip
+    for words in ("Usage: arm call", "Try 'arm describe --help'", 'pip install ".[jax]"'):
         assert words in said
 
 

@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 from harness import Ros
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from two_link_control import MS, point, state, trajectory
 
 from arm_dynamics.control import make_controller, preparation
 from arm_dynamics.ros import ControllerNode
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
-
-MS = 1_000_000
 
 
 class Pair:
@@ -58,10 +55,7 @@ class Pair:
 
     def state(self, q: Any, v: Any) -> bytes:
         """A state of the time ``stamp``."""
-        message = JointState(name=self.names, position=list(q), velocity=list(v))
-        stamp = message.header.stamp
-        stamp.sec, stamp.nanosec = divmod(self.stamp, 10**9)
-        return bytes(serialize_message(message))
+        return bytes(state(self.stamp, q, v, self.names))
 
     def answers(self, raw: bytes) -> bytes | None:
         """What both command for a state, which must be the same."""
@@ -108,15 +102,12 @@ class Pair:
 
     def go(self, *points: tuple[float, Sequence[float] | float], effort: float = 0.0) -> None:
         """Send both a trajectory of times in [s] and ways from home, perhaps with efforts."""
-        message, home = JointTrajectory(joint_names=self.names), self.slow.dynamics.model.q0
-        for at, way in points:
-            point = JointTrajectoryPoint(positions=(home + np.asarray(way)).tolist())
-            if effort:
-                point.effort = [effort * at] * len(home)
-            span = point.time_from_start
-            span.sec, span.nanosec = divmod(round(1e9 * at), 10**9)
-            message.points.append(point)
-        self.both(lambda node: node.on_joint_trajectory(message))
+        home = self.slow.dynamics.model.q0
+        made = [
+            point(at, *(home + way).tolist(), effort=[effort * at] * len(home) if effort else [])
+            for at, way in points
+        ]
+        self.both(lambda node: node.on_joint_trajectory(trajectory(*made, names=self.names)))
 
 
 @contextmanager

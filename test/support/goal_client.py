@@ -36,9 +36,12 @@ def tolerance(name: str, position: float = 0.0, velocity: float = 0.0, **more: f
 class Client:
     """Sends goals and waits for what becomes of them."""
 
-    def __init__(self, ros: Ros, name: str = "/controller/follow_joint_trajectory") -> None:
+    def __init__(
+        self, ros: Ros, name: str = "/controller/follow_joint_trajectory",
+        kind: Any = FollowJointTrajectory,
+    ) -> None:  # fmt: skip
         self._ros, self.feedback = ros, list[Any]()
-        self._client = ActionClient(ros.peer, FollowJointTrajectory, name)
+        self._client = ActionClient(ros.peer, kind, name)
         ros.spin_until(self._client.server_is_ready)
 
     def begin(self, wanted: Any) -> Any:
@@ -63,6 +66,9 @@ class Client:
         future = handle.cancel_goal_async()
         self._ros.spin_until(future.done)
         return len(future.result().goals_canceling)
+
+    def close(self) -> None:
+        self._client.destroy()
 
 
 def led(

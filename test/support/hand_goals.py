@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from harness import Ros
 from nav_msgs.msg import Path
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
+from two_link_control import effort, point, trajectory
 
 import models
 from arm_dynamics.ros import ControllerNode
@@ -21,26 +19,11 @@ HAND = TaskSpace(models.dynamics("panda"), FRAME)
 HOME = models.dynamics("panda").model.q0
 HERE = HAND.pose(HOME)
 NAMES = list(models.dynamics("panda").joint_names)
-MS = 1_000_000
 
 
-def state(stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> bytes:
-    message = JointState(name=NAMES, position=list(q), velocity=list(v))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    return serialize_message(message)
-
-
-def see(node: ControllerNode, stamp: int, *where: Any) -> np.ndarray:
+def see(node: ControllerNode, stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> np.ndarray:
     """Show the node a state; returns what it commands."""
-    command = node.on_joint_states(state(stamp, *where))
-    return np.array(deserialize_message(command, JointState).effort)
-
-
-def controller_at_home(ros: Ros) -> ControllerNode:
-    """Controls a Panda that has been seen at home."""
-    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
-    see(made, 0)
-    return made
+    return effort(node, stamp, q, v, names=NAMES)
 
 
 def pose(step: Any = (0.0, 0.0, 0.0), frame_id: str = "") -> PoseStamped:
@@ -73,13 +56,7 @@ def hand(node: ControllerNode, stamp: int) -> np.ndarray:
 
 
 def long_trajectory(points: int, seconds: float, late: float = 0.0) -> JointTrajectory:
-    message = JointTrajectory(joint_names=NAMES)
-    for k in range(1, points + 1):
-        s = k / points
-        point = JointTrajectoryPoint(
-            positions=(HOME + 0.2 * s**3 * (10 - 15 * s + 6 * s**2)).tolist()
-        )
-        at = round(1e9 * (late + seconds * s))
-        point.time_from_start.sec, point.time_from_start.nanosec = divmod(at, 10**9)
-        message.points.append(point)
-    return message
+    shares = np.arange(1, points + 1) / points
+    places = HOME + 0.2 * (shares**3 * (10 - 15 * shares + 6 * shares**2))[:, None]
+    way = zip(late + seconds * shares, places.tolist(), strict=True)
+    return trajectory(*(point(at, *place) for at, place in way), names=NAMES)

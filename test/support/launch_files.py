@@ -17,19 +17,18 @@ from xml.etree import ElementTree
 
 import yaml
 
-# Tags with their attributes and their children.
+# Tags that our files have, with their attributes and their children.
 TAGS: dict[str, tuple[set[str], set[str]]] = {
-    "launch": (set(), {"arg", "let", "node", "include", "group", "push_ros_namespace"}),
-    "group": ({"scoped", "if", "unless"}, {"node", "include", "push_ros_namespace", "let"}),
+    "launch": (set(), {"arg", "node", "include", "group"}),
+    "group": ({"if"}, {"node", "include", "push_ros_namespace"}),
     "arg": ({"name", "default", "value", "description"}, set()),
-    "let": ({"name", "value"}, set()),
-    "include": ({"file", "if", "unless"}, {"arg"}),
-    "push_ros_namespace": ({"namespace", "if", "unless"}, set()),
+    "include": ({"file", "if"}, {"arg"}),
+    "push_ros_namespace": ({"namespace"}, set()),
     "node": (
-        {"pkg", "exec", "name", "namespace", "args", "output", "respawn", "if", "unless"},
-        {"param", "remap", "env"},
+        {"pkg", "exec", "name", "namespace", "args", "output", "respawn", "if"},
+        {"param", "remap"},
     ),
-    "param": ({"name", "value", "from", "type", "sep"}, {"param"}),
+    "param": ({"name", "value", "from", "type"}, set()),
     "remap": ({"from", "to"}, set()),
 }
 
@@ -69,15 +68,13 @@ class Launch:
         for child in parent:
             assert child.tag in TAGS[parent.tag][1], f"<{child.tag}> in <{parent.tag}>"
             assert set(child.attrib) <= TAGS[child.tag][0], child.attrib
-            if not self._wanted(child, known):
+            if self.text(child.get("if", "true"), known) == "false":
                 continue
             match child.tag:
                 case "arg":
                     assert "default" in child.attrib or child.attrib["name"] in known
                     default = self.text(child.get("default", ""), known)
                     known.setdefault(child.attrib["name"], default)
-                case "let":
-                    known[child.attrib["name"]] = self.text(child.attrib["value"], known)
                 case "push_ros_namespace":
                     space += "/" + self.text(child.attrib["namespace"], known).strip("/")
                 case "group":
@@ -88,12 +85,6 @@ class Launch:
                     inside.read(Path(self.text(child.attrib["file"], known)), passed, space)
                 case "node":
                     self._node(child, known, space)
-
-    def _wanted(self, element: ElementTree.Element, known: dict[str, str]) -> bool:
-        wanted = self.text(element.get("if", "true"), known)
-        unwanted = self.text(element.get("unless", "false"), known)
-        assert {wanted, unwanted} <= {"true", "false"}
-        return wanted == "true" and unwanted == "false"
 
     def _node(self, node: ElementTree.Element, known: dict[str, str], space: str) -> None:
         files, parameters, remaps = [], {}, {}

@@ -10,10 +10,9 @@ from importlib import import_module
 from typing import Any
 
 import yaml
-from action_msgs.msg import GoalStatus
+from goal_client import SUCCEEDED, Client
 from harness import Ros
 from rcl_interfaces.srv import ListParameters, SetParameters
-from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
@@ -82,13 +81,8 @@ def do(ros: Ros, words: list[str]) -> str:
 
 def _sent(ros: Ros, name: str, kind: Any, values: dict[str, Any]) -> str:
     """Send a goal, which must succeed; returns its result."""
-    client = ActionClient(ros.peer, kind, name)
-    ros.spin_until(client.server_is_ready)
-    sent = client.send_goal_async(fill(kind.Goal(), values))
-    ros.spin_until(sent.done)
-    assert sent.result().accepted
-    ended = sent.result().get_result_async()
-    ros.spin_until(ended.done)
-    client.destroy()
-    assert ended.result().status == GoalStatus.STATUS_SUCCEEDED
-    return str(ended.result().result)
+    client = Client(ros, name, kind)
+    status, result = client.result(client.send(fill(kind.Goal(), values)))
+    client.close()
+    assert status == SUCCEEDED
+    return str(result)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from harness import Ros
+from typist import Typist
 
 from arm_dynamics.ros.common.transport import by_udp, clear_dead
 
@@ -40,3 +41,9 @@ def ros(ros_environment: None) -> Iterator[Ros]:
     instance = Ros()
     yield instance
     instance.close()
+
+
+@pytest.fixture
+def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Typist:
+    """Types ``./arm call`` in the domain of a file's nodes."""
+    return Typist(domain, monkeypatch, capfd)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sim node whose ticks are triggered by hand."""
 
+from collections import deque
 from ctypes import byref
 from typing import Any
 
@@ -31,12 +32,10 @@ def next_command(slot: LatestCommand, q: np.ndarray) -> Any:
     return slot.command(library().slot_acting(byref(slot)), q)
 
 
-class Waiting:
+def commands_to_come(node: SimNode) -> deque[bytes]:
     """Commands that have come since the last tick, in place of the middleware."""
-
-    def __init__(self, node: SimNode) -> None:
-        node.inputs.polled.close()
-        self.messages = offered(node.inputs, node.engine)
+    node.inputs.polled.close()
+    return offered(node.inputs, node.engine)
 
 
 def command(**fields: Any) -> bytes:

@@ -18,8 +18,10 @@ NAMES = list(DYNAMICS.joint_names)
 MS = 1_000_000
 
 
-def state(stamp: int, q: Any = (0.1, -0.2), v: Any = (0.0, 0.0), **more: Any) -> bytes:
-    message = JointState(name=NAMES, position=list(q), velocity=list(v), **more)
+def state(
+    stamp: int, q: Any = (0.1, -0.2), v: Any = (0.0, 0.0), names: list[str] = NAMES, **more: Any
+) -> bytes:
+    message = JointState(name=names, position=list(q), velocity=list(v), **more)
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
     return serialize_message(message)
 
@@ -34,11 +36,12 @@ def trajectory(*points: JointTrajectoryPoint, names: list[str] = NAMES) -> Joint
     return JointTrajectory(joint_names=list(names), points=list(points))
 
 
-def effort(node: ControllerNode, stamp: int, q: Any, v: Any = (0.0, 0.0)) -> np.ndarray:
+def effort(
+    node: ControllerNode, stamp: int, q: Any, v: Any = (0.0, 0.0), names: list[str] = NAMES
+) -> np.ndarray:
     """What the node commands for a state."""
-    return np.array(
-        deserialize_message(node.on_joint_states(state(stamp, q, v)), JointState).effort
-    )
+    command = node.on_joint_states(state(stamp, q, v, names))
+    return np.array(deserialize_message(command, JointState).effort)
 
 
 def wanted(q: Any, v: Any, reference: Reference, bandwidth: Any = 10.0) -> np.ndarray:

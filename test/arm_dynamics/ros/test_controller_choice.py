@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from goal_client import Client, goal
-from hand_goals import FRAME, HOME, MS, see
+from hand_goals import FRAME, HOME, see
 from hand_goals import NAMES as JOINTS
 from harness import Ros, change
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from two_link_control import MS, point, trajectory
 
 import models
 from arm_dynamics import InvalidInput
@@ -40,9 +41,8 @@ def settle(node: ControllerNode) -> None:
 
 def go(node: ControllerNode, offset: float, seconds: int) -> None:
     """Lead every joint away from home."""
-    point = JointTrajectoryPoint(positions=(HOME + offset).tolist())
-    point.time_from_start.sec = seconds
-    node.on_joint_trajectory(JointTrajectory(joint_names=JOINTS, points=[point]))
+    there = point(seconds, *(HOME + offset).tolist())
+    node.on_joint_trajectory(trajectory(there, names=JOINTS))
 
 
 def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:

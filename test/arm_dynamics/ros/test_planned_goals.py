@@ -9,8 +9,6 @@ from byte_order import sent
 from hand_goals import (
     FRAME,
     HOME,
-    MS,
-    controller_at_home,
     hand,
     long_trajectory,
     path,
@@ -21,6 +19,7 @@ from hand_goals import (
 from harness import Ros
 from nav_msgs.msg import Path
 from trajectory_msgs.msg import JointTrajectory
+from two_link_control import MS
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
@@ -38,7 +37,9 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def node(ros: Ros) -> ControllerNode:
     """Controls a Panda that has been seen at home."""
-    return controller_at_home(ros)
+    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
+    see(made, 0)
+    return made
 
 
 def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:

@@ -2,13 +2,10 @@
 """Scenes are found by bare name, from any folder and however the packages are installed."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-import models
 from arm_dynamics import SceneError, load_scene
 from arm_dynamics.scene import ready_scenes
 
@@ -63,22 +60,6 @@ def test_what_is_not_there_is_refused_by_name(name: str, said: str) -> None:
     with pytest.raises(SceneError) as error:
         load_scene(name)
     assert re.search(said, str(error.value))
-
-
-def test_scenes_are_installed_in_the_share_folder(elsewhere: Path) -> None:
-    """As colcon does, of whose folders ``package://`` tells."""
-    subprocess.run(
-        [
-            sys.executable, "setup.py", "-q", "install_data", "--install-dir", elsewhere,
-        ],
-        cwd=ROOT / "src/arm_sim", check=True, timeout=60,
-    )  # fmt: skip
-    share = elsewhere / "share/arm_sim/scenes"
-    assert {path.relative_to(share) for path in share.rglob("*.*")} == {
-        path.relative_to(models.SCENES)
-        for path in models.SCENES.rglob("*")
-        if path.suffix in (".yaml", ".urdf")
-    }
 
 
 def test_the_package_with_the_robots_is_named_where_it_is_missing(

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tests in this folder start ROS nodes."""
 
-from ros_fixtures import ros, ros_environment, transports  # noqa: F401
+from ros_fixtures import arm, ros, ros_environment, transports  # noqa: F401

@@ -4,10 +4,9 @@
 import io
 import logging
 import time
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr
 
 import pytest
-from rich.console import Console
 
 from arm_sim.cli import output
 from arm_sim.figures import units
@@ -64,14 +63,6 @@ def test_one_hears_at_a_time() -> None:
     assert screen.getvalue().splitlines() == ["building one", "building a third"]
 
 
-@pytest.mark.parametrize(
-    ("value", "digits", "said"),
-    [(1234567.0, 6, "1.23457e+06"), (0.1234567, 3, "0.123"), (-0.0, 6, "0"), (-1e-9, 2, "-1e-09")],
-)
-def test_numbers_have_so_many_digits(value: float, digits: int, said: str) -> None:
-    assert output.number(value, digits) == output.limit(value, digits) == said
-
-
 def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None:
     assert output.limit(float("inf")) == output.limit(-float("inf")) == "-"
     assert output.number(0.12345678) == output.limit(0.12345678) == "0.123457"
@@ -79,16 +70,3 @@ def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None
     assert units(["prismatic"], "rad", "m") == "m"
     assert units(["prismatic", "revolute"], "rad", "m") == "rad, m"
     assert units(["revolute", "prismatic"], "rad", "m", " or ") == "rad or m"
-
-
-def test_tables_align_words_left_and_numbers_right_and_are_never_cut() -> None:
-    rows = [("[a]", "1", "no"), ("longer :name:", "1234567", "none at all")]
-    made = output.table(("joint", "torque", "friction"), rows, text=(0, 2))
-    for width in (80, 10):
-        screen = io.StringIO()
-        with redirect_stdout(screen):
-            output.show(Console(width=width), made)
-        lines = [line.rstrip() for line in screen.getvalue().splitlines()]
-        assert " joint           torque  friction" in lines
-        assert " [a]                  1  no" in lines
-        assert " longer :name:  1234567  none at all" in lines

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,20 +26,12 @@ from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import Sample
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
-from arm_sim.view.server import close_server, open_server
 
 SCENE = str(models.SCENES / "two_link.yaml")
 TWO_LINK = models.SCENES / "two_link.urdf"
 START = "initial: {position: {shoulder: 0.4}}"
 HERE = "127.0.0.1", 0
 ros = pytest.mark.ros
-
-
-@pytest.fixture
-def server() -> Iterator[Any]:
-    opened = open_server("arm", port=0)
-    yield opened
-    close_server(opened)
 
 
 @pytest.fixture

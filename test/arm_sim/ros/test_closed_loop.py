@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import Ros
-from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 from sim_by_hand import by_hand, command, next_command
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from two_link_control import point, state, trajectory
 
 import models
 from arm_dynamics.ros import ControllerNode
-from arm_dynamics.ros.common.convert import to_time
 from arm_sim.ros.commands.latest import LatestCommand
 
 pytestmark = pytest.mark.ros
@@ -36,23 +33,20 @@ def followed(
     sim = by_hand(ros, scene, integrator="rk4")
     parameters = {"bandwidth": [20.0], **parameters}
     controller = ros.add(ControllerNode, models.scene(scene), **parameters)
-    trajectory = JointTrajectory(joint_names=list(sim.simulator.joint_names))
-    for second, goal in enumerate(goals, 1):
-        trajectory.points.append(JointTrajectoryPoint(positions=list(goal)))
-        trajectory.points[-1].time_from_start.sec = second
+    names = list(sim.simulator.joint_names)
+    points = [point(second, *goal) for second, goal in enumerate(goals, 1)]
     errors, positions = [], []
     for tick in range(ticks):
-        state, message = sim.simulator.state, JointState(name=trajectory.joint_names)
-        message.header.stamp, message.position = to_time(sim.engine.stamp), state.q.tolist()
-        message.velocity = state.v.tolist() if has_velocities else []
-        sim.inputs.on_joint_commands(controller.on_joint_states(serialize_message(message)))
+        now = sim.simulator.state
+        message = state(sim.engine.stamp, now.q, now.v if has_velocities else (), names)
+        sim.inputs.on_joint_commands(controller.on_joint_states(message))
         if tick == 0:
-            controller.on_joint_trajectory(trajectory)
+            controller.on_joint_trajectory(trajectory(*points, names=names))
         sim.tick()
-        state = sim.simulator.state
-        reference = controller.goals.follower.reference(round(1e9 * state.time))
-        errors.append(reference.q - state.q)
-        positions.append(state.q)
+        now = sim.simulator.state
+        reference = controller.goals.follower.reference(round(1e9 * now.time))
+        errors.append(reference.q - now.q)
+        positions.append(now.q)
     assert not controller._log.passed_over
     return np.array(errors), np.array(positions)
 

@@ -2,13 +2,9 @@
 """Launch files use existing executables and parameters; all of them are installed."""
 
 import re
-import runpy
 import subprocess
 import sys
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +14,7 @@ from launch_files import Launch, Start, by_python
 
 import models
 from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.ros.common.params import listed
 from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.ros.sim_params import SimParams
@@ -32,36 +29,18 @@ OTHERS = {  # packages of ROS 2 Jazzy, with the executables that are started
 FOREIGN = {"robot_state_publisher": {"robot_description"}}
 
 
-def executables(package: str, monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """Console scripts that a package installs."""
-    said: dict[str, Any] = {}
-    monkeypatch.setattr("setuptools.setup", lambda **given: said.update(given))
-    monkeypatch.chdir(PACKAGE.parent / package)
-    runpy.run_path("setup.py")
-    return {entry.split("=")[0].strip() for entry in said["entry_points"]["console_scripts"]}
-
-
 def started(name: str, **given: str) -> list[Start]:
     share = {"arm_sim": PACKAGE}
     return Launch(share, by_python).read(PACKAGE / f"launch/{name}.launch.xml", given)
 
 
-def declared(params: type) -> Iterator[tuple[str, Any]]:
-    """Parameters that a class declares, and their defaults."""
-    for item in fields(params):
-        default = getattr(params(), item.name)
-        if is_dataclass(default):
-            yield from declared(type(default))
-        elif "description" in item.metadata:
-            yield item.metadata.get("parameter", item.name), default
-
-
 @pytest.mark.parametrize("file", FILES, ids=lambda path: path.name)
-def test_what_is_started_exists(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_started_exists(file: Path) -> None:
     for start in started(file.name.split(".")[0]):
         if start.package in ("arm_sim", "arm_dynamics"):
-            assert start.executable in executables(start.package, monkeypatch)
-            known = set(dict(declared(OURS[start.executable])))
+            setup = (PACKAGE.parent / start.package / "setup.py").read_text()
+            assert f'"{start.executable} = {start.package}.' in setup
+            known = {name for name, *_ in listed(OURS[start.executable])}
             assert start.name == start.executable
         else:
             assert (start.package, start.executable) in OTHERS
@@ -74,7 +53,7 @@ def test_parameters_of_the_file_are_the_defaults() -> None:
     given = yaml.safe_load((PACKAGE / "config/parameters.yaml").read_text())
     assert set(given) == {"/**/sim", "/**/controller"}
     for node, params in OURS.items():
-        default = dict(declared(params))
+        default = {name: value for name, value, _ in listed(params)}
         for name, value in given[f"/**/{node}"]["ros__parameters"].items():
             np.testing.assert_array_equal(np.ravel(value), np.ravel(default[name]))
 
@@ -145,3 +124,11 @@ def test_what_is_shared_is_installed(tmp_path: Path) -> None:
     for folder in ("config", "launch", "rviz"):
         there = {path.name for path in (installed / folder).iterdir()}
         assert there == {path.name for path in (PACKAGE / folder).iterdir()}
+    of_scenes = {
+        path.relative_to(installed / "scenes") for path in installed.rglob("scenes/**/*.*")
+    }
+    assert of_scenes == {
+        path.relative_to(models.SCENES)
+        for path in models.SCENES.rglob("*")
+        if path.suffix in (".yaml", ".urdf")
+    }

@@ -13,7 +13,7 @@ from harness import Ros
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, Waiting
+from sim_by_hand import NAMES, commands_to_come
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -112,13 +112,13 @@ def test_answers_alone_cause_ticks(ros: Ros) -> None:
     """A command that comes late, twice or without a stamp is counted and acts with the answer."""
     sim = lockstep(ros, stale_policy="zero")
     answer(sim, 0)
-    waiting = Waiting(sim)
+    waiting = commands_to_come(sim)
     sim.engine.ticks.at_once, sim.lockstep.waiting.soon = 0, 60_000 * MS
     for tick in 1, 2, 3:
         for stamp in (7 * MS, (tick - 1) * MS, tick * MS):
-            waiting.messages.append(message(stamp, tick, stamp * 1e-9))
+            waiting.append(message(stamp, tick, stamp * 1e-9))
         sim.lockstep.on_command(message(0, tick, 0.0))
-        assert not waiting.messages and sim.simulator.arm.step_count == tick + 1
+        assert not waiting and sim.simulator.arm.step_count == tick + 1
         assert sim.lockstep.waiting.ignored == 3 * tick
         assert sim.simulator.effort.tolist() == [tick, tick * MS * 1e-9]
 

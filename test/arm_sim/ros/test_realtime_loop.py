@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from harness import Ros
 from polled import each
-from sim_by_hand import NAMES, Waiting, by_hand, command
+from sim_by_hand import NAMES, by_hand, command, commands_to_come
 
 from arm_sim.ros.node_library import library
 from arm_sim.ros.timing.histogram import Histogram
@@ -201,7 +201,7 @@ class Clocked:
         self.node = by_hand(ros, command_timeout=5e-3)
         self.lateness = Histogram()
         self.due = Due(lateness=addressof(self.lateness), **due)
-        self.commands = Waiting(self.node).messages
+        self.commands = commands_to_come(self.node)
 
     def ticks(self, count: int) -> None:
         """As many ticks, in one call."""

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from recorded_engine import contents
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
+from sim_by_hand import NAMES, by_hand, command, commands_to_come, ticks
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import ArmError, InvalidInput
@@ -45,10 +45,10 @@ def test_our_definitions_are_those_that_are_installed() -> None:
 def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     node = by_hand(ros, record=str(path), stale_policy="zero")
-    waiting = Waiting(node)
+    waiting = commands_to_come(node)
     ticks(node, 20)
     raw = command(name=NAMES, effort=[1.5, -0.5])
-    waiting.messages.append(raw)
+    waiting.append(raw)
     node.inputs.on_joint_commands(raw)
     ticks(node, 30)
     node.inputs.on_commands(Float64MultiArray(data=[0.5, 0.5]))

@@ -14,8 +14,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Ros
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, command, motion, ticks
-from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 import models
 from arm_dynamics.ros import ControllerNode
@@ -52,29 +51,6 @@ def test_ticks_are_those_of_the_simulator_to_the_bit_and_are_published(
         np.testing.assert_array_equal(message.effort, sim.effort)
         assert message.header.stamp.nanosec == count * 1_000_000
     assert node.simulator.state.time == sim.state.time
-
-
-def test_energy_account_balances_and_begins_again_after_a_reset(ros: Ros) -> None:
-    node = by_hand(ros, "panda", energy_period=0.01, command_timeout=0.0, integrator="rk4")
-    heard = ros.listen(Energy, "/sim/energy")
-    for run in 1, 2:
-        node.inputs.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
-        for count in range(20 * run - 19, 20 * run + 1):
-            ticks(node, 10)
-            ros.spin_until(lambda count=count: len(heard) == count)
-            if count == 20 * run - 19:  # since it is heard
-                start = sum(node.simulator.dynamics.energy(*motion(node)))
-        last = heard[-1]
-        assert last.header.stamp.nanosec == 200_000_000
-        kinetic, potential = node.simulator.dynamics.energy(*motion(node))
-        assert (last.kinetic, last.potential) == (kinetic, potential)
-        assert last.total == pytest.approx(kinetic + potential)
-        assert last.input > 0.1
-        assert last.dissipated > 1e-4
-        assert last.balance == pytest.approx(last.total - start - last.input + last.dissipated)
-        assert abs(last.balance) < 1e-6 * last.input
-        node.engine.reset()
-    assert (heard[19].input, heard[19].total) == (last.input, last.total)
 
 
 def test_energies_are_published_beside_ticks_by_the_clock(ros: Ros) -> None:
@@ -214,23 +190,3 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
     assert node.simulator.arm.step_count == 6
     found = {f.part: f for f in node.diagnostics()}["simulation"]
     assert found.message(node).level == DiagnosticStatus.OK
-
-
-def test_by_the_clock_it_ticks_and_serves(ros: Ros) -> None:
-    node = ros.add(SimNode, models.scene("two_link"))
-    heard = ros.listen(JointState, "/joint_states")
-    ros.spin_until(lambda: heard)
-    running = ros.call(Step, "/sim/step", Step.Request(steps=1))
-    assert not running.success
-    assert "paused" in running.message
-    assert ros.call(SetBool, "/sim/pause", SetBool.Request(data=True)).success
-    count = node.simulator.arm.step_count
-    answer = ros.call(Step, "/sim/step", Step.Request(steps=7))
-    assert answer.success, answer.message
-    assert node.simulator.arm.step_count == count + 7
-    assert answer.time == pytest.approx(1e-3 * (count + 7))
-    request = SetJointState.Request(position=[0.5, 0.5])
-    assert ros.call(SetJointState, "/sim/set_joint_state", request).success
-    np.testing.assert_array_equal(motion(node), [[0.5, 0.5], [0.0, 0.0]])
-    assert ros.call(Trigger, "/sim/reset", Trigger.Request()).success
-    assert node.simulator.arm.step_count == 0

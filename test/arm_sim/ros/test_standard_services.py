@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from goal_client import Client
 from harness import Ros
 from rclpy.parameter import Parameter
 from sim_by_hand import by_hand, motion, ticks
@@ -45,32 +46,25 @@ def enter(node: SimNode, state: int) -> int:
     return ask(node, "set_simulation_state", state=SimulationState(state=state)).result.result
 
 
-class Stepper:
+class Stepper(Client):
     """A client of the action."""
 
     def __init__(self, ros: Ros) -> None:
-        from rclpy.action import ActionClient
         from simulation_interfaces.action import SimulateSteps
 
-        self.ros, self._kind = ros, SimulateSteps
-        self.client = ActionClient(ros.peer, SimulateSteps, "/sim/simulate_steps")
-        ros.spin_until(self.client.server_is_ready)
-        self.heard: list[Any] = []
+        super().__init__(ros, "/sim/simulate_steps", SimulateSteps)
+        self._kind = SimulateSteps
 
-    def send(self, steps: int) -> Any:
-        """A goal that was accepted."""
-        goal = self._kind.Goal(steps=steps)
-        sent = self.client.send_goal_async(goal, lambda told: self.heard.append(told.feedback))
-        self.ros.spin_until(sent.done)
-        assert sent.result().accepted
-        return sent.result()
+    def steps(self, count: int) -> Any:
+        """A goal, which is accepted."""
+        handle = self.send(self._kind.Goal(steps=count))
+        assert handle.accepted
+        return handle
 
     def outcome(self, goal: Any) -> tuple[int, int, str]:
         """Status of a goal, its code and its message, once it is over."""
-        result = goal.get_result_async()
-        self.ros.spin_until(result.done)
-        end = result.result().result.result
-        return result.result().status, end.result, end.error_message
+        status, answer = self.result(goal)
+        return status, answer.result.result, answer.result.error_message
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +88,7 @@ def stepper(shared: tuple[Ros, SimNode], node: SimNode) -> Iterator[Stepper]:
     """A client that has it make steps."""
     made = Stepper(shared[0])
     yield made
-    made.client.destroy()
+    made.close()
 
 
 def test_may_be_turned_off(ros: Ros) -> None:
@@ -275,49 +269,52 @@ def test_the_world_is_the_scene(ros: Ros) -> None:
     assert answer.world.name
 
 
-def test_the_action_makes_steps_and_reports_how_many(stepper: Stepper, node: SimNode) -> None:
+def test_the_action_makes_steps_and_reports_how_many(
+    shared: tuple[Ros, SimNode], stepper: Stepper, node: SimNode
+) -> None:
     steps = 1234
-    assert stepper.outcome(stepper.send(steps)) == (SUCCEEDED, OK, "")
+    assert stepper.outcome(stepper.steps(steps)) == (SUCCEEDED, OK, "")
     assert node.simulator.arm.step_count == steps
-    stepper.ros.spin_until(lambda: stepper.heard and not stepper.heard[-1].remaining_steps)
-    completed = [told.completed_steps for told in stepper.heard]
+    ros = shared[0]
+    ros.spin_until(lambda: stepper.feedback and not stepper.feedback[-1].remaining_steps)
+    completed = [told.completed_steps for told in stepper.feedback]
     assert completed == sorted(completed)
-    assert {told.completed_steps + told.remaining_steps for told in stepper.heard} == {steps}
+    assert {told.completed_steps + told.remaining_steps for told in stepper.feedback} == {steps}
 
 
 def test_one_goal_at_a_time_of_a_step_at_least_which_may_be_cancelled(
     stepper: Stepper, node: SimNode
 ) -> None:
-    assert stepper.outcome(stepper.send(0)) == (ABORTED, FAILED, "steps = 0; allowed: 1 or more")
-    first = stepper.send(2**62)
-    status, code, said = stepper.outcome(stepper.send(5))
+    assert stepper.outcome(stepper.steps(0)) == (ABORTED, FAILED, "steps = 0; allowed: 1 or more")
+    first = stepper.steps(2**62)
+    status, code, said = stepper.outcome(stepper.steps(5))
     assert (status, code) == (ABORTED, INCORRECT_STATE)
     assert "another goal is under way" in said
-    stepper.ros.spin_until(first.cancel_goal_async().done)
+    assert stepper.cancel(first) == 1
     status, code, said = stepper.outcome(first)
     assert (status, code) == (CANCELED, OK)
     assert said == f"cancelled after {node.simulator.arm.step_count} of {2**62} steps"
-    assert stepper.outcome(stepper.send(3))[0] == SUCCEEDED
+    assert stepper.outcome(stepper.steps(3))[0] == SUCCEEDED
 
 
 def test_the_action_needs_a_pause(ros: Ros) -> None:
     node, stepper = ros.add(SimNode, models.scene("two_link")), Stepper(ros)
-    status, code, said = stepper.outcome(stepper.send(5))
+    status, code, said = stepper.outcome(stepper.steps(5))
     assert (status, code) == (ABORTED, FAILED)
     assert "allowed only while it is paused" in said
     assert enter(node, PAUSED) == OK
-    goal = stepper.send(2**62)
-    ros.spin_until(lambda: stepper.heard)
+    goal = stepper.steps(2**62)
+    ros.spin_until(lambda: stepper.feedback)
     node.engine.queue.run(lambda: node.engine.pause(False))  # by someone else, on the way
     status, code, said = stepper.outcome(goal)
     assert (status, code) == (ABORTED, FAILED)
     assert "allowed only while it is paused" in said
-    stepper.client.destroy()
+    stepper.close()
 
 
 def test_divergence_ends_the_action(stepper: Stepper, node: SimNode) -> None:
     assert node.set_parameters([Parameter("stale_policy", value="hold")])[0].successful
     node.simulator.set_state(v=np.full(7, 1e160))
-    status, code, said = stepper.outcome(stepper.send(50))
+    status, code, said = stepper.outcome(stepper.steps(50))
     assert (status, code) == (ABORTED, FAILED)
     assert "that state is kept" in said
