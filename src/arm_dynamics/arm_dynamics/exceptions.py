@@ -4,8 +4,6 @@
 Each message states what is wrong, the value and what is allowed.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drives of an arm: motors, gears and transmissions between the commands and the links."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import chain
 

@@ -6,8 +6,6 @@ compiler. The name of an entry is the digest of source, headers, compiler, flags
 that is not intact is built again and never loaded.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import logging

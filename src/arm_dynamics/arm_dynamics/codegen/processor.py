@@ -5,8 +5,6 @@ Names are those of Linux in /proc/cpuinfo. The levels x86-64-v2 and x86-64-v3 ar
 System V ABI, AMD64 supplement, section 3.1.1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a controller is: an object with one method, ``torque(state, reference) -> τ``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -43,7 +41,7 @@ class Measured:
 
 
 class Checked(Measured):
-    """A state whose shapes and finiteness have been checked."""
+    """A state whose shapes and finiteness its maker has checked: the ROS node, or ``custom``."""
 
     __slots__ = ()
 
@@ -94,15 +92,8 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
     q, v = state.q, state.v
     if type(state) is Checked:
         return q, v
-    for name in () if reference is _NONE else ("q", "v", "a"):
-        value = getattr(reference, name, None)
-        if value is None:
-            raise InvalidInput(
-                f"the reference is of type {type(reference).__name__}; positions q, velocities v "
-                "and accelerations a are expected, as Reference(q, v, a) has them"
-            )
-        if np.shape(value) != (n,):
-            raise InvalidInput(f"reference.{name} has shape {np.shape(value)}; ({n},) is expected")
+    if reference is not _NONE:
+        _check_reference(reference, n)
     arrays = isinstance(q, np.ndarray) and isinstance(v, np.ndarray)
     if arrays and q.shape == v.shape == (n,) and q.dtype == v.dtype == _FLOAT:
         if all_finite(q) and all_finite(v):
@@ -111,6 +102,19 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
         if vector(name, value, n).ndim != 1:
             raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is expected")
     return np.asarray(q, float), np.asarray(v, float)
+
+
+def _check_reference(reference: object, n: int) -> None:
+    """Check that a reference has positions, velocities and accelerations of shape (n,)."""
+    for name in ("q", "v", "a"):
+        value = getattr(reference, name, None)
+        if value is None:
+            raise InvalidInput(
+                f"the reference is of type {type(reference).__name__}; positions q, velocities v "
+                "and accelerations a are expected, as Reference(q, v, a) has them"
+            )
+        if np.shape(value) != (n,):
+            raise InvalidInput(f"reference.{name} has shape {np.shape(value)}; ({n},) is expected")
 
 
 def added_torques(reference: object, n: int) -> Array | None:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wrappers of a controller: limits, and torques of the reference."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

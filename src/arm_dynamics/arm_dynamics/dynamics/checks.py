@@ -113,8 +113,8 @@ def closed_states(
         Positions, velocities and torques, shape (k, n), and the condition number of the rows in
         the metric of M, shape (k,). Relatively singular positions are left out.
     """
-    names = closure.initially_active
-    places = closure.wander(start, names) if names else list(random_states(len(start), 1)[0])
+    n, names = len(start), closure.initially_active
+    places = closure.sample_positions(start, names) if names else list(random_states(n, 1)[0])
     rows = [closure.rows.stacked(q, 0.0 * q, names).jacobian[kept] for q in places]
     factors = [closure.factors(q, A, len(A)) for q, A in zip(places, rows, strict=True)]
     condition = np.ones(len(places))
@@ -124,7 +124,7 @@ def closed_states(
     states = [
         (places[i], v - factors[i].nearest(rows[i] @ v), tau, condition[i])
         for i in np.flatnonzero(condition <= max(WELL_CONDITIONED, condition.min()))
-        for v, tau in np.random.default_rng(i).uniform(-np.pi, np.pi, (repeats, 2, len(start)))
+        for v, tau in np.random.default_rng(i).uniform(-np.pi, np.pi, (repeats, 2, n))
     ]
     q, v, tau, conditions = (np.array(part) for part in zip(*states, strict=True))
     return q, v, tau, conditions

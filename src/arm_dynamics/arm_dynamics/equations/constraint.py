@@ -10,8 +10,6 @@ Sign of the multipliers, here and everywhere: τ = M a + h + Aᵀλ, so λ is wh
 the constraint: the force of the first frame on the second, in axes of the second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import singledispatch

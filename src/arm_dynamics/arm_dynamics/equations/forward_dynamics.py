@@ -7,8 +7,6 @@ stored as the three 3 by 3 blocks of [[A, H], [Hᵀ, I]]: force from acceleratio
 rotation, moment from rotation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 Also the relative placement of two frames.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

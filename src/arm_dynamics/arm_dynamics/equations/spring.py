@@ -19,8 +19,6 @@ Where the points coincide, the line has no direction. The length is therefore ta
 no division by zero, and energy is conserved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -12,8 +12,6 @@ Two exact transformations are made before any equation is built:
   thus be unphysical, but no torque or acceleration changes, and many products vanish.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -6,8 +6,6 @@ independently from velocities and accelerations of the frames relative to the se
 constraint (relative kinematics: Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2).
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import singledispatch

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.constraint_rows import ConstraintRows
-from arm_dynamics.model.loop_closure import RANK, Closure
+from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.mass_metric import RANK
 
 # Rows are treated as equal if the logarithms of their new components differ by less.
 TIE = 1e-6
@@ -62,7 +63,7 @@ def _pivots(
     if not len(candidates):
         return []
     try:
-        places = closure.wander(near, names)
+        places = closure.sample_positions(near, names)
     except ConstraintError:  # an inactive constraint need not be closable
         return [int(k) for k in candidates]
     jacobians = [rows.stacked(q, 0 * q, rows.names).jacobian for q in places]

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """States that satisfy the constraints, found by Newton's method.
 
-In coordinates x = Cᵀ a, with M = C Cᵀ, the metric of M is the identity, and the constraints are
-Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y.
+Steps are the shortest in the metric of M, see ``mass_metric``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, choices
+from arm_dynamics.exceptions import ConstraintError, InvalidInput, choices
 from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.mass_metric import Factors, cholesky, factored, whitened
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.stops import Stops
@@ -24,36 +21,16 @@ CLOSED_TO = 1e-10
 NEWTON_STEPS = 100  # at most; far from closure, each is shortened to ``LONGEST``
 # Largest Newton step of a joint in [rad], or in [m] on an arm of a reach of up to 1 m.
 LONGEST = 0.3
-# Singular values below this fraction of the largest are treated as zero.
-RANK = 1e-9
+# Halvings of a step at most, and the decrease of the residual that is enough, relative to what a
+# whole step promises (Armijo's rule).
+HALVINGS, DECREASE = 12, 1e-3
 # Number of positions at which the rank is evaluated, and the step between them.
-SAMPLES, WANDER = 6, 0.2
+SAMPLES, SAMPLE_STEP = 6, 0.2
 # A position whose smallest singular value is below this fraction of the largest is singular.
 SINGULAR = 1e-5
 # Starts that are tried in place of one that is singular, and how far the last ones are from it, in
 # [rad] or relative to the arm's reach.
 STARTS, FARTHEST = 30, 1.5
-
-
-@dataclass(frozen=True)
-class Factors:
-    """Singular value decomposition of the constraints in the metric of M, without zero values.
-
-    Attributes:
-        C: Lower factor of M = C Cᵀ, shape (n, n).
-        U: Shape (m, r).
-        s: Singular values in descending order, shape (r,).
-        Vt: Shape (r, n).
-    """
-
-    C: Array
-    U: Array
-    s: Array
-    Vt: Array
-
-    def nearest(self, b: Array) -> Array:
-        """Shortest motion with A a = b in the metric of M, shape (n,)."""
-        return np.asarray(np.linalg.solve(self.C.T, self.Vt.T @ (self.U.T @ b / self.s)))
 
 
 class Closure:
@@ -192,13 +169,13 @@ class Closure:
         at positions closed from ``near``; later ones return that count.
         """
         if names not in self._ranks:
-            places = self.wander(near, names)
+            places = self.sample_positions(near, names)
             A = [self.rows.stacked(q, 0 * q, names).jacobian for q in places]
             values = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
             self._ranks[names] = max(map(len, values))
         return self._ranks[names]
 
-    def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
+    def sample_positions(self, start: Array, names: tuple[str, ...]) -> list[Array]:
         """Sample closed positions along the motion that the named constraints allow.
 
         Args:
@@ -218,7 +195,7 @@ class Closure:
             v = rng.normal(size=len(q))
             v = v - self.factors(q, A, min(A.shape)).nearest(A @ v)
             try:
-                q = self._closed_position(q + WANDER * v / max(1e-9, abs(v).max()), names)
+                q = self._closed_position(q + SAMPLE_STEP * v / max(1e-9, abs(v).max()), names)
             except ConstraintError:
                 continue
             places.append(q)
@@ -251,9 +228,9 @@ class Closure:
             step = self._nearest_of_others(q, A, -row.residual, hold)
             largest = abs(step / np.maximum(self._reach, 1.0)).max()
             step *= min(1.0, LONGEST / max(largest, 1e-300))
-            for halving in range(12):
+            for halving in range(HALVINGS):
                 trial = self.rows.stacked(q + 0.5**halving * step, 0 * q, names)
-                if np.linalg.norm(trial.residual) < (1.0 - 1e-3 * 0.5**halving) * size:
+                if np.linalg.norm(trial.residual) < (1.0 - DECREASE * 0.5**halving) * size:
                     break
             else:
                 break
@@ -275,34 +252,3 @@ class Closure:
             f"{listed}. Do they contradict one another, or is the position too far off?",
             residuals,
         )
-
-
-def factored(M: Array, A: Array, rank: int) -> Factors:
-    """Factorize rows A, shape (m, n), in the metric of M, with at most ``rank`` singular values.
-
-    Raises:
-        ModelError: If M is not positive definite.
-    """
-    C = cholesky(M)
-    U, s, Vt = np.linalg.svd(whitened(C, A), full_matrices=False)
-    r = min(rank, int(np.sum(s > RANK * s[0]))) if s.size and s[0] > 0.0 else 0
-    return Factors(C, U[:, :r], s[:r], Vt[:r])
-
-
-def whitened(C: Array, A: Array) -> Array:
-    """Rows Y = A C^-ᵀ, shape (…, m, n), for lower factors C of M."""
-    return np.swapaxes(np.linalg.solve(C, np.swapaxes(A, -1, -2)), -1, -2)
-
-
-def cholesky(M: Array) -> Array:
-    """Lower factors C of mass matrices M = C Cᵀ, shape (…, n, n).
-
-    Raises:
-        ModelError: If one is not positive definite.
-    """
-    try:
-        return np.linalg.cholesky(M)
-    except np.linalg.LinAlgError:
-        raise ModelError(
-            "a joint moves no mass; give a link inertia, the joint an armature, or lock it"
-        ) from None

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terms of the equation of motion as expressions, named as those of ``RigidTerms``."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import casadi as ca

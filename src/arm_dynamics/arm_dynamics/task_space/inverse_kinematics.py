@@ -23,6 +23,10 @@ from arm_dynamics.task_space.task_space import Pose, TaskSpace
 
 _ANGLE = 0.3  # [m/rad]: weight of an angle relative to a distance
 _BIAS = 1e-6  # damping that remains at zero error
+_PATIENCE = 8  # steps without progress after which a descent ends
+_PROGRESS = 0.95  # of the error before, up to which a step is progress
+_LONGEST = 1.0  # largest step of a joint in [rad] or [m]
+_CORRECTIONS = 4  # iterations to a nearby pose
 
 
 @frozen
@@ -149,35 +153,40 @@ class InverseKinematics:
 
     def correct(self, pose: Pose, q: Array) -> Array:
         """A few iterations from q, shape (n,), to a nearby pose, without limits."""
-        for _ in range(4):
+        for _ in range(_CORRECTIONS):
             error, J = self._error(pose, q)
             if np.max(abs(error)) < 1e-13:
                 break
             q = q + np.linalg.lstsq(J, error, rcond=1e-9)[0]
         return q
 
-    def missing(self, pose: Pose, q: Array) -> tuple[float, float]:
+    def pose_error(self, pose: Pose, q: Array) -> tuple[float, float]:
         """Distance of the frame from a pose, in [m] and [rad], for joint positions (n,)."""
-        return self._missing(self._error(pose, q)[0])
+        return self._norms(self._error(pose, q)[0])
 
     def _descend(self, pose: Pose, q: Array) -> _Attempt:
         """Iterate until the pose is reached or the error no longer decreases."""
         error, J = self._error(pose, q)
         size, patience = np.linalg.norm(self._weight * error), 0
         for step in range(self._iterations):
-            distance, angle = self._missing(error)
+            distance, angle = self._norms(error)
             if distance <= 0.5 * self._distance and angle <= 0.5 * self._angle:
                 return _Attempt(q, distance, angle, step)
             new = np.clip(q + self._step(error, J, q), self._lower, self._upper)
             error_new, J_new = self._error(pose, new)
             size_new = np.linalg.norm(self._weight * error_new)
-            patience = 0 if size_new < 0.95 * size else patience + 1
-            if patience > 8:
+            patience = 0 if size_new < _PROGRESS * size else patience + 1
+            if patience > _PATIENCE:
                 break
             q, error, J, size = new, error_new, J_new, min(size, size_new)
-        return _Attempt(q, *self._missing(error), step + 1)
+        return _Attempt(q, *self._norms(error), step + 1)
 
     def _step(self, error: Array, J: Array, q: Array) -> Array:
+        """Levenberg-Marquardt step.
+
+        Joints at a limit that it would push beyond are held and the step is computed again, at
+        most twice; ``_descend`` cuts off what is left beyond.
+        """
         e, Jw = self._weight * error, self._weight[:, None] * J
         damping = 0.5 * (e @ e) + _BIAS**2
         free = np.ones(len(q), bool)
@@ -191,7 +200,7 @@ class InverseKinematics:
                 break
             free &= ~stuck
         largest = float(abs(dq).max())
-        return dq if largest <= 1.0 else dq / largest
+        return dq if largest <= _LONGEST else dq * _LONGEST / largest
 
     def _error(self, pose: Pose, q: Array) -> tuple[Array, Array]:
         motion, rows = self.task.motion, self.task.rows
@@ -200,7 +209,8 @@ class InverseKinematics:
         error = np.concatenate([pose.position - position, turn])
         return error[rows], motion.jacobian(q)[rows]
 
-    def _missing(self, error: Array) -> tuple[float, float]:
+    def _norms(self, error: Array) -> tuple[float, float]:
+        """Norms of an error's position and rotation."""
         linear = self.task.linear
         return float(np.linalg.norm(error[:linear])), float(np.linalg.norm(error[linear:]))
 

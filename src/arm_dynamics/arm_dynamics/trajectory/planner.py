@@ -180,7 +180,7 @@ def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
     solver, rows = InverseKinematics(task), [q]
     for place, u in zip(places, us[1:], strict=True):
         rows.append(solver.correct(place, rows[-1]))
-        distance, angle = solver.missing(place, rows[-1])
+        distance, angle = solver.pose_error(place, rows[-1])
         leap = float(abs(rows[-1] - rows[-2]).max())
         if not (max(distance, angle) < _NEAR and leap < _FAR):
             raise Unreachable(

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm sim``, ``./arm dynamics`` and ``./arm controller``: the nodes, without ros2 run."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os

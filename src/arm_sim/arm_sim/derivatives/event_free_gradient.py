@@ -27,6 +27,7 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
 from arm_sim.stepping.arm_table import Engine
+from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 
 # Ticks that are made in one call
@@ -69,7 +70,8 @@ class EventFreePart:
     Attributes:
         gradients: What differentiates them.
         first: Number of the first tick.
-        kept: What is kept of each, a row for each.
+        kept: Of each tick x before it, the ends of its motions and its modes, in a row: see
+            ``event_free_gradient.c``.
     """
 
     gradients: EventFreeGradients
@@ -82,7 +84,6 @@ class EventFreePart:
         weights = np.ascontiguousarray(g[ticks])
         by_commands = np.empty((len(self.kept), tau.shape[1]))
         code = self.gradients.code
-        assert code is not None
         code.engine.event_free_gradient(
             code.scene, address(self.kept), address(tau[ticks]), self.gradients.length,
             len(self.kept), address(weights), address(gradient), address(by_commands),
@@ -102,32 +103,33 @@ class EventFreeGradients:
     Args:
         nonsmooth: Its lasting kinks.
         engine: Finds ticks without events.
-        plant: The scene's equations.
-        choice: Method and tick.
-
-    Attributes:
-        code: Compiled code; None if it cannot be built.
+        code: Compiled code, of ``event_free_gradient.c``.
         length: Length of a tick in [s].
     """
 
-    @one_at_a_time
     def __init__(
-        self, nonsmooth: NonsmoothPoints, engine: Engine, plant: Plant, choice: Choice
+        self, nonsmooth: NonsmoothPoints, engine: Engine, code: Compiled, length: float
     ) -> None:
-        self._nonsmooth, self._engine = nonsmooth, engine
-        self._nx, self.length = plant.nx, choice.dt
+        self._nonsmooth, self._engine, self.code, self.length = nonsmooth, engine, code, length
+        code.engine.numbers_kept.restype = ctypes.c_longlong
+        code.engine.event_free_motion.restype = ctypes.c_longlong
+        self._kept = int(code.engine.numbers_kept(code.scene))
+
+    @classmethod
+    @one_at_a_time
+    def built(
+        cls, nonsmooth: NonsmoothPoints, engine: Engine, plant: Plant, choice: Choice
+    ) -> EventFreeGradients | None:
+        """Those of a scene's equations, method and tick; None if code cannot be built."""
         event_free = EventFreeTick.of(plant)
-        _, *functions = tick_functions(plant, choice)
+        _, *functions = adjoint_tick_functions(plant, choice)
         functions += [*event_free.functions, *event_free.adjoints]
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
         write = partial(lanes_source, plant, choice, functions, more=event_free.members)
-        self.code = built_of_lanes(write, 1, "event_free_gradient", types)
-        if self.code:
-            self.code.engine.numbers_kept.restype = ctypes.c_longlong
-            self.code.engine.event_free_motion.restype = ctypes.c_longlong
-            self._kept = int(self.code.engine.numbers_kept(self.code.scene))
+        code = built_of_lanes(write, 1, "event_free_gradient", types)
+        return cls(nonsmooth, engine, code, choice.dt) if code else None
 
-    def parts(self, motion: Motion, tau: Array) -> list[EventFreePart]:
+    def advance(self, motion: Motion, tau: Array) -> EventFreePart | None:
         """Advance a motion to its next tick with an event.
 
         Args:
@@ -135,25 +137,24 @@ class EventFreeGradients:
             tau: Commands of all its ticks, shape (ticks, n), contiguous.
 
         Returns:
-            The ticks before that one, if there are any.
+            The ticks before that one; None if there are none.
         """
         first, ahead = motion.ticks, tau[motion.ticks :]
         most = min(STRETCH, self._nonsmooth.ticks_before(motion.x, ahead))
-        kept, after = np.empty((most, self._kept)), np.empty(self._nx)
+        kept, after = np.empty((most, self._kept)), np.empty(motion.x.shape)
         x = np.ascontiguousarray(motion.x)
-        assert self.code is not None
         ticks = self.code.engine.event_free_motion(
             self.code.scene, pointer(x), pointer(ahead), pointer(motion.p),
             ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
             ctypes.c_int(first == 0), pointer(kept), pointer(after),
         )  # fmt: skip
         if not ticks:
-            return []
+            return None
         motion.go_on(after, ticks)
-        return [EventFreePart(self, first, kept[:ticks])]
+        return EventFreePart(self, first, kept[:ticks])
 
 
-def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:
+def adjoint_tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:
     """The step, and what passes gradients back through a tick.
 
     Returns:

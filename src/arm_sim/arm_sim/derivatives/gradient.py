@@ -24,7 +24,7 @@ from arm_sim.derivatives.event_free_gradient import (
     EventFreeGradients,
     Part,
     TickPart,
-    tick_functions,
+    adjoint_tick_functions,
 )
 from arm_sim.derivatives.motion import Motion, naming
 from arm_sim.derivatives.tangents import LONGEST
@@ -233,7 +233,8 @@ class Gradients:
         motion = Motion(self._ticks, batch.x0[arm], batch.p[arm], side)
         tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
         while motion.ticks < batch.steps:
-            parts += self._event_free.parts(motion, tau) if self._event_free else ()
+            if self._event_free and (stretch := self._event_free.advance(motion, tau)):
+                parts.append(stretch)
             if (tick := motion.ticks) < batch.steps:
                 with naming(arm, len(batch.x0), tick):
                     parts.append(TickPart(tick, motion.slope(tau[tick])))
@@ -248,8 +249,7 @@ class Gradients:
         engine, nonsmooth = self._ticks.compiled.engine, self._ticks.nonsmooth
         if not engine or self._backend == "vm":
             return None
-        gradients = EventFreeGradients(nonsmooth, engine, self._plant, self._choice)
-        return gradients if gradients.code else None
+        return EventFreeGradients.built(nonsmooth, engine, self._plant, self._choice)
 
     def _built(self, width: int) -> Compiled | None:
         in_lanes = self._backend != "vm" and takes_equal_steps(self._plant, self._choice)
@@ -262,5 +262,5 @@ class Gradients:
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:
         act = actuation(self._without_stops)
-        step, adjoint, *limits = tick_functions(self._without_stops, self._choice)
+        step, adjoint, *limits = adjoint_tick_functions(self._without_stops, self._choice)
         return build_tick(step, act), adjoint, *limits

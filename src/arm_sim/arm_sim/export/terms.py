@@ -29,12 +29,12 @@ from arm_sim.plant.symbols import Joints, Symbols
 
 TERMS = tuple(entry.name for entry in table.TERMS if not entry.selectors)
 """Names of the terms in C, without the library's name."""
+DERIVATIVES = tuple(f"{entry.name}_derivatives" for entry in (table.INVERSE, table.FORWARD))
+"""Names of the derivatives."""
 _FOLLOWING = (
     "Torques [N m, N] that follow a motion q_d, v_d, a_d, held for a time dt [s]: those of the "
     "acceleration a_d + kd (v_d - v) + kp (q_d - q) in the middle of that time."
 )
-DERIVATIVES = tuple(f"{entry.name}_derivatives" for entry in (table.INVERSE, table.FORWARD))
-"""Names of the derivatives."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,10 @@ def _of_joints(model: ArmModel, names: Collection[str]) -> Iterator[Term]:
         if entry.name in names:
             yield Term(entry.name, _about(entry), function, (entry.symbol,), entry)
         if slopes in names:
-            about = f"Derivatives of {entry.name} by {{}}, {{}} and {{}}, each n x n, row by row."
-            results = tuple(f"d{entry.symbol}_d{x}" for x in function.name_in())
-            about = about.format(*function.name_in())
-            yield Term(slopes, about, _derivatives(function), results)
+            by = function.name_in()
+            about = "Derivatives of {} by {}, {} and {}, each n x n, row by row."
+            results = tuple(f"d{entry.symbol}_d{x}" for x in by)
+            yield Term(slopes, about.format(entry.name, *by), _derivatives(function), results)
     if table.INVERSE.name in names:
         yield Term("computed_torque", _FOLLOWING, law_in_c(model), ("tau",))
 
@@ -115,7 +115,7 @@ def _of_frames(model: ArmModel, frames: Sequence[str]) -> Iterator[Term]:
         for entry in (entry for entry in table.TERMS if entry.selectors):
             # CasADi refuses names such as tool__tip.
             function = _function(model, entry, f"{entry.name}_{k}", frames[k])
-            for suffix in ("", f"_{part}")[k > 0 :]:
+            for suffix in [f"_{part}"] if k else ["", f"_{part}"]:
                 name, about = f"{entry.name}{suffix}", _about(entry, frames[k])
                 yield Term(name, about, function, (entry.symbol,), entry, (frames[k],))
 

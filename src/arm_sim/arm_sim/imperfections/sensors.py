@@ -88,7 +88,7 @@ class Sensors:
             self.measured[:] = self._now
 
     def sample(self, tick: int, q: Array, v: Array, effort: Array) -> None:
-        """Sample the state at the end of the previous tick, and return the measurements by now.
+        """Sample the state at the end of the previous tick; then ``measured`` is what has arrived.
 
         Args:
             tick: Its index, one more than at the last sample.

@@ -7,8 +7,6 @@ joint faster, and a joint is lighter in some postures than in others, so several
 sampled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -66,12 +64,12 @@ class Response:
         return len(next(iter(self.forces.values())))
 
     @property
-    def quickest(self) -> int:
-        """The fastest mode."""
+    def fastest_mode(self) -> int:
+        """Index of the mode with the largest rate."""
         return int(abs(self.modes[0]).argmax())
 
     @property
-    def fastest(self) -> float:
+    def fastest_rate(self) -> float:
         """Largest size of a rate in [1/s]."""
         return float(abs(self.modes[0]).max(initial=0.0))
 
@@ -111,7 +109,7 @@ def responses(plant: Plant) -> list[Response]:
 def rate_by_state(plant: Plant) -> Callable[[Array], float]:
     """The fastest rate of a scene in [1/s] as function of the state, where springs may stiffen."""
     parts, n = _Parts(plant), plant.model.n
-    return lambda x: max(r.fastest for r in parts.at(x[:n], False, x[2 * n :]))
+    return lambda x: max(r.fastest_rate for r in parts.at(x[:n], begins=False, z=x[2 * n :]))
 
 
 class _Parts:

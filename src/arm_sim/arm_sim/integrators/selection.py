@@ -137,8 +137,7 @@ def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
         return _controlled(plant, dt, tolerance, sampled)
     if cause := _varies(plant, dt):
         return _controlled(plant, dt, tolerance, sampled, cause)
-    bounds = (STIFF if response.begins else STIFF_ELSEWHERE for response in sampled)
-    if any(response.fastest * dt > bound for response, bound in zip(sampled, bounds, strict=True)):
+    if any(r.fastest_rate * dt > (STIFF if r.begins else STIFF_ELSEWHERE) for r in sampled):
         if any(plant.model.friction.tables):  # slopes at the start say little about others
             return _controlled(plant, dt, tolerance, sampled)
         stiff = f"stiff: {_fastest(plant, sampled)}"
@@ -154,7 +153,7 @@ def _controlled(
     plant: Plant, dt: float, tolerance: float | None, sampled: list[Response], cause: str = ""
 ) -> Choice:
     """A method with error control."""
-    if any(response.fastest * dt > QUICK_STIFF for response in sampled):
+    if any(response.fastest_rate * dt > QUICK_STIFF for response in sampled):
         reason = f"stiff, error control: {_fastest(plant, sampled)}"
         return _implicit(plant, dt, tolerance, reason)
     cause = cause or ("drives with internal states" if plant.nz else _fastest(plant, sampled))
@@ -228,8 +227,8 @@ def _instability(plant: Plant, method: Method, dt: float) -> str:
 
 def _fastest(plant: Plant, sampled: list[Response]) -> str:
     """What moves which joint in the fastest mode, and how fast."""
-    fastest = max(sampled, key=lambda response: response.fastest)
-    return _describe_mode(plant, fastest, fastest.quickest)
+    stiffest = max(sampled, key=lambda response: response.fastest_rate)
+    return _describe_mode(plant, stiffest, stiffest.fastest_mode)
 
 
 def _describe_mode(plant: Plant, response: Response, mode: int) -> str:
@@ -241,7 +240,7 @@ def _describe_mode(plant: Plant, response: Response, mode: int) -> str:
 
 def fastest_rate(plant: Plant) -> float:
     """Fastest rate of the scene in [1/s], see ``response``; 0 if nothing acts fast."""
-    return max((response.fastest for response in responses(plant)), default=0.0)
+    return max((response.fastest_rate for response in responses(plant)), default=0.0)
 
 
 def law_rate(model: ArmModel) -> tuple[float, str]:

@@ -48,7 +48,7 @@ def worst(method: Method, response: Response, h: float) -> int:
     Of methods that couple modes, it is the fastest one: what grows is a mixture.
     """
     if _by_mode(method) is None:
-        return response.quickest
+        return response.fastest_mode
     return int(_growth(method, response, h).argmax())
 
 

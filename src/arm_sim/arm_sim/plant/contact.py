@@ -141,12 +141,17 @@ class ContactFunctions:
 
         Returns:
             CasADi function ((q, v) stacked, p) -> derivatives of ``settle`` by q and v, and of
-            ``close``, repeated, by q, v and anchors.
+            ``close``, repeated, by q, v and anchors: velocities
+            are projected at the closed positions.
         """
         A, B, q, n = self._geometry.rows, self._B, self._s.q, self._s.q.shape[0]
         shares, rows, unknowns = self._shares, self._mode.rows(), self._delassus.unknowns
         by_q, zeros, eye = ca.jacobian(self._geometry.place, q), ca.SX(n, n), ca.SX.eye(n)
         drift = ca.horzcat(ca.jacobian(self._speed, q), A)
+        # At satisfied contacts the residuals vanish: the derivative of a projection is that of
+        # x - (motion of the joints per residual) residual(x) with the first factor constant.
+        # ``back`` is the joint motion per change of a point's place, ``held`` the joint velocity
+        # per velocity of a point, and ``turned`` the derivative by q of the velocity removed.
         back = B @ unknowns(ca.diag(self._returning), self._returning)
         settled = B @ shares @ unknowns(shares, rows) @ -drift
         held = B @ unknowns(ca.diag(rows), rows)

@@ -69,7 +69,7 @@ class Mechanics:
         self.acceleration = dense_function("acceleration", self._arguments, self._reactions.a)
 
     @built_once
-    def loads(self) -> tuple[ca.Function, ...]:
+    def event_functions(self) -> tuple[ca.Function, ...]:
         """CasADi functions (q, v, tau, p) that event handling evaluates.
 
         ``loads``, with contacts ``contact_mobility``, with bilateral constraints ``bilateral``,
@@ -125,8 +125,8 @@ class Mechanics:
         return dense_function("statics", self._arguments, *results)
 
     @property
-    def of_joints(self) -> tuple[ca.Function, ...]:
-        """Functions of q and v: with stops ``impact_map``, with compliant stops ``pressures``."""
+    def stop_functions(self) -> tuple[ca.Function, ...]:
+        """Functions of stops: ``impact_map``, and of (q, v) ``pressures`` of compliant ones."""
         if not (self._eventful and self._at_stops):
             return ()
         if not self.joints.pressed.numel():

@@ -40,9 +40,9 @@ class StateSpace:
             # The last result of ``loads`` is q̈.
             *(
                 self._with_rates(f, "loads") if f.name() == "loads" else self._of_state(f)
-                for f in arm.loads
+                for f in arm.event_functions
             ),
-            *arm.of_joints,
+            *arm.stop_functions,
             *([self._switches()] if arm.joints.switches.numel() else []),
             *([contact.geometry, contact.close] if contact else []),
         ]

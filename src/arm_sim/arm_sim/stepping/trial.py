@@ -6,8 +6,6 @@ a method of order p, estimates the error (Hairer, Nørsett, Wanner, Solving Ordi
 Equations I, 1993, section II.4).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Executables of the nodes: their command line, and the life of a process with one node."""
 
-from __future__ import annotations
-
 import gc
 import inspect
 import logging

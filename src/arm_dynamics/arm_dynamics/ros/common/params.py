@@ -5,9 +5,7 @@ A field is a parameter if its metadata have a ``description``; a field that is a
 group of parameters.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import field, fields, is_dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,7 +15,8 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, plain
+from arm_dynamics.exceptions import choices as known_choices
 
 SCENE = "Scene: name of a bundled one, scene file or URDF (path or package:// URI), or URDF text"
 _WRITTEN = {float: "a number", int: "a whole number, as in 5", bool: "true or false", str: "text"}
@@ -90,16 +89,15 @@ def _as_float(p: Parameter) -> Parameter:
     return Parameter(p.name, value=float(p.value)) if p.type_ == Parameter.Type.INTEGER else p
 
 
-def listed(params: object) -> list[tuple[str, Any, Mapping[str, Any]]]:
+def listed(params: object) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
     """Names, values and metadata of parameters, in order; of a type its defaults."""
-    parameters: list[tuple[str, Any, Mapping[str, Any]]] = []
-
-    def unchanged(name: str, value: Any, about: Mapping[str, Any]) -> Any:
-        parameters.append((name, value, about))
-        return value
-
-    _replaced(params() if isinstance(params, type) else params, unchanged)
-    return parameters
+    instance = params() if isinstance(params, type) else params
+    for item in fields(instance):  # type: ignore[arg-type]
+        value, about = getattr(instance, item.name), item.metadata
+        if is_dataclass(value):
+            yield from listed(value)
+        elif "description" in about:
+            yield about.get("parameter", item.name), value, about
 
 
 def watch[P](
@@ -135,7 +133,8 @@ def watch[P](
             return msg.SetParametersResult(reason=plain(error))  # not successful
         return msg.SetParametersResult(successful=True)
 
-    def set_back() -> None:
+    def write_back() -> None:
+        """Let the node have the present values."""
         stale = [
             Parameter(name, value=_for_ros(value, about))
             for name, value, about in listed(present)
@@ -144,16 +143,17 @@ def watch[P](
         if stale:
             node.set_parameters_atomically(stale)
 
-    def go_back(former: P) -> None:
+    def restore(former: P) -> None:
+        """Make earlier parameters the present ones."""
         nonlocal present
         present = former
         if node.executor is None:
-            set_back()
+            write_back()
         else:  # not within a request, which ends by setting what it was accepted for
-            node.executor.create_task(set_back)
+            node.executor.create_task(write_back)
 
     node.add_on_set_parameters_callback(on_set)
-    return go_back
+    return restore
 
 
 def _for_ros(value: Any, about: Mapping[str, Any]) -> Any:
@@ -183,7 +183,7 @@ def _typed(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any
     allowed = about.get("choices")
     if allowed and value not in allowed:
         raise InvalidInput(
-            f"parameter '{name}' is '{value}'; allowed: one of {choices(value, allowed)}"
+            f"parameter '{name}' is '{value}'; allowed: one of {known_choices(value, allowed)}"
         )
     if not (about.get("each_joint") or isinstance(present, list | tuple)):
         return value
@@ -201,8 +201,8 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> msg.ParameterDescript
         read_only=about.get("read_only", False),
         dynamic_typing=isinstance(default, list),  # [30] and 30 are equivalent to [30.0]
     )
-    if choices := about.get("choices"):
-        descriptor.additional_constraints = "one of " + ", ".join(choices)
+    if allowed := about.get("choices"):
+        descriptor.additional_constraints = "one of " + ", ".join(allowed)
     if "low" in about:
         low, high = about["low"], about["high"]
         if isinstance(default, int):

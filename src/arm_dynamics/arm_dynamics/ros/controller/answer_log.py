@@ -30,14 +30,14 @@ class AnswerLog:
         self._last, self._command = HEADER.structure("last_t")(), b""
         self.address = addressof(self._last)
         self._make_room(_ROOM)
-        self._last_state = self._since = time.monotonic()
+        self._heard = self._since = time.monotonic()  # [s]
         self._answers = self.passed_over = self.jumps = 0
         self.failure = self.unusable = ""
         self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
         """The answer to this state if it is the last one, else None."""
-        self._last_state = time.monotonic()
+        self._heard = time.monotonic()
         repeated = library().is_repeated(byref(self._last), raw, len(raw))
         return self._command if repeated else None
 
@@ -57,28 +57,36 @@ class AnswerLog:
     def add(self, count: int, at: float, command: bytes) -> None:
         """Log answers of C: their number, the monotonic time of the last one in [s], and it."""
         self._answers += count
-        self._last_state, self._command = at, command
+        self._heard, self._command = at, command
 
     def forget(self) -> None:
         """Compute the answer to the next state even if it repeats the last one."""
         self._last.length = 0
 
     def finding(
-        self, controller: str, cut: list[str], goals: dict[str, str | int],
+        self, controller: str, cut: list[str], refused: int, goals: dict[str, str | int],
         answers: dict[str, str | int | float],
     ) -> Finding:  # fmt: skip
-        """Condition of the controller, for ``/diagnostics``; ``cut``: joints at effort limits."""
+        """Condition of the controller, for ``/diagnostics``.
+
+        Args:
+            controller: Name of the active controller.
+            cut: Names of the joints whose torque is clipped at the effort limit.
+            refused: Number of goals that were refused.
+            goals: Values on goals, by their names.
+            answers: Values on answers, by their names.
+        """
         now, finding = time.monotonic(), Finding("controller")
         finding.values = {
             "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
-            "last state [s]": now - self._last_state, "states passed over": self.passed_over,
+            "last state [s]": now - self._heard, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, **answers,
         }  # fmt: skip
         finding.add(ERROR, self.failure)
-        if now - self._last_state > SILENCE:
-            finding.add(ERROR, f"no joint state for {now - self._last_state:.1f} s")
+        if now - self._heard > SILENCE:
+            finding.add(ERROR, f"no joint state for {now - self._heard:.1f} s")
         self._growth.warn(finding, self.passed_over, "joint state", f"ignored: {self.unusable}")
-        self._growth.warn(finding, int(goals["goals refused"]), "goal", "refused")
+        self._growth.warn(finding, refused, "goal", "refused")
         if self._growth.of("jumps", self.jumps):
             finding.add(WARN, "time or the arm jumped; the arm was held at its position")
         if cut:

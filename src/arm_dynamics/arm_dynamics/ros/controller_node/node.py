@@ -277,7 +277,7 @@ class ControllerNode(Node):
             answers = self.answers.summary()
             answers["longest time between states [s]"] = self._late.longest
             name, cut = self._selection.active_params.controller, self._saturated_joints()
-            finding = self._log.finding(name, cut, goals, answers)
+            finding = self._log.finding(name, cut, self.goals.refused, goals, answers)
             finding.add(WARN, self._late.message)
             finding.add(WARN, self._selection.overreach)
             finding.add(ERROR, self._source.alarm.message)

@@ -30,7 +30,7 @@ int library_sim_joints(void) { return NU; }
 double library_sim_period(void) { return LIBRARY_PERIOD; }
 
 void library_sim_range(double* lower, double* upper) {
-  for (int i = 0; i < NU; ++i) {
+  for (int i = 0; i < NU; ++i) { /* 1e308 and beyond: NOWHERE of scene_source.py, no stop */
     lower[i] = scene->rigid && scene->rigid_stop[0][i] > -1e308 ? scene->rigid_stop[0][i] : -INFINITY;
     upper[i] = scene->rigid && scene->rigid_stop[1][i] < 1e308 ? scene->rigid_stop[1][i] : INFINITY;
   }
@@ -44,7 +44,7 @@ static int all_finite(const double* values, int count) {
 }
 
 /* Move joints that are beyond a rigid stop by rounding to the stop: 0 if one is farther. */
-static int is_inside_stops(double* x) {
+static int settle_on_stops(double* x) {
   for (int i = 0; scene->rigid && i < NU; ++i) {
     const double nearest = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
     if (fabs(x[i] - nearest) > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
@@ -81,9 +81,9 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   copy(sim->p, nominal, NP);
   if (!all_finite(sim->x, 2 * NU)) return LIBRARY_NOT_FINITE;
   if (!are_loops_closed(sim)) return LIBRARY_OPEN;
-  if (!is_inside_stops(sim->x)) return LIBRARY_BEYOND_STOP;
+  if (!settle_on_stops(sim->x)) return LIBRARY_BEYOND_STOP;
 #if EVENTS
-  LOCAL_TICK(segment, 0);
+  LOCAL_TICK(segment, 0, sim->p, NP);
   if (is_inside(scene, sim->x, &segment)) return LIBRARY_INSIDE_PLANE;
 #endif
   for (int i = 0; i < NZ && (q || v); ++i) sim->x[2 * NU + i] = of_state[i] < 0 ? 0.0 : sim->x[of_state[i]];
@@ -111,13 +111,13 @@ void library_sim_state(const library_sim* sim, double* q, double* v, double* eff
 #endif
 }
 
-/* Whether two texts are the same. */
+/* For library_sim_set, which is generated (export/tick.py): whether two texts are the same. */
 static int is_same(const char* a, const char* b) {
   for (; *a && *a == *b; ++b) ++a;
   return *a == *b;
 }
 
-/* Set a tunable number. */
+/* For the same: set a tunable number. */
 static int put(struct library_sim* sim, int place, double value) {
   if (!all_finite(&value, 1)) return LIBRARY_NOT_ALLOWED;
   sim->p[place] = value;

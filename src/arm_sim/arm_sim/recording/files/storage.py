@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Saves and loads recordings, by the kinds of their files."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Callable

@@ -20,11 +20,10 @@ def kind_of(type_: Any) -> str:
 def type_of(kind: str) -> Any:
     """The class of a type such as ``sensor_msgs/msg/JointState``; None if it is not installed."""
     package, _, rest = kind.partition("/")
+    folder, _, name = rest.rpartition("/")
+    module = f"{package}.{folder.replace('/', '.') or 'msg'}"
     try:
-        module = importlib.import_module(  # noqa: TID251 - a name that files and the graph tell
-            f"{package}.{rest.rpartition('/')[0].replace('/', '.') or 'msg'}"
-        )
-        return getattr(module, kind.rpartition("/")[2])
+        return getattr(importlib.import_module(module), name)  # noqa: TID251 - named by files
     except (ImportError, AttributeError, ValueError):
         return None
 
@@ -36,12 +35,18 @@ def definition_of(kind: str) -> str:
         InvalidInput: If its definition is not installed.
     """
     kinds, rule = [kind], "=" * 80
-    for member in kinds:
-        fields = getattr(type_of(member), "get_fields_and_field_types", dict)().values()
-        inside = [match for field in fields for match in re.findall(r"(\w+)/(\w+)", field)]
-        kinds += dict.fromkeys(x for p, n in inside if (x := f"{p}/msg/{n}") not in kinds)
+    for member in kinds:  # grows by the types of its fields
+        kinds += [used for used in _field_types(member) if used not in kinds]
     texts = (f"\n{rule}\nMSG: {used.replace('/msg/', '/')}\n{_text(used)}" for used in kinds[1:])
     return "".join([_text(kind), *texts])
+
+
+def _field_types(kind: str) -> list[str]:
+    """Message types of the fields of a type, in order; none if it is not installed."""
+    type_ = type_of(kind)
+    fields = type_.get_fields_and_field_types().values() if type_ else ()
+    found = re.findall(r"(\w+)/(\w+)", " ".join(fields))
+    return [f"{package}/msg/{name}" for package, name in dict.fromkeys(found)]
 
 
 def _text(kind: str) -> str:

@@ -43,8 +43,7 @@ EXPORTED int arm_tick(arm_t* arm) {
 EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
                         trace_t* trace, real* after) {
   report_t report = {0};
-  LOCAL_TICK(segment, u);
+  LOCAL_TICK(segment, u, p, NP);
   segment.control = control;
-  copy(segment.p.all, p, NP);
   return tick_with_events(scene, x, &segment, h, &report, trace, after) == NONE;
 }

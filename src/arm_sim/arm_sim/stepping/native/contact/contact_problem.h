@@ -13,8 +13,6 @@
 #pragma once
 #include "scene.h"
 
-#include <math.h>
-
 /* Entry of a matrix in CasADi's column-major order. */
 #define AT(matrix, rows, i, j) ((matrix)[(i) + (rows) * (j)])
 

@@ -74,7 +74,7 @@ static void find_indeterminate(const scene_t* scene, const statics_t* statics, c
   find_stresses(scene, statics, parts, &stresses);
   clear(sets->set, INDETERMINATE);
   for (int i = 0; i < PARTS; ++i) sets->set[i] = stresses.set[i];
-  for (int number = 1; number <= stresses.sets; ++number) {
+  for (int number = 1; number <= stresses.count; ++number) {
     const int beyond = always || is_beyond(scene, parts, &stresses, number);
     sets->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, sets, y) : ENOUGH_MARGIN;
   }
@@ -88,7 +88,7 @@ static void find_nearest(const scene_t* scene, const statics_t* statics, const p
   LOCAL_STRESSES(stresses);
   clear(sets.set, INDETERMINATE);
   find_stresses(scene, statics, parts, &stresses);
-  for (int number = 1; number <= stresses.sets; ++number) {
+  for (int number = 1; number <= stresses.count; ++number) {
     double z[MOST_ROWS];
     if (!is_beyond(scene, parts, &stresses, number)) continue;
     if (find_excess(scene, parts, &stresses, number, &sets, y) > SET_HOLDS) continue;

@@ -26,10 +26,26 @@ static void find_motion(const scene_t* scene, const cones_t* cones, const double
   }
 }
 
+/* t, z and |z| of a contact at forces r and motions w, and whether it sticks. */
+typedef struct {
+  double rho, pressed, z[2], size;
+  int sticks;
+} projection_t;
+
+/* rho is the reciprocal of the mean diagonal of the contact's own part of W: forces and motions then have the same weight. */
+static projection_t project_contact(const scene_t* scene, const cones_t* cones, const double* r, const double* w, int k) {
+  const double rho = 3.0 / own_trace(scene, cones->W, k), *force = r + 3 * k, *motion = w + 3 * k;
+  projection_t at = {rho, force[0] - rho * motion[0], {force[1] - rho * motion[1], force[2] - rho * motion[2]}, 0.0, 0};
+  at.size = hypot(at.z[0], at.z[1]);
+  at.sticks = cones->slides[k] == 0.0 && at.size <= cones->held[k] * at.pressed;
+  return at;
+}
+
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
-static void turning_rows(const scene_t* scene, const cones_t* cones, int k, double rho, double pressed, const double* z,
-                         double size, const double* regular, double* J) {
-  const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
+static void turning_rows(const scene_t* scene, const cones_t* cones, int k, const projection_t* at, const double* regular,
+                         double* J) {
+  const double mu = cones->mu[k], rho = at->rho, part = mu * at->pressed / at->size;
+  const double along[2] = {at->z[0] / at->size, at->z[1] / at->size};
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
     if (j == 3 * k) pressing += 1.0 - rho * regular[j];
@@ -43,8 +59,8 @@ static void turning_rows(const scene_t* scene, const cones_t* cones, int k, doub
   }
 }
 
-/* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual, as
- * the accelerations that it would cause. */
+/* Residual F of Coulomb's law as equations in the forces, and its derivative J, row by row; returns the sum of squares of the
+ * residual, as the accelerations that it would cause. */
 static double equations(const scene_t* scene, const cones_t* cones, const double* r, double* F, double* J) {
   double w[MC + 1], regular[MC + 1], trace = 0.0, sum = 0.0;
   find_motion(scene, cones, r, w);
@@ -57,21 +73,20 @@ static double equations(const scene_t* scene, const cones_t* cones, const double
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
     if (cones->allowed[k] == 0.0) continue;
-    const double rho = 3.0 / own_trace(scene, cones->W, k), mu = cones->mu[k], pressed = r[n] - rho * w[n];
-    if (pressed <= 0.0) continue;
-    const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
-    const int holds = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed;
-    for (int i = n; i < (holds ? n + 3 : n + 1); ++i) {
-      F[i] = rho * w[i];
-      for (int j = 0; j < MC; ++j) J[MC * i + j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
+    const projection_t at = project_contact(scene, cones, r, w, k);
+    if (at.pressed <= 0.0) continue;
+    const double mu = cones->mu[k];
+    for (int i = n; i < (at.sticks ? n + 3 : n + 1); ++i) {
+      F[i] = at.rho * w[i];
+      for (int j = 0; j < MC; ++j) J[MC * i + j] = at.rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
     }
-    for (int i = 0; i < 2 && !holds; ++i) {
+    for (int i = 0; i < 2 && !at.sticks; ++i) {
       if (cones->slides[k] != 0.0) {
         F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->direction[2 * k + i];
         J[MC * (n + 1 + i) + n] = mu * cones->direction[2 * k + i];
-      } else F[n + 1 + i] = r[n + 1 + i] - mu * pressed * z[i] / size;
+      } else F[n + 1 + i] = r[n + 1 + i] - mu * at.pressed * at.z[i] / at.size;
     }
-    if (!holds && cones->slides[k] == 0.0) turning_rows(scene, cones, k, rho, pressed, z, size, regular, J);
+    if (!at.sticks && cones->slides[k] == 0.0) turning_rows(scene, cones, k, &at, regular, J);
   }
   for (int i = 0; i < MC; ++i) {
     const double caused = F[i] * own_trace(scene, cones->W, i / 3);
@@ -85,15 +100,14 @@ static void read_answers(const scene_t* scene, const cones_t* cones, const doubl
   double w[MC + 1];
   find_motion(scene, cones, r, w);
   for (int k = 0; k < NC; ++k) {
-    const int n = 3 * k;
-    const double rho = cones->allowed[k] != 0.0 ? 3.0 / own_trace(scene, cones->W, k) : 0.0, pressed = r[n] - rho * w[n];
-    const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
     answers[k] = apart;
-    if (cones->allowed[k] == 0.0 || pressed <= 0.0) continue;
-    for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
-    answers[k].state = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed ? STICKS : SLIDES;
+    if (cones->allowed[k] == 0.0) continue;
+    const projection_t at = project_contact(scene, cones, r, w, k);
+    if (at.pressed <= 0.0) continue;
+    for (int i = 0; i < 3; ++i) answers[k].force[i] = r[3 * k + i];
+    answers[k].state = at.sticks ? STICKS : SLIDES;
     for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
-      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->direction[2 * k + i] : -z[i] / size;
+      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->direction[2 * k + i] : -at.z[i] / at.size;
   }
 }
 
@@ -115,6 +129,7 @@ static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_
   for (int turn = 0, better = 1;; ++turn) {
     double length = 1.0, next = size;
     left = relative_residual(scene, cones, trial, F);
+    /* After a search without decrease only rounding is left, and ROUNDED is accepted. Its last step is taken even so. */
     if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;
     for (int i = 0; i < MC; ++i) step[i] = -F[i];
     if (!solve_linear(MC, J, step)) break;

@@ -97,9 +97,10 @@ static double root_of(double (*function)(double W[3][3], const double* c, double
   return 0.5 * (low + high);
 }
 
-/* The root in an interval, if there is one: its force if that is a solution, and the best so far. */
+/* The root in an interval, if there is one: its force if that is a solution. Of several, that which dissipates the most is taken:
+ * `most` is the largest power so far, without the factor mu. */
 static void try_interval(double W[3][3], const double* c, double mu, double low, double high, double f_low, double f_high,
-                         double* best, answer_t* answer) {
+                         double* most, answer_t* answer) {
   if (f_low != 0.0 && !(f_low * f_high < 0.0)) return;
   const double root = f_low == 0.0 ? low : root_of(perpendicular, W, c, mu, low, high, f_low);
   const double d0 = cos(root), d1 = sin(root), grip = grip_of(W, mu, d0, d1);
@@ -112,20 +113,20 @@ static void try_interval(double W[3][3], const double* c, double mu, double low,
     for (int j = 0; j < 3; ++j) w += W[i][j] * trial.force[j];
     along += trial.direction[i - 1] * w;
   }
-  if (along * trial.force[0] > *best && along >= -AHEAD * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
-    *best = along * trial.force[0];
+  if (along * trial.force[0] > *most && along >= -AHEAD * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
+    *most = along * trial.force[0];
     *answer = trial;
   }
 }
 
 /* The direction in which the point starts to slide: w_t is along it under the resulting force. */
 static void start_to_slide(double W[3][3], const double* c, double mu, answer_t* answer) {
-  double best = -INFINITY, angle[SAMPLES + 1], f[SAMPLES + 1];
+  double most = -INFINITY, angle[SAMPLES + 1], f[SAMPLES + 1];
   answer->state = UNSOLVABLE;
   for (int k = 0; k <= SAMPLES; ++k) {
     angle[k] = TURN * k / SAMPLES;
     f[k] = perpendicular(W, c, mu, angle[k]);
-    if (k) try_interval(W, c, mu, angle[k - 1], angle[k], f[k - 1], f[k], &best, answer);
+    if (k) try_interval(W, c, mu, angle[k - 1], angle[k], f[k - 1], f[k], &most, answer);
   }
   /* Two roots in one interval have an extremum between them. */
   for (int k = 0; k < SAMPLES && answer->state == UNSOLVABLE; ++k) {
@@ -133,15 +134,15 @@ static void start_to_slide(double W[3][3], const double* c, double mu, answer_t*
     if (!(f[k] * slope < 0.0 && f[k] * perpendicular_slope(W, c, mu, angle[k + 1]) > 0.0)) continue;
     const double middle = root_of(perpendicular_slope, W, c, mu, angle[k], angle[k + 1], slope);
     const double extremum = perpendicular(W, c, mu, middle);
-    try_interval(W, c, mu, angle[k], middle, f[k], extremum, &best, answer);
-    try_interval(W, c, mu, middle, angle[k + 1], extremum, f[k + 1], &best, answer);
+    try_interval(W, c, mu, angle[k], middle, f[k], extremum, &most, answer);
+    try_interval(W, c, mu, middle, angle[k + 1], extremum, f[k + 1], &most, answer);
   }
 }
 
 /* Solve for one contact, which sticks up to `held`; `direction` is that of a sliding one, else null. */
 static answer_t solve_contact(double W[3][3], const double* c, double mu, double held, const double* direction) {
   answer_t answer;
-  answer = apart; /* as an initializer it may become memset in C++ */
+  answer = apart; /* no initializer, of which Clang may make memset: exported code calls none */
   if (c[0] >= 0.0) return answer;
   if (direction) {
     const double grip = grip_of(W, mu, direction[0], direction[1]);

@@ -41,8 +41,8 @@ static const part_t loose = {0, 0, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
 
 /* Self-stresses, and the sets of parts that share them. */
 typedef struct {
-  int count, sets;
-  int *set, *set_of_stress; /* of each part and of each stress, from 1 on; 0 for what statics determines */
+  int count;
+  int *set, *set_of_stress; /* of each part and of each stress, from 1 to count; 0 for what statics determines */
   double* stress;
 } stresses_t;
 
@@ -50,7 +50,7 @@ typedef struct {
 #define LOCAL_STRESSES(stresses) \
   int stresses##_set[PARTS], stresses##_sets[SHARES]; \
   double stresses##_room[FORCES * SHARES]; \
-  stresses_t stresses = {0, 0, stresses##_set, stresses##_sets, stresses##_room}
+  stresses_t stresses = {0, stresses##_set, stresses##_sets, stresses##_room}
 
 static int part_of(const scene_t* scene, int reaction) { return reaction < MC ? NU + reaction / 3 : reaction - MC; }
 
@@ -71,20 +71,26 @@ static void scale_columns(const scene_t* scene, const statics_t* statics, const 
   }
 }
 
-/* Number the sets of parts that share self-stresses. */
+static void relabel(int* labels, int count, int from, int to) {
+  for (int k = 0; k < count; ++k)
+    if (labels[k] == from) labels[k] = to;
+}
+
+/* Number the sets of parts that share self-stresses: each is numbered as the last of its stresses, which takes over those that
+ * it meets. */
 static void find_sets(const scene_t* scene, stresses_t* stresses) {
-  int* set = stresses->set;
-  stresses->sets = 0;
-  for (int i = 0; i < PARTS; ++i) set[i] = 0;
+  for (int i = 0; i < PARTS; ++i) stresses->set[i] = 0;
   for (int j = 0; j < stresses->count; ++j) {
-    const int number = stresses->set_of_stress[j] = ++stresses->sets;
+    const int number = j + 1;
+    stresses->set_of_stress[j] = number;
     for (int i = 0; i < FORCES; ++i) {
-      const int other = set[part_of(scene, i)];
+      const int other = stresses->set[part_of(scene, i)];
       if (stresses->stress[FORCES * j + i] == 0.0 || other == number) continue;
-      for (int k = 0; k < PARTS && other; ++k) set[k] = set[k] == other ? number : set[k];
-      for (int k = 0; k < j && other; ++k)
-        stresses->set_of_stress[k] = stresses->set_of_stress[k] == other ? number : stresses->set_of_stress[k];
-      set[part_of(scene, i)] = number;
+      if (other) {
+        relabel(stresses->set, PARTS, other, number);
+        relabel(stresses->set_of_stress, j, other, number);
+      }
+      stresses->set[part_of(scene, i)] = number;
     }
   }
 }

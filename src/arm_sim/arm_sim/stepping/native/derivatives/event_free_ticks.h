@@ -6,8 +6,6 @@
 #pragma once
 #include "lanes/predicted_ticks.h"
 
-#include <string.h>
-
 #define CLOSED_BEFORE 1e-12 /* change of the state by closing contacts that were closed to rounding */
 
 /* A tick of each lane. */

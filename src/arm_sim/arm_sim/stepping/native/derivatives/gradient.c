@@ -5,8 +5,6 @@
  */
 #include "lanes/one_tick.h"
 
-#include <string.h>
-
 /* The arms first … last-1; an arm is marked that meets a stop or diverges, and its gradients are invalid.
  *
  * g:      gradients by the states of every tick, the first included, NX per tick.
@@ -21,9 +19,7 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
     real x[NX], next[NX], r[NU], u[NU], p[NP + 1], sum[NP + 1], weight[NX], back[NX], more[NX], of_u[NU], of_r[NU],
         of_p[NP + 1];
     long long of_lane[LANES];
-    choose_arms(arm, last, of_lane);
-    read_arms(x, NX, arms->x0, NX, of_lane);
-    read_arms(p, NP, arms->p, arms->p_arm, of_lane);
+    begin_lanes(scene, arms, arm, last, of_lane, x, p);
     for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
       memcpy(motion + k * NX * LANES, x, (size_t)NX * sizeof *x);
       read_commands(arms, k, NU, of_lane, r);

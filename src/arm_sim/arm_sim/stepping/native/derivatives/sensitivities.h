@@ -9,8 +9,6 @@
 #pragma once
 #include "modes/tick_record.h"
 
-#include <string.h>
-
 #define NW (NU + NT) /* what is held: command and tunable quantities */
 #define NV (NX + NW)
 

@@ -8,8 +8,6 @@
 #include "derivatives/tangents.h"
 #include "lanes/lanes.h"
 
-#include <string.h>
-
 /* A matrix for each arm, stored by rows of `count` numbers; that of arm i begins at numbers + i * size. */
 typedef struct {
   double* numbers;

@@ -77,10 +77,10 @@ static int make_event_free_ticks(const scene_t* scene, group_t* group, const arm
 static void differentiate_by_rows(const scene_t* scene, const group_t* group, const columns_t* to) {
   column weight[NX], derivative[NX + NU + NT];
   const column* weights[1] = {weight};
-  const matrices_t columns = {to->columns, to->columns_arm, to->count, group->of_lane};
+  const matrices_t columns = {to->columns, to->columns_arm_stride, to->count, group->of_lane};
   for (int part = 0; part < 2; ++part) {
     const int start = part ? NU : 0, end = part ? NX : NU;
-    const matrices_t unit = {(double*)to->initial + start * to->count, to->initial_arm, to->count, group->of_lane};
+    const matrices_t unit = {(double*)to->initial + start * to->count, to->initial_arm_stride, to->count, group->of_lane};
     for (int row = start; row < end; row += WIDTH) {
       read_columns(weight, &unit, end - start, row);
       const tangents_t* by = group->tangents;
@@ -96,11 +96,11 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
   column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX], projected[NX];
   const column *of_law[2] = {dx, dr}, *of_step[2] = {dx, dw}, *of_begin[1] = {dx}, *of_end[2] = {dx, moved};
   const tangents_t* by = group->tangents;
-  const matrices_t initial = {(double*)to->initial, to->initial_arm, to->count, group->of_lane};
-  const matrices_t held = {(double*)to->held + k * to->held_tick, to->held_arm, to->count, group->of_lane};
-  const matrices_t end = {to->columns + k * to->columns_tick, to->columns_arm, to->count, group->of_lane};
+  const matrices_t initial = {(double*)to->initial, to->initial_arm_stride, to->count, group->of_lane};
+  const matrices_t held = {(double*)to->held + k * to->held_tick_stride, to->held_arm_stride, to->count, group->of_lane};
+  const matrices_t end = {to->columns + k * to->columns_tick_stride, to->columns_arm_stride, to->count, group->of_lane};
   matrices_t before = k ? end : initial;
-  if (k) before.numbers -= to->columns_tick;
+  if (k) before.numbers -= to->columns_tick_stride;
   for (long long c = 0; c < to->count; c += WIDTH) {
     read_columns(dx, &before, NX, c);
     read_columns(dr, &held, NU + NT, c);
@@ -125,9 +125,7 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
     group.tangents = tangents;
     group.length = arms->h;
     group.tick.held = group.tick.closed = 0;
-    choose_arms(arm, last, group.of_lane);
-    read_arms(group.x, NX, arms->x0, NX, group.of_lane);
-    read_arms(group.p, NP, arms->p, arms->p_arm, group.of_lane);
+    begin_lanes(scene, arms, arm, last, group.of_lane, group.x, group.p);
     for (int j = 0; j < LANES; ++j) {
       group.event_free[j] = 1;
       if (scene->eventful) to->ticks_before_event[group.of_lane[j]] = 0;

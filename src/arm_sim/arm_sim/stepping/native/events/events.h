@@ -15,9 +15,8 @@ static int tick(const scene_t* scene, const real* x, const real* u, const real* 
   report->trouble = NONE;
   if (scene->free && flow(scene, scene->free_step, scene->free_attempt, stays_free, x, u, p, h, control, after)) return 1;
   if (scene->event_free_shortcut && event_free_shortcut(scene, x, u, p, h, &begun, after)) return 1;
-  LOCAL_TICK(segment, u);
+  LOCAL_TICK(segment, u, p, NP);
   segment.control = control;
-  copy(segment.p.all, p, NP);
   /* What the shortcut has computed is not computed again, by the same functions: where the contacts are, or without contacts
    * the loads, whose modes are then the engine's. */
   if (scene->event_free_shortcut && NC) keep_geometry(scene, x, segment.memory, begun.place);

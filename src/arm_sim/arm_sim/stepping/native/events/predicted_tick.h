@@ -10,9 +10,8 @@
  * ask for: of loads (rests), of the mobility (slides), of closed contacts (closes). */
 EXPORTED void predict(const void* scene_of_tick, prediction_t* tick) {
   const scene_t* scene = (const scene_t*)scene_of_tick;
-  LOCAL_TICK(segment, tick->u);
+  LOCAL_TICK(segment, tick->u, tick->p, P_LENGTH);
   geometry_t geometry = geometry_of(scene, tick->geometry);
-  copy(segment.p.all, tick->p, P_LENGTH);
   guess_modes(scene, tick->x, &segment, &geometry);
   find_anchors(scene, &geometry, tick->anchor);
   copy(tick->p, segment.p.all, P_LENGTH);
@@ -27,9 +26,9 @@ EXPORTED void predict(const void* scene_of_tick, prediction_t* tick) {
 /* Make a tick that is predicted: NONE, or why it cannot be computed. */
 static enum trouble make_predicted_tick(const scene_t* scene, const prediction_t* tick, trace_t* trace, double* after) {
   report_t report = {0};
-  LOCAL_TICK(segment, tick->u);
+  /* Without the modes: they are found anew, and what is predicted in the same ones is used. */
+  LOCAL_TICK(segment, tick->u, tick->p, NP);
   segment.predicted = tick;
-  copy(segment.p.all, tick->p, NP); /* without the modes: they are found anew; what is predicted in the same ones is used */
   return tick_with_events(scene, tick->x, &segment, tick->length, &report, trace, after);
 }
 

@@ -83,7 +83,7 @@ static double crossing_between(const scene_t* scene, const search_t* search, con
     if (f[1] == -INFINITY) continue; /* there is no such guard in these modes */
     const double bend = 2.0 * f[1] - f[0] - f[2], highest = fmax(f[1], fmax(f[0], f[2]));
     const double way = highest + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
-    if (way != way) continue;
+    if (isnan(way)) continue;
     const double crossing = crossing_at_peak(scene, search, guard, t, f, guards);
     if (crossing > 0.0) return crossing;
   }
@@ -127,10 +127,13 @@ static double end_at_event(const scene_t* scene, search_t* search, double later,
   piece_t* piece = &search->piece;
   LOCAL(guard_values_t, early, guard_values_of, GUARD_VALUES);
   double room[4 * GUARD_VALUES];
-  for (double near = predicted_arrival(scene, piece->begin, search->segment); near < later; near *= SEARCH_FACTOR) {
+  /* From the predicted arrival on, ever later: the first time at which a mode is violated. */
+  const double arrival = predicted_arrival(scene, piece->begin, search->segment);
+  for (double near = fmax(arrival, INSTANT * later); near < later; near *= SEARCH_FACTOR) {
     if (!(excess_at(scene, search, near, &early) > 0.0)) continue;
     later = near;
     copy(guards->all, early.all, GUARD_VALUES);
+    break;
   }
   for (int turn = 0; turn < EARLIER; ++turn) {
     const double length = first_positive(guards_at, search, GUARD_VALUES, later, guards->all, VIOLATION_ROUNDING, room);

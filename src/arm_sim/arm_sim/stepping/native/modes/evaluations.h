@@ -42,8 +42,7 @@ static int knows_loads(const scene_t* scene, const real* x, const segment_t* seg
   const memory_t* memory = segment->memory;
   const int predicted = is_predicted(scene, segment) && prediction->rests && same(x, prediction->x, NX);
   *known = predicted ? loads_of(scene, prediction->loads) : memory->loads;
-  if (predicted) return 1;
-  return memory->loaded && same(x, memory->loads_x, NX) && same(segment->p.all + NP, memory->loads_in, MODES);
+  return predicted || (memory->loaded && same(x, memory->loads_x, NX) && same(segment->p.all + NP, memory->loads_in, MODES));
 }
 
 static void keep_loads(const scene_t* scene, const real* x, const real* modes, memory_t* memory, const loads_t* loads) {
@@ -66,7 +65,7 @@ static void find_loads(const scene_t* scene, const real* x, const segment_t* seg
   keep_loads(scene, x, segment->p.all + NP, memory, loads);
 }
 
-/* Mobility of the contacts at x in the modes of a segment. */
+/* Mobility of the contacts at x in the modes of a segment. Its work is counted also where it is predicted. */
 static void find_mobility(const scene_t* scene, const real* x, const segment_t* segment, mobility_t* mobility) {
   const prediction_t* prediction = segment->predicted;
   segment->memory->work += scene->mobility_cost;
@@ -82,7 +81,7 @@ static void find_mobility(const scene_t* scene, const real* x, const segment_t* 
 static void find_slope(const scene_t* scene, const real* x, const segment_t* segment, real* slope) {
   loads_t known;
   const real* answer = knows_loads(scene, x, segment, &known) ? known.slope : 0;
-  /* Steps in motion are of other functions. */
+  /* In motion the prediction's slope is that of `moving_step`: the same in other expressions, which round differently. */
   if (!scene->moving && is_predicted(scene, segment) && same(x, segment->predicted->x, NX))
     answer = segment->predicted->inside;
   if (answer) {

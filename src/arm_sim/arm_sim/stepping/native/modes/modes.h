@@ -255,9 +255,8 @@ static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, 
 /* Determine the modes of all joints and contacts at x under u, with the tunable quantities of p given; returns NONE or the
  * reason of a failure. */
 EXPORTED long long find_modes(const scene_t* scene, const real* x, const real* u, real* p) {
-  LOCAL_TICK(segment, u);
+  LOCAL_TICK(segment, u, p, P_LENGTH);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  copy(segment.p.all, p, P_LENGTH);
   find_geometry(scene, x, &segment, &geometry);
   const int settled = solve_modes(scene, x, &segment, &geometry);
   copy(p, segment.p.all, P_LENGTH);
@@ -267,11 +266,10 @@ EXPORTED long long find_modes(const scene_t* scene, const real* x, const real* u
 /* Change of the reactions of the least norm in given modes, those of contacts (normal, and tangential ones where they stick)
  * and then of joints, to the nearest within all limits. */
 EXPORTED void share_reactions(const scene_t* scene, const real* x, const real* u, const real* p, double* change) {
-  LOCAL_TICK(segment, u);
+  LOCAL_TICK(segment, u, p, P_LENGTH);
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(statics_t, balance, statics_of, STATICS);
   part_t parts[PARTS];
-  copy(segment.p.all, p, P_LENGTH);
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
   if (!scene->indeterminate) return;
   find_loads(scene, x, &segment, &loads);

@@ -103,12 +103,14 @@ static segment_t segment_of(const scene_t* scene, real* numbers) {
   return segment;
 }
 
-/* Declare the memory and the first segment of a tick, of which nothing is known yet but the command. */
-#define LOCAL_TICK(segment, command) \
+/* Declare the memory and the first segment of a tick, of which nothing is known yet but the command and, of `parameters`,
+ * the first `count` numbers of p. */
+#define LOCAL_TICK(segment, command, parameters, count) \
   LOCAL(memory_t, segment##_memory, memory_of, MEMORY); \
   LOCAL(segment_t, segment, segment_of, SEGMENT); \
   segment.u = command; \
-  segment.memory = &segment##_memory
+  segment.memory = &segment##_memory; \
+  copy(segment.p.all, parameters, count)
 
 /* Declare a segment with modes of its own, which begin as those of another. */
 #define LOCAL_SEGMENT(name, like) \

@@ -8,8 +8,6 @@
 #pragma once
 #include "scene.h"
 
-#include <math.h>
-
 #define SAFETY 0.9       /* of the predicted length */
 #define LEAST_FACTOR 0.2 /* of a length from one sub-step to the next, ... */
 #define MOST_FACTOR 6.0  /* ... also where the error is rounding */

@@ -12,8 +12,6 @@
 #pragma once
 #include "scene.h"
 
-#include <math.h>
-
 /* The largest problem, of as many limits and reactions, self-stresses and parts as a scene has; see indeterminate.h. */
 #define MOST_ROWS (3 * NU + 6 * NC + 1)
 #define MOST_UNKNOWNS (NM + NU + 3 * NC + 1)

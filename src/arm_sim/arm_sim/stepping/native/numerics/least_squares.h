@@ -9,8 +9,6 @@
 #pragma once
 #include "scene.h"
 
-#include <math.h>
-
 #define EPSILON 2.220446049250313e-16
 #define SWEEPS 60
 
