@@ -89,4 +89,4 @@ def test_the_script_names_its_own_commands() -> None:
     own = set(labels) - set(main.commands) - {"view"}
     (named,) = re.findall(r'^export ARM_COMMANDS="(.*)"$', SCRIPT, re.MULTILINE)
     assert set(named.split()) == own == {*OF_CLONE.split(), "help"}
-    assert "clone of the repository: there, bash arm docs" in CliRunner().invoke(main, "docs").output
+    assert "a clone of the repository: there, bash arm" in CliRunner().invoke(main, "docs").output
