@@ -4,9 +4,10 @@
 import io
 import logging
 import time
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 
 import pytest
+from rich.console import Console
 
 from arm_sim.cli import output
 from arm_sim.figures import units
@@ -70,3 +71,11 @@ def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None
     assert units(["prismatic"], "rad", "m") == "m"
     assert units(["prismatic", "revolute"], "rad", "m") == "rad, m"
     assert units(["revolute", "prismatic"], "rad", "m", " or ") == "rad or m"
+
+
+def test_tables_align_words_left_and_numbers_right_and_are_never_cut() -> None:
+    rows, screen = [("[a]", "1"), ("longer :name:", "1234567")], Screen()
+    with redirect_stdout(screen):
+        output.show(Console(width=10), output.table(("joint", "torque"), rows))
+    for line in " [a]                  1", " longer :name:  1234567":
+        assert line in screen.getvalue()
