@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Correction of time stamps, from the errors that all joints have in common; repeated rows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

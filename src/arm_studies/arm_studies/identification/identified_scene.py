@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The identified scene: inertias written into the URDF, friction into the joints."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

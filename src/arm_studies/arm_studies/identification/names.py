@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Matching the joint names of a recording with those of a scene."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an identification says of parameters: base parameters, friction, and what is missing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ friction laws, and with possible bodies; then the fit is judged on what was held
 into a scene.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from functools import partial
@@ -25,6 +23,7 @@ from arm_studies.identification.identified_scene import scene_with
 from arm_studies.identification.regression import bandwidth, irregularities, uncertainty
 from arm_studies.identification.regression.efforts import NOMINAL_ERRORS, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
+from arm_studies.identification.regression.evidence import most_evident
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction import COULOMB, JointFit
 from arm_studies.identification.regression.matching import SIMPLE
@@ -36,9 +35,7 @@ from arm_studies.identification.regression.tables import tabled
 from arm_studies.identification.result import Identification, IdentifiedJoint, Torques
 from arm_studies.identification.validation import validate
 
-# Prior deviations of bodies from nominal: of density, of all else; selected by the evidence.
-DENSITIES, SHAPES = ((0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0))
-FIRST = 0.3, 0.2  # Those of the first fit.
+FIRST = 0.3, 0.2  # prior deviations of bodies in the first fit, see ``evidence``
 # Largest number of selections of friction laws until the bandwidth of the efforts is stable.
 ROUNDS = 3
 LEAN_RATIO = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
@@ -108,11 +105,11 @@ def identify(
     fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=aged)
     notes += remarks
     report("selecting friction laws by cross-validation")
-    fit, remarks = _with_selected_laws(fit.before(prior=most_evident(fit, prior)))
+    fit, remarks = _with_selected_laws(fit.with_problem(prior=most_evident(fit, prior)))
     notes += remarks
     fit = tabled(fit)
     report("fitting all parameters")
-    fits = _consistent(fit.before(prior=most_evident(fit, prior)))
+    fits = _consistent(fit.with_problem(prior=most_evident(fit, prior)))
     return _judged(
         fits, ranges, held_out, notes, check_units=effort != "scale" and not known_masses,
         accept_worse=accept_worse,
@@ -161,67 +158,49 @@ def _first(
         chosen_band: Whether the band may be narrowed.
         aged: Whether the efforts of all joints may have an age.
     """
-    laws = [SIMPLE] * rows.samples.n
-
-    def simple(rows: Rows) -> Fit:
-        return fitted(Problem(rows, rows.samples.use & rows.samples.train[:, None], prior), laws)
-
-    def without_sticking(fit: Fit) -> Fit:
-        """Clear rows of what joints that stick can cause, and fit them again."""
-        sizes = np.array([
-            1.4826 * np.median(abs(residual[use])) if use.any() else np.inf
-            for residual, use in zip(fit.residual.T, fit.problem.use.T, strict=True)
-        ])  # fmt: skip
-        levels = np.array([own.coefficients.get(COULOMB, 0.0) for own in fit.friction])
-        exact = NOISELESS * np.sqrt((fit.rows.effort**2).mean(axis=0))
-        return simple(fit.rows.cleared(levels, np.maximum(sizes, exact)))
-
-    fit = bandwidth.with_bandwidth(simple(rows))
+    fit = bandwidth.with_bandwidth(_simple(rows, prior))
     if chosen_band:
         limit = bandwidth.noise_frequency(fit.rows, fit.problem.use, fit.residual)
         if limit is not None:
             data = replace(data, band=limit)
-            fit = bandwidth.with_bandwidth(simple(data.rows(fit.rows.effort_band)))
-    fit = without_sticking(fit)
+            fit = bandwidth.with_bandwidth(_simple(data.rows(fit.rows.effort_band), prior))
+    fit = _without_sticking(fit)
     if not aged or all(motion.aged for motion in fit.rows.samples.motions):
         return fit, []
+    return _with_best_age(fit, data)
+
+
+def _simple(rows: Rows, prior: Prior) -> Fit:
+    """A fit of simple friction of every joint."""
+    problem = Problem(rows, rows.samples.use & rows.samples.train[:, None], prior)
+    return fitted(problem, [SIMPLE] * rows.samples.n)
+
+
+def _without_sticking(fit: Fit) -> Fit:
+    """Clear rows of what joints that stick can cause, and fit them again."""
+    sizes = np.array([
+        1.4826 * np.median(abs(residual[use])) if use.any() else np.inf
+        for residual, use in zip(fit.residual.T, fit.problem.use.T, strict=True)
+    ])  # fmt: skip
+    levels = np.array([own.coefficients.get(COULOMB, 0.0) for own in fit.friction])
+    exact = NOISELESS * np.sqrt((fit.rows.effort**2).mean(axis=0))
+    rows = fit.rows.cleared(levels, np.maximum(sizes, exact))
+    return _simple(rows, fit.problem.prior)
+
+
+def _with_best_age(fit: Fit, data: Sampled) -> tuple[Fit, list[str]]:
+    """The fit to efforts of the age that suits them, with a note."""
 
     def fit_at(age: float) -> tuple[Fit, float, float]:
         now = fit
         if age != 0.0:
             rows = replace(data, age=age).rows(fit.rows.effort_band)
-            now = without_sticking(simple(rows))
+            now = _without_sticking(_simple(rows, fit.problem.prior))
         ageing = now.rows.ageing(now.predicted(now.rows.plain))
         by, sd = uncertainty.added_coefficients(now, ageing[:, :, None])
         return now, float(by[0]), float(sd[0])
 
     return with_age(fit_at, fit.rows.samples.band)
-
-
-def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
-    """The prior, by deviations of bodies from nominal, for which the evidence is largest.
-
-    The logarithm of the marginal likelihood of a linear model with a normal prior (MacKay,
-    "Bayesian interpolation", Neural Computation 4(3), 1992).
-    """
-    R, z = fit.problem.data(fit.columns, fit.weights)
-    least, chosen = np.inf, fit.problem.prior
-    for deviations in ((m, s) for m in DENSITIES for s in SHAPES):
-        belief = prior(*deviations)
-        numbers = len(belief.x0)
-        T, t = belief.combined(R, z)
-        scale = np.maximum(abs(np.diag(T)), 1e-300)
-        x = np.linalg.lstsq(T, t, rcond=1e-14)[0]
-        misfit = np.sum((R @ x - z) ** 2)
-        misfit += np.sum((belief.rows @ (x[:numbers] - belief.x0)) ** 2)
-        bodies = sum(
-            2.0 * float(np.linalg.slogdet(belief.rows[i : i + PER_BODY, i : i + PER_BODY])[1])
-            for i in range(0, numbers, PER_BODY)
-        )
-        evidence = float(misfit + 2.0 * np.log(scale).sum() - bodies)
-        if evidence < least:
-            least, chosen = evidence, belief
-    return chosen
 
 
 def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
@@ -235,7 +214,7 @@ def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
         before, fit = fit.rows, bandwidth.with_bandwidth(fit)
         if np.array_equal(kept, use) and fit.rows is before:
             break
-        fit = fit.before(use=kept)
+        fit = fit.with_problem(use=kept)
     return fit, notes
 
 

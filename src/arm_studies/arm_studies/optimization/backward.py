@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Backward pass of iLQR with limits, in C: change of the commands and feedback gains."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forward pass of iLQR: rollouts of a policy with several step sizes, in parallel by SIMD."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 from functools import cached_property, partial

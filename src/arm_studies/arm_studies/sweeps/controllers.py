@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller of a run, in Python or in compiled code, whose inputs are its gains."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields
 from functools import lru_cache

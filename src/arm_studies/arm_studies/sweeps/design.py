@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The runs of a study: each point of the grid of lists with each sample of the distributions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from statistics import NormalDist

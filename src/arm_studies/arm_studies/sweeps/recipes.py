@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,13 @@ class Group:
     values: dict[str, Any]
     slots: Slots
     jobs: list[Job]
+
+
+class Split(NamedTuple):
+    """Runs that are simulated entirely in compiled code, and the others."""
+
+    compiled: list[Job]
+    others: list[Job]
 
 
 class Planner:
@@ -111,19 +118,20 @@ class Planner:
             or any(value for key, value in commands.items() if key != "gravity_compensated"),
         )
 
-    def by_kind(self, group: Group) -> dict[bool, list[Job]]:
-        """The runs that are simulated entirely in compiled code, and the others."""
-        recipe, kinds = self.recipe(group), dict[bool, list[Job]]({True: [], False: []})
+    def split(self, group: Group) -> Split:
+        """The runs of a group by how they are simulated."""
+        recipe, runs = self.recipe(group), Split([], [])
         for job in group.jobs:
-            kinds[runs_compiled(recipe, job)].append(job)
-        return kinds
+            (runs.compiled if runs_compiled(recipe, job) else runs.others).append(job)
+        return runs
 
     def inputs(self, groups: Sequence[Group]) -> dict[str, Any]:
         """Inputs of the results: the study, the content of its files, and the suite's version."""
         study, contents = self.study, dict[str, str]()
         for scene in {repr(group.scene): group.scene for group in groups}.values():
             name, content = str(scene)[:80], json.dumps(self.content(scene), sort_keys=True)
-            contents[name] = f"{contents.get(name, '')} {_digest(content)}".lstrip()  # or shared
+            # Two scenes may have the same first 80 characters.
+            contents[name] = f"{contents.get(name, '')} {_digest(content)}".lstrip()
         inputs: dict[str, Any] = {
             "suite": arm_sim.__version__,
             "study": study.model_dump(mode="json", exclude_unset=True),

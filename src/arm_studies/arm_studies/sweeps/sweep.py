@@ -25,8 +25,8 @@ from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import world_of
 
-# Runs per task, compiled or not, such that the cost of passing it to a worker is negligible.
-_RUNS = {True: 32, False: 2}
+# Runs per task such that the cost of passing it to a worker is negligible.
+_COMPILED_RUNS, _OTHER_RUNS = 32, 2
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
 _FEWEST = 3  # results required for an estimate of the remaining time
 
@@ -149,7 +149,7 @@ def sweep(
     world = world_of(planner.recipe(groups[0]))
     world.check(groups[0].jobs[0])
     check_joints(study.metrics, world.joint_names)
-    compiled = sum(len(planner.by_kind(group)[True]) for group in groups)
+    compiled = sum(len(planner.split(group).compiled) for group in groups)
     tunable = tuple(dict.fromkeys(key for group in groups for key in group.slots))
     plan = Plan(len(runs), len(groups), compiled, tunable)
     with ExitStack() as stack:
@@ -185,7 +185,7 @@ def _simulate(
     builds = list[Task]()
     for group in groups:
         if len(group.jobs) > 1 and pool.size > 1:
-            compiled = group.jobs[0] in planner.by_kind(group)[True]
+            compiled = group.jobs[0] in planner.split(group).compiled
             builds.append(Task(planner.recipe(group), (), compiled))
     for k, _ in enumerate(pool.results(builds), 1):
         yield f"compiling, {k} of {len(builds)}", None
@@ -204,7 +204,8 @@ def _simulate(
 def _tasks(planner: Planner, groups: Sequence[Group], workers: int) -> Iterator[Task]:
     for group in groups:
         recipe = planner.recipe(group)
-        for kind, jobs in planner.by_kind(group).items():
-            size = max(1, min(_RUNS[kind], len(jobs) // (workers * _LEAST_TASKS)))
+        runs = planner.split(group)
+        for jobs, most in ((runs.compiled, _COMPILED_RUNS), (runs.others, _OTHER_RUNS)):
+            size = max(1, min(most, len(jobs) // (workers * _LEAST_TASKS)))
             for part in batched(jobs, size):
-                yield Task(recipe, part, kind)
+                yield Task(recipe, part, jobs is runs.compiled)

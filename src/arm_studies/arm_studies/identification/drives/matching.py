@@ -11,6 +11,7 @@ are relative.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -115,7 +116,8 @@ def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
     problem.refine(log_p)
     for _ in range(_WEIGHTINGS):  # by each output's own noise, and steps that are short enough
         log_p, problem.x0 = _least_squares(problem, log_p)
-        if not problem.refine(log_p) and not _residual(problem, log_p)[1]:
+        # Weights are the residual of the fit: if that is no noise, they would fit its error.
+        if not problem.refine(log_p) and not _fitness(problem, log_p).follows:
             break
         problem.weigh(log_p)
     return _estimated(problem, log_p)
@@ -246,7 +248,7 @@ def _estimated(problem: _Problem, log_p: Array) -> Match:
     part = np.where(abs(V) > _ROUNDING, V, 0.0)
     variance = np.sum((part * spread[:, None]) ** 2, axis=0)
     relative = 1.96 * np.sqrt(variance[:count]) / scale[:count]
-    residual, follows, simulated = _residual(problem, log_p)
+    residual, follows, simulated = _fitness(problem, log_p)
     values, determined = np.exp(log_p), follows & (lengths[:count] > 0.0) & (relative < _VAGUE)
     columns = values.tolist(), (values * relative).tolist(), determined.tolist()
     rows = zip(problem.names, *columns, strict=True)
@@ -254,7 +256,15 @@ def _estimated(problem: _Problem, log_p: Array) -> Match:
     return Match(estimates, residual, follows, simulated)
 
 
-def _residual(problem: _Problem, log_p: Array) -> tuple[float, bool, tuple[Array, ...]]:
+class _Fitness(NamedTuple):
+    """As of ``Match``."""
+
+    residual: float
+    follows: bool
+    simulated: tuple[Array, ...]
+
+
+def _fitness(problem: _Problem, log_p: Array) -> _Fitness:
     """Residual over signal, whether it is noise or hardly any, and the simulated outputs."""
     squares = products = signal = 0.0
     simulated = tuple(
@@ -267,4 +277,4 @@ def _residual(problem: _Problem, log_p: Array) -> tuple[float, bool, tuple[Array
         signal += np.sum(np.isfinite(trial.y) & np.isfinite(size))
     residual = float(np.sqrt(squares / signal))
     correlation = float(products / squares) if squares else 0.0
-    return residual, residual < _SMALL or correlation < _CORRELATED, simulated
+    return _Fitness(residual, residual < _SMALL or correlation < _CORRELATED, simulated)

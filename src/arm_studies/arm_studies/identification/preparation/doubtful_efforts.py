@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Efforts that a sensor or a driver did not measure: frozen ones, and saturated ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stretches of a recording without gaps, and their samples at even times."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

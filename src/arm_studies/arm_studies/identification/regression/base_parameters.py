@@ -7,8 +7,6 @@ minimum set of inertial parameters of serial robots", IEEE Trans. Robotics and A
 1990).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -84,7 +84,7 @@ class Fit:
         ]
         return np.column_stack(own)
 
-    def before(self, **changes: Any) -> Fit:
+    def with_problem(self, **changes: Any) -> Fit:
         """The same numbers beside other ``rows``, ``use`` or ``prior``, not fitted to them yet."""
         return replace(self, problem=replace(self.problem, **changes))
 

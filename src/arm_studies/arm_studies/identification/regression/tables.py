@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of friction over load, with the number and position of points that predict best."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

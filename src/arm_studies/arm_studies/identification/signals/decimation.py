@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fewer samples, without the frequencies that would fold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A zero-phase low-pass filter, and derivatives by it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
