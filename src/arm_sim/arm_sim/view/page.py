@@ -20,7 +20,7 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ArmError
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
-from arm_sim.view import pictures
+from arm_sim.view import films, pictures
 from arm_sim.view.drawn_arm import DrawnArm, Row, around, legend
 from arm_sim.view.framing import fitted
 from arm_sim.view.server import address, close_server
@@ -109,7 +109,7 @@ class View(AbstractContextManager["View"]):
         from PIL import Image
 
         path = self._writable(path)
-        pictures.refuse(path, (".png", ".jpg"))
+        films.check_format(path, (".png", ".jpg"))
         with self._drawing:
             if time is not None:
                 self._seek(time)
@@ -135,7 +135,7 @@ class View(AbstractContextManager["View"]):
                 writing fails.
         """
         path = self._writable(path)
-        pictures.refuse(path, (".gif", ".mp4"))
+        films.check_format(path, (".gif", ".mp4"))
         times, pause = self._times(rate, speed, path.suffix == ".gif")
         with self._drawing, self._camera(size) as shoot:
 
@@ -146,7 +146,7 @@ class View(AbstractContextManager["View"]):
                     yield shoot()
                 progress("writing the file")
 
-            pictures.write_film(path, frames(), 1.0 / pause)
+            films.write_film(path, frames(), 1.0 / pause)
         return path
 
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
@@ -205,7 +205,7 @@ class View(AbstractContextManager["View"]):
 
     # --- for pages of simulations, recordings or robots ---------------------------------------
 
-    def _start(self) -> None:
+    def start(self) -> None:
         """Add what all pages have to the controls of this one, and begin."""
         gui, rows = self._server.gui, [row for actor in self.actors for row in actor.legend()]
         with gui.add_folder("Legend"):

@@ -85,7 +85,7 @@ def show(
         models = [rig.simulation.model for rig in rigs]
         page = partial(Interactive, rigs=rigs)
     names = [label or model.pin.name for label, model in zip(labels, models, strict=True)]
-    return opened(page, names, models, host, port, folder, together)
+    return open_page(page, names, models, host, port, folder, together)
 
 
 def is_recording(thing: Any) -> bool:
@@ -109,7 +109,7 @@ def simulator_of(scene: SceneSource) -> Simulator:
         return simulator
 
 
-def opened(
+def open_page(
     page: Callable[[viser.ViserServer, list[DrawnArm]], View], names: Sequence[str],
     models: Sequence[ArmModel], host: str, port: int | None, folder: Path | None = None,
     together: bool = False,
@@ -129,5 +129,5 @@ def opened(
     ]
     view = page(server, actors)
     lay_ground(server, actors, float(places[-1]))
-    view._start()
+    view.start()
     return view

@@ -25,7 +25,7 @@ from arm_sim.view import View
 from arm_sim.view.charts import RollingCharts, Sample
 from arm_sim.view.drawn_arm import DrawnArm
 from arm_sim.view.marks import Instant
-from arm_sim.view.view import opened
+from arm_sim.view.view import open_page
 
 if TYPE_CHECKING:
     import viser
@@ -209,4 +209,4 @@ def followed(
     of_each = [*scenes] * len(arms) if scenes else [None] * len(arms)
     models = [arm.connect(scene) for arm, scene in zip(arms, of_each, strict=False)]
     page = partial(Follower, arms=arms, listener=listener)
-    return opened(page, [arm.name for arm in arms], models, host, port)
+    return open_page(page, [arm.name for arm in arms], models, host, port)
