@@ -11,7 +11,7 @@ import yaml
 
 import models
 from arm_dynamics import ArmModel, ConstraintError, Dynamics, SceneError, load_scene
-from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.loops.loop_closure import Closure
 from models import loops
 from models.linkages import scene
 from tolerances import CLOSURE, assert_close

@@ -10,7 +10,7 @@ from samples import sampled
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
 from arm_dynamics.dynamics.checks import check_constrained, check_forward, closed_states
-from arm_dynamics.model.independent_rows import is_independent
+from arm_dynamics.model.loops.independent_rows import is_independent
 from arm_dynamics.terms.verify import compare, random_states
 from models import loops
 from tolerances import CLOSURE, CLOSURE_SPEED, PINOCCHIO

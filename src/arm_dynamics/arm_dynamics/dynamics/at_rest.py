@@ -22,7 +22,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.gauss import constrained_motion, times
 from arm_dynamics.dynamics.indeterminate import indeterminate_sets
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.mass_metric import RANK
+from arm_dynamics.model.loops.mass_metric import RANK
 
 # Tolerated acceleration of a sliding joint in the wrong direction, relative to the largest.
 SLACK = 1e-9

@@ -8,8 +8,8 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.gauss import times, transposed
-from arm_dynamics.model.independent_rows import is_independent
-from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.loops.independent_rows import is_independent
+from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.terms.arm import NumericArm
 from arm_dynamics.terms.comparison import torque_size

@@ -17,7 +17,7 @@ from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.terms.evaluator import TermEvaluator
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, INVERSE, MASS_MATRIX, WITHOUT_FRICTION
 

@@ -8,7 +8,7 @@ is of least norm where rows are dependent (Udwadia, Kalaba, Analytical Dynamics,
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.mass_metric import RANK, cholesky, whitened
+from arm_dynamics.model.loops.mass_metric import RANK, cholesky, whitened
 
 
 def constrained_motion(

@@ -8,8 +8,8 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ConstraintError, SceneError
-from arm_dynamics.model.independent_rows import independent_rows
-from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.loops.independent_rows import independent_rows
+from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot

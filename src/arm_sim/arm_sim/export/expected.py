@@ -10,7 +10,7 @@ from arm_dynamics import ArmModel, Dynamics, SceneError
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import call_entry
 from arm_dynamics.exceptions import ConstraintError
-from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.terms.verify import compare
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.export.terms import DERIVATIVES, Term

@@ -20,7 +20,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.equations import contact
 from arm_dynamics.equations.contact import ContactPoint
-from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.model.tree_builder import contact_points, tree_of
 from arm_sim.plant.energy_flows import EnergyFlows, dissipated_and_external_power
 from arm_sim.plant.mechanics import Mechanics

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.constraint_rows import ConstraintRows
-from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.mass_metric import RANK
+from arm_dynamics.model.loops.loop_closure import Closure
+from arm_dynamics.model.loops.mass_metric import RANK
 
 # Rows are treated as equal if the logarithms of their new components differ by less.
 TIE = 1e-6

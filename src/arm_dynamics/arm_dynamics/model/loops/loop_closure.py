@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, choices
 from arm_dynamics.model.constraint_rows import ConstraintRows
-from arm_dynamics.model.mass_metric import Factors, cholesky, factored, whitened
+from arm_dynamics.model.loops.mass_metric import Factors, cholesky, factored, whitened
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.stops import Stops
