@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vectors on the command line: in model order, by joint name, or many points at once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

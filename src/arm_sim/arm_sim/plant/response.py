@@ -8,8 +8,6 @@ is held likewise, by a reaction that only pushes. The set of held joints is an i
 expression has no branches.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

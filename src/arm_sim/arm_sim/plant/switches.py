@@ -9,8 +9,6 @@ expression graph. The friction of a gear that loses power depends on the sign of
 torque, which is a mode where it may change within a tick.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

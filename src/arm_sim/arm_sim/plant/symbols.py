@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Symbols of one scene, and the parts of its equation of motion that all options share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

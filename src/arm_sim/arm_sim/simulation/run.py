@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run of a simulator: what makes its ticks, and what breaks it off."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -39,17 +39,15 @@ class Answer:
         self._request = {field: vector for field, vector in request.items() if "k" in field.shape}
         self._batch = any(vector.batch for vector in self._request.values())
         self._count = next((len(x.rows) for x in self._request.values()), 0) or 1
-        self._kinds = set(joints.values())
+        self._prismatic = {kind == "prismatic" for kind in joints.values()}
         self._names = {"n": list(joints)}  # of rows and columns, by dimension
         self._lists: dict[str, Field] = {}  # the fields that contain them
         for field in service.response:
             if field.type == "string[]" and field.shape and field.shape[0] not in self._lists:
                 self._lists[field.shape[0]] = field
                 self._names[field.shape[0]] = list(getattr(response, field.name))
-        for field, vector in self._request.items():  # several points are to be listed as such
-            size, row = self._size(field.shape[-1]), len(vector.rows[0]) if vector.rows else 0
-            if row not in (0, size):
-                raise click.ClickException(f"{field.name} has rows of {row}; allowed: {size}")
+        # The request is checked by the names above, and arrays are shaped by both.
+        self._check_request()
         self._values: dict[Field, Any] = {}  # arrays in their shapes, none that is left empty
         for field in service.response:
             value, shape = getattr(response, field.name), [self._size(dim) for dim in field.shape]
@@ -57,6 +55,13 @@ class Answer:
                 self._values[field] = value
             elif len(value) or not math.prod(shape):
                 self._values[field] = np.array(value).reshape(shape)
+
+    def _check_request(self) -> None:
+        """Refuse rows of another length than their names: several points are to be listed so."""
+        for field, vector in self._request.items():
+            size, row = self._size(field.shape[-1]), len(vector.rows[0]) if vector.rows else 0
+            if row not in (0, size):
+                raise click.ClickException(f"{field.name} has rows of {row}; allowed: {size}")
 
     def _size(self, dim: str) -> int:
         if dim == "k":
@@ -146,8 +151,8 @@ class Answer:
         name, units = field.name.replace("_", " "), field.units
         if field.shape and field.shape[-1].isdigit():  # only the comment says what each entry is
             return f"{name} ({field.about})"
-        if "n" in field.shape and len(kinds := {kind == "prismatic" for kind in self._kinds}) == 1:
-            units = units[-1:] if True in kinds else units[:1]
+        if "n" in field.shape and len(self._prismatic) == 1:
+            units = units[-1:] if True in self._prismatic else units[:1]
         return f"{name} [{', '.join(units)}]" if units else name
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint states that different messages name, as those of several drivers, merged into rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
