@@ -95,7 +95,7 @@ def _propagation(
 
     The blocks of c are h and J_q, then for each division of the step LU and its ``_Part``s.
     """
-    dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
+    dx, dw = (ca.SX.sym(name, slopes.tangent.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
     dh, nx = ca.SX.sym("dh"), dx.shape[0]
     m, blocks, row = nx - n, iter(c), list[ca.SX]()
     h, J_q, order = next(blocks), ca.SX(of_q, next(blocks)), implicit.pivots(n, m, False)
@@ -104,7 +104,7 @@ def _propagation(
         LU = ca.SX(of_LU, next(blocks))
         for _ in range(parts):
             part, dy = _Part(*islice(blocks, len(_Part._fields))), dx + moved
-            dg = slopes.carried(part.slopes, dy, dw)[n:]
+            dg = slopes.tangent(part.slopes, dy, dw)[n:]
             bent = ca.reshape(part.bend, m, -1) @ ca.vertcat(dx, dw)
             d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bent) + dlength * part.by_length
             d = implicit.substituted(LU, d, order)

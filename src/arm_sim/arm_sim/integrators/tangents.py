@@ -89,7 +89,7 @@ def _arguments(slopes: Slopes) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
 
 def _changes(slopes: Slopes) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Symbols dx, dw and dh."""
-    dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
+    dx, dw = (ca.SX.sym(name, slopes.tangent.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
     return dx, dw, ca.SX.sym("dh")
 
 
@@ -135,7 +135,7 @@ def _staged_propagation(tableau: Tableau, slopes: Slopes, n: int) -> ca.Function
         return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, k, dx)
 
     for i in used:
-        dk[i] = slopes.carried(c[i], change(i), dw)
+        dk[i] = slopes.tangent(c[i], change(i), dw)
     coefficients = ca.vertcat(h, ca.vec(k_symbols), ca.vec(c_symbols))
     after = change(len(tableau.b))
     return ca.Function("propagate", [coefficients, dx, dw, dh], [after], {"cse": True})
@@ -168,7 +168,7 @@ def _semi_implicit_propagation(slopes: Slopes, n: int) -> ca.Function:
     dx, dw, dh = _changes(slopes)
     h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
     v, c = ca.SX.sym("v", n), ca.SX.sym("c", slopes.coefficients.size1_out(1))
-    moved = dx + h * slopes.carried(c, dx, dw) + dh * k
+    moved = dx + h * slopes.tangent(c, dx, dw) + dh * k
     after = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
     arguments = [ca.vertcat(h, k, v, c), dx, dw, dh]
     return ca.Function("propagate", arguments, [after], {"cse": True})

@@ -4,8 +4,10 @@
 For an arm held by its joints alone, x' = (v, g) changes by H⁻¹ K d(x, u), where K is the
 derivative of the residual torque of a given acceleration (Carpentier, Mansard, "Analytical
 derivatives of rigid body dynamics algorithms", Robotics: Science and Systems, 2018): a fraction of
-the work of differentiating forward dynamics. Loops and contacts are differentiated directly. H v̇ =
-1 · load for free joints, H v̇ = v̇ for held joints, and H ż = ż.
+the work of differentiating forward dynamics. Loops and contacts are differentiated directly. H is
+M of the free joints, with ones on the diagonal for held joints and internal states z; K is
+H ∂(v̇, ż)/∂(x, w), where w are the command u and, below it, tunable quantities. Derivatives are
+called slopes, x' itself ``x_dot``.
 """
 
 from collections.abc import Sequence
@@ -32,23 +34,23 @@ class Slopes:
 
     Attributes:
         coefficients: CasADi function (x, u, p) -> x' and the coefficients c of its derivative.
-        carried: CasADi function (c, dx, dw) -> dx', linear in dx and in the changes dw of u and
+        tangent: CasADi function (c, dx, dw) -> dx', linear in dx and in the changes dw of u and
             of those quantities, one below the other.
     """
 
     def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
-        slope, n, by_p = _slope(plant, x, u, p), plant.model.n, p[list(tuned), :]
+        x_dot, n, by_p = _x_dot(plant, x, u, p), plant.model.n, p[list(tuned), :]
         dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
         c = Coefficients()
         if plant.constrained:
-            J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, by_p)))
+            J_x, J_w = (ca.jacobian(x_dot[n:], by) for by in (x, ca.vertcat(u, by_p)))
             changes = c.matrix(J_x) @ dx + c.matrix(J_w) @ dw
         else:
-            K_x, K_w, H = scaled_slopes(plant, x, u, p, slope)
+            K_x, K_w, H = scaled_slopes(plant, x, u, p, x_dot)
             if tuned:
-                K_w = ca.horzcat(K_w, _scaled_by(by_p, plant, x, u, p, slope))
-            contacts = contact_slopes(plant, x, u, p, slope) if plant.mechanics.contact else None
+                K_w = ca.horzcat(K_w, _scaled_by(by_p, plant, x, u, p, x_dot))
+            contacts = contact_slopes(plant, x, u, p, x_dot) if plant.mechanics.contact else None
             if contacts:
                 K_x[:n, : 2 * n] += contacts.torques
             rows = c.matrix(K_x) @ dx + c.matrix(K_w) @ dw
@@ -57,9 +59,9 @@ class Slopes:
             if contacts:
                 da = da + _by_contacts(c, contacts, dx[: 2 * n], da)
             changes = ca.vertcat(da, rates)
-        self.coefficients = dense_function("coefficients", [x, u, p], slope, c.values)
+        self.coefficients = dense_function("coefficients", [x, u, p], x_dot, c.values)
         change = ca.vertcat(dx[n : 2 * n], changes)
-        self.carried = dense_function("carried", [c.symbols, dx, dw], change)
+        self.tangent = dense_function("tangent", [c.symbols, dx, dw], change)
 
 
 def _solved(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
@@ -70,24 +72,24 @@ def _solved(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
     return rigid_body.substituted(factors, pivots * rigid_body.eliminated(factors, load))
 
 
-def _scaled_by(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ca.SX:
+def _scaled_by(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> ca.SX:
     """H ∂g/∂p for some entries of p, as ``scaled_slopes`` for x and u."""
     n, a = plant.model.n, ca.SX.sym("a", plant.model.n)
     torques = ca.jacobian(residual(plant, x, u, p, a)[0], by_p)
-    rows = ca.Function("rows", [x, u, p, a], [torques])(x, u, p, slope[n : 2 * n])
+    rows = ca.Function("rows", [x, u, p, a], [torques])(x, u, p, x_dot[n : 2 * n])
     return ca.vertcat(rows, ca.jacobian(plant.rhs(x, u, p)[2 * n :], by_p))
 
 
-def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+def _x_dot(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """x', with accelerations by the M that its derivative uses, where that is faster."""
-    slope, n = plant.rhs(x, u, p), plant.model.n
+    x_dot, n = plant.rhs(x, u, p), plant.model.n
     if n > DENSE_AT_MOST or not held_by_joints(plant):
-        return slope
-    still = ca.SX(plant.nx, 1)
-    load = residual(plant, x, u, p, still[:n])[0]
-    H = scaled_slopes(plant, x, u, p, still)[2]
+        return x_dot
+    at_rest = ca.SX(plant.nx, 1)
+    load = residual(plant, x, u, p, at_rest[:n])[0]
+    H = scaled_slopes(plant, x, u, p, at_rest)[2]
     a = rigid_body.solve(ca.sparsify(H[:n, :n]), load)
-    return ca.vertcat(slope[:n], a, slope[2 * n :]) if plant.nz else ca.vertcat(slope[:n], a)
+    return ca.vertcat(x_dot[:n], a, x_dot[2 * n :]) if plant.nz else ca.vertcat(x_dot[:n], a)
 
 
 def pullback(plant: Plant) -> ca.Function:
@@ -104,12 +106,12 @@ def pullback(plant: Plant) -> ca.Function:
     """
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     n, tunable = plant.model.n, len(plant.parameters.nominal)
-    slope, mu = ca.SX.sym("slope", plant.nx), ca.SX.sym("mu", plant.nx)
-    arguments = [x, u, p, slope, mu]
+    x_dot, mu = ca.SX.sym("x_dot", plant.nx), ca.SX.sym("mu", plant.nx)
+    arguments = [x, u, p, x_dot, mu]
     if not held_by_joints(plant):
         gradients = [ca.jtimes(plant.rhs(x, u, p), by, mu, True) for by in (x, u, p)]
     else:
-        R, H = residual(plant, x, u, p, slope[n : 2 * n])
+        R, H = residual(plant, x, u, p, x_dot[n : 2 * n])
         nu = ca.SX.sym("nu", n)
         weighted = ca.dot(nu, R) + ca.dot(mu[:n], x[n : 2 * n])
         rates = plant.rhs(x, u, p)[2 * n :]
@@ -142,7 +144,7 @@ def residual(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.S
 
 
 def scaled_slopes(
-    plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX
+    plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """H ∂g/∂x, H ∂g/∂u and H of x' = (v, g), without loops.
 
@@ -152,7 +154,7 @@ def scaled_slopes(
     q, v, z = split(x, n)
     by_q, by_v, M = inverse_derivatives(s.tree, s.q, s.v, s.tau, s.gravity)
     inertial = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], [by_q, by_v, M])
-    by_q, by_v, M = inertial(q, v, slope[n : 2 * n], p)
+    by_q, by_v, M = inertial(q, v, x_dot[n : 2 * n], p)
     free, load = _free_and_load(plant, x, u, p)
     inertial_by_x = ca.horzcat(by_q, by_v, ca.SX(n, z.shape[0]))
     rows = ca.sparsify(free @ (ca.jacobian(load, x) - inertial_by_x))
@@ -186,13 +188,13 @@ class ContactSlopes(NamedTuple):
     forces: ca.SX
 
 
-def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ContactSlopes:
+def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> ContactSlopes:
     """Derivatives of the contacts' forces and accelerations."""
     n, contact = plant.model.n, plant.mechanics.contact
     assert contact is not None
     q, v, _ = split(x, n)
     force, tau = plant.events["loads"](x, u, p)[1], _torque(plant, x, u, p)
-    return ContactSlopes(*contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
+    return ContactSlopes(*contact.slopes()(q, v, tau, p, x_dot[n : 2 * n], force))
 
 
 def _by_contacts(c: Coefficients, slopes: ContactSlopes, dx: ca.SX, da: ca.SX) -> ca.SX:
@@ -214,10 +216,10 @@ def scaled_jacobian(plant: Plant) -> ca.Function | None:
     if n <= DENSE_AT_MOST or not held_by_joints(plant):
         return None
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
-    slope = ca.SX.sym("slope", plant.nx)
-    K, _, H = scaled_slopes(plant, x, u, p, slope)
+    x_dot = ca.SX.sym("x_dot", plant.nx)
+    K, _, H = scaled_slopes(plant, x, u, p, x_dot)
     parts = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
-    return ca.Function("jacobian", [x, u, p, slope], parts, {"cse": True})
+    return ca.Function("jacobian", [x, u, p, x_dot], parts, {"cse": True})
 
 
 def _free_and_load(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
