@@ -113,7 +113,7 @@ typedef struct {
   const double *x, *effort;
   int64_t step_count, hold; /* ticks since the last reset; in the last one FREE, BRAKES or SERVOS */
   double dt;
-  int64_t joints, states;
+  int64_t joints, states;   /* lengths of efforts, and of x */
   int64_t acts;             /* what acts in a tick that Python makes */
   int64_t stopping, locked; /* whether the arm is being stopped or held, and whether brakes have closed */
   int64_t notices, senses;  /* whether a clipped command must be noticed, and whether there are sensors */

@@ -21,9 +21,8 @@ EXPORTED void ilqr_follow(const scene_t* scene, const arms_t* arms, long long co
   for (long long arm = 0; arm < count; arm += LANES) {
     real now[NX], next[NX], off[NX], r[NU], acted[NU], p[NP + 1], size[1];
     long long of_lane[LANES];
-    choose_arms(arm, count, of_lane);
+    begin_lanes(scene, arms, arm, count, of_lane, p);
     read_arms(now, NX, out, out_arm, of_lane);
-    read_arms(p, NP, arms->p, arms->p_arm, of_lane);
     read_arms(size, 1, sizes, 1, of_lane);
     for (long long node = 0; node < arms->ticks; ++node) {
       for (int i = 0; i < NX; ++i) off[i] = now[i] - x[node * NX + i];

@@ -75,16 +75,15 @@ static double equations(const scene_t* scene, const cones_t* cones, const double
     if (cones->allowed[k] == 0.0) continue;
     const projection_t at = project_contact(scene, cones, r, w, k);
     if (at.pressed <= 0.0) continue;
-    const double mu = cones->mu[k];
     for (int i = n; i < (at.sticks ? n + 3 : n + 1); ++i) {
       F[i] = at.rho * w[i];
       for (int j = 0; j < MC; ++j) J[MC * i + j] = at.rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
     }
     for (int i = 0; i < 2 && !at.sticks; ++i) {
       if (cones->slides[k] != 0.0) {
-        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->direction[2 * k + i];
-        J[MC * (n + 1 + i) + n] = mu * cones->direction[2 * k + i];
-      } else F[n + 1 + i] = r[n + 1 + i] - mu * at.pressed * at.z[i] / at.size;
+        F[n + 1 + i] = r[n + 1 + i] + cones->mu[k] * r[n] * cones->direction[2 * k + i];
+        J[MC * (n + 1 + i) + n] = cones->mu[k] * cones->direction[2 * k + i];
+      } else F[n + 1 + i] = r[n + 1 + i] - cones->mu[k] * at.pressed * at.z[i] / at.size;
     }
     if (!at.sticks && cones->slides[k] == 0.0) turning_rows(scene, cones, k, &at, regular, J);
   }

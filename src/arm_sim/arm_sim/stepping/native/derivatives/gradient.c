@@ -19,7 +19,8 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
     real x[NX], next[NX], r[NU], u[NU], p[NP + 1], sum[NP + 1], weight[NX], back[NX], more[NX], of_u[NU], of_r[NU],
         of_p[NP + 1];
     long long of_lane[LANES];
-    begin_lanes(scene, arms, arm, last, of_lane, x, p);
+    begin_lanes(scene, arms, arm, last, of_lane, p);
+    read_arms(x, NX, arms->x0, NX, of_lane);
     for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
       memcpy(motion + k * NX * LANES, x, (size_t)NX * sizeof *x);
       read_commands(arms, k, NU, of_lane, r);

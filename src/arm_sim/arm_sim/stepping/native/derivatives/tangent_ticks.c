@@ -125,7 +125,8 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
     group.tangents = tangents;
     group.length = arms->h;
     group.tick.held = group.tick.closed = 0;
-    begin_lanes(scene, arms, arm, last, group.of_lane, group.x, group.p);
+    begin_lanes(scene, arms, arm, last, group.of_lane, group.p);
+    read_arms(group.x, NX, arms->x0, NX, group.of_lane);
     for (int j = 0; j < LANES; ++j) {
       group.event_free[j] = 1;
       if (scene->eventful) to->ticks_before_event[group.of_lane[j]] = 0;

@@ -66,8 +66,8 @@ static int is_rounding(const bracket_t* at, int count, double tolerance) {
 /* First instant at which one of several values changes from not positive, as all are at 0, to positive, as one is at h,
  * where they are `at_h`; values up to `tolerance` are accepted as rounding.
  *
- * At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, that is the
- * result. `room` is for 4 * count numbers.
+ * At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, the result is the
+ * first instant after it. `room` is for 4 * count numbers.
  */
 static double first_positive(void (*values_at)(const void*, double, double*), const void* context, int count, double h,
                              const double* at_h, double tolerance, double* room) {

@@ -38,12 +38,9 @@ static void read_arms(real* to, int count, const double* from, long long stride,
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];
 }
 
-/* Choose the arms of a group and load their states and tunable numbers. Spare lanes of the last group repeat the last arm before
- * `last`. */
-static void begin_lanes(const scene_t* scene, const arms_t* arms, long long arm, long long last, long long* of_lane, real* x,
-                        real* p) {
+/* Choose the arms of a group and load their tunable numbers. Spare lanes of the last group repeat the last arm before `last`. */
+static void begin_lanes(const scene_t* scene, const arms_t* arms, long long arm, long long last, long long* of_lane, real* p) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;
-  read_arms(x, NX, arms->x0, NX, of_lane);
   read_arms(p, NP, arms->p, arms->p_arm, of_lane);
 }
 

@@ -28,7 +28,8 @@ EXPORTED void rollout(const scene_t* scene, const arms_t* arms, long long first,
   for (long long arm = first; arm < last; arm += LANES) {
     real x[NX], next[NX], r[NR], acted[NU], p[NP + 1];
     long long of_lane[LANES];
-    begin_lanes(scene, arms, arm, last, of_lane, x, p);
+    begin_lanes(scene, arms, arm, last, of_lane, p);
+    read_arms(x, NX, arms->x0, NX, of_lane);
     const int used = lanes_used(arm, last);
     for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
       if (!last_only) write_arms(out + arm * row + k * NX, row, x, NX, used);
