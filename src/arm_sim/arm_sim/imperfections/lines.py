@@ -69,7 +69,7 @@ class Line[T]:
         return self.receive(tick)
 
 
-def line_of_commands[T](scene: Scene, dt: float, arm: int = 0) -> Line[T] | None:
+def command_line[T](scene: Scene, dt: float, arm: int = 0) -> Line[T] | None:
     """The line of a scene's commands; None if they arrive immediately."""
     if scene.commands is None or scene.commands.perfect:
         return None
@@ -89,11 +89,12 @@ def delivered(scene: Scene, dt: float, commands: Array) -> Array:
         Effective commands, of the same shape: zero until one has arrived; the commands themselves
         if they arrive immediately.
     """
+    if command_line(scene, dt) is None:
+        return commands
     late = np.zeros(commands.shape)
     for arm in range(len(commands)):
-        line: Line[int] | None = line_of_commands(scene, dt, arm)
-        if line is None:
-            return commands
+        line: Line[int] | None = command_line(scene, dt, arm)
+        assert line is not None
         for tick in range(commands.shape[1]):
             if (sent := line.carry(tick, tick)) is not None:
                 late[arm, tick] = commands[arm, sent]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.threads.background import Background
 from arm_sim.exceptions import SimulationDiverged
-from arm_sim.imperfections import Line, line_of_commands
+from arm_sim.imperfections import Line, command_line
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.servos import Servos
@@ -105,7 +105,7 @@ class TickEngine:
         """
         self.simulator, self._arm = simulator, simulator.arm
         self._q = self._arm.x[: simulator.n]
-        line: Line[tuple[Command]] | None = line_of_commands(simulator.model.scene, simulator.dt)
+        line: Line[tuple[Command]] | None = command_line(simulator.model.scene, simulator.dt)
         self.commands = LatestCommand(simulator.dynamics, line)
         self.arbiter, self.queue = Arbiter(self.duration(_SILENCE)), TickQueue()
         self.failure = ""

@@ -16,7 +16,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.scene import Scene
 from arm_sim.exceptions import SimulationDiverged
-from arm_sim.imperfections import Line, line_of_commands, sensors_of
+from arm_sim.imperfections import Line, command_line, sensors_of
 from arm_sim.inputs import row, torque, whole
 from arm_sim.plant.placing import constraint_hint, holding
 from arm_sim.plant.plant import Plant
@@ -89,7 +89,7 @@ class SimulatedArm:
         self._saturation = SaturationNotice(model)
         self._servo_saturation = SaturationNotice(model, "servo's command")
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
-        self.line: Line[list[float] | JointCommand] | None = line_of_commands(model.scene, self.dt)
+        self.line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
         self._bind(compiled)
 
     def _bind(self, compiled: CompiledScene) -> None:
@@ -378,7 +378,7 @@ class SimulatedArm:
         """
         sensors = sensors_of(scene, self.joint_names, self.dt)
         _put(self, "sensors", sensors)
-        _put(self, "line", line_of_commands(scene, self.dt))
+        _put(self, "line", command_line(scene, self.dt))
         self._restart_imperfections()
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:

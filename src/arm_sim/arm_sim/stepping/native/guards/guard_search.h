@@ -83,7 +83,7 @@ static double crossing_between(const scene_t* scene, const search_t* search, con
     if (f[1] == -INFINITY) continue; /* there is no such guard in these modes */
     const double bend = 2.0 * f[1] - f[0] - f[2], highest = fmax(f[1], fmax(f[0], f[2]));
     const double way = highest + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
-    if (isnan(way)) continue;
+    if (way != way) continue; /* NaN: in C++, isnan is a function of its own */
     const double crossing = crossing_at_peak(scene, search, guard, t, f, guards);
     if (crossing > 0.0) return crossing;
   }
