@@ -264,13 +264,13 @@ def test_a_goal_has_begun_when_another_motion_is_followed() -> None:
 
 @ros
 def test_who_is_not_there_is_named(shell: Typist) -> None:
+    alone = shell("go", "elbow=0", "--controller", "alone/controller", timeout=9.0)
+    nothing = (
+        "answered no joint state for 9 s\n  nothing publishes /alone/joint_states; start a robot"
+    )
+    assert alone.exit_code == 1 and nothing in alone.output
     for line, said in (
         ("go elbow=0 --controller left/controller", "no controller /left/controller"),
-        (
-            "go elbow=0 --controller alone/controller",
-            "answered no joint state for 1 s\n  nothing "
-            "publishes /alone/joint_states; start a robot",
-        ),
         ("watch --topic left/joint_states", "no joint states on /left/joint_states"),
         ("get left/sim", "no node offers /left/sim/list_parameters"),
     ):
