@@ -5,7 +5,7 @@ Depends on the scene's keys for sensors and commands, but not on the equations o
 scene without the keys ``sensors`` and ``commands`` has none of them.
 """
 
-from arm_sim.imperfections.lines import Line, delivered, command_line
+from arm_sim.imperfections.lines import Line, command_line, delivered
 from arm_sim.imperfections.sensors import Measured, Sensors, sensors_of
 
 __all__ = ["Line", "Measured", "Sensors", "command_line", "delivered", "sensors_of"]
