@@ -3,14 +3,13 @@
 
 Times change with the machine; the number of operations that the generated code carries out does
 not. ``operations.yaml`` has it for every bundled scene and for each feature on a Panda. A test
-fails where a change makes one larger. ``./arm python -m benchmarks.regression.operations`` prints
-what has changed, ``--renew`` writes the file, for changes that are worth it.
+fails where a change makes one larger.
 """
 
-import sys
 from pathlib import Path
 from typing import Any
 
+import click
 import yaml
 
 from arm_dynamics import ArmModel, load_scene
@@ -39,17 +38,19 @@ def recorded() -> dict[str, int]:
     return dict(yaml.safe_load(FILE.read_text()))
 
 
-def main() -> None:
+@click.command()
+@click.option("--renew", is_flag=True, help="Write the file, for changes that are worth it.")
+def main(renew: bool) -> None:
     """Print the differences from the file, and update it on request."""
     before = recorded() if FILE.exists() else {}
     now = {name: count(scene) for name, scene in scenes().items()}
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):
             print(f"{name}: {before.get(name)} -> {now.get(name)}")
-    if "--renew" in sys.argv:
+    if renew:
         head = "# By `python -m benchmarks.regression.operations --renew`.\n"
         FILE.write_text(head + yaml.safe_dump(now, allow_unicode=True, sort_keys=True))
 
 
 if __name__ == "__main__":
-    main()
+    main(prog_name="python -m benchmarks.regression.operations")

@@ -141,8 +141,8 @@ class ContactFunctions:
 
         Returns:
             CasADi function ((q, v) stacked, p) -> derivatives of ``settle`` by q and v, and of
-            ``close``, repeated, by q, v and anchors: velocities
-            are projected at the closed positions.
+            ``close``, repeated, by q, v and anchors: velocities are projected at the closed
+            positions.
         """
         A, B, q, n = self._geometry.rows, self._B, self._s.q, self._s.q.shape[0]
         shares, rows, unknowns = self._shares, self._mode.rows(), self._delassus.unknowns

@@ -240,9 +240,8 @@ class TickEngine:
         from handing it over; but not for ever, so that an arm without commands stops.
         """
         commands, arriving = self.commands, self.arriving()
-        library().ticks_read_commands(
-            byref(self.ticks)
-        )  # all that had arrived, unless more is arriving
+        # All that had arrived is read, unless more is arriving.
+        library().ticks_read_commands(byref(self.ticks))
         commands.arrive(self._arm.step_count)
         expires = library().slot_expires(byref(commands), c_double(self.ticks.share))
         return arriving and expires and commands.age - commands.timeout < self.duration(_SILENCE)

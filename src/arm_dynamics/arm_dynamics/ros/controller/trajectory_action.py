@@ -239,12 +239,7 @@ class TrajectoryAction:
         at_once = message.count <= PLANNED_AT_ONCE
         self._goals.follow(Goal(_KIND, about, message.stamp or None, plan, then), at_once)
 
-    def _plan(
-        self,
-        message: TrajectoryMessage,
-        params: FollowParams,
-        outset: Outset,
-    ) -> Motion:
+    def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
         """Plan a goal, perhaps in the planner's thread."""
         message.check_points()
         points = waypoints(message, self._model.joint_names, outset.here)

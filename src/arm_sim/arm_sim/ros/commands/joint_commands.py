@@ -28,6 +28,13 @@ class JointMessage(NamedTuple):
     source: str
     joints: frozenset[int]
 
+    @property
+    def commanded(self) -> frozenset[int]:
+        """Indices of the joints for which it has a number."""
+        if len(self.numbers) == 1:
+            return self.joints
+        return frozenset(np.flatnonzero(np.isfinite(self.numbers).any(axis=0)).tolist())
+
 
 class JointCommands:
     """The last command of each joint, from messages that name some of them.
@@ -49,17 +56,10 @@ class JointCommands:
         """Discard all commands."""
         self._last: JointCommand | None = None
         self._efforts: Numbers | None = None
-        self._commanded: frozenset[int] = frozenset()
 
     def follow(self, efforts: Numbers) -> None:
         """Register efforts of all joints that were read elsewhere."""
         self._last, self._efforts = None, efforts
-        self._commanded = frozenset(range(len(efforts)))
-
-    def without(self) -> list[str]:
-        """Names of the joints that have no command."""
-        names = self._model.joint_names
-        return [name for i, name in enumerate(names) if i not in self._commanded]
 
     def command(self, message: JointMessage) -> Command | None:
         """The command of all joints; None if the message commands none.
@@ -68,23 +68,19 @@ class JointCommands:
             InvalidInput: If the source of positions or velocities may not command these joints;
                 that of efforts has been admitted.
         """
-        numbers, joints, n = message.numbers, message.joints, self._model.n
+        numbers, joints, n = message.numbers, message.commanded, self._model.n
         efforts_only = len(numbers) == 1
         if efforts_only and (self._last is None or len(joints) == n):
             self._last, self._efforts = None, numbers[0]
-            self._commanded |= joints
             return numbers[0]
-        rows, before = np.full((2, 3, n), np.nan)  # efforts, positions, velocities
-        rows[: len(numbers)] = numbers
-        if efforts_only:  # of the other joints they are from earlier messages
-            rows[:, [i for i in range(n) if i not in joints]] = np.nan
-        commanded = np.isfinite(rows).any(axis=0)
-        if not commanded.any():
+        if not joints:
             return None
-        joints = frozenset(np.flatnonzero(commanded).tolist())
         if not efforts_only:
             self._admit(message.source, joints)
-        self._commanded |= joints
+        rows, before = np.full((2, 3, n), np.nan)  # efforts, positions, velocities
+        rows[: len(numbers)] = numbers
+        commanded = np.zeros(n, dtype=bool)
+        commanded[list(joints)] = True
         if self._last is not None:
             before[:] = self._last.effort, self._last.position, self._last.velocity
         elif self._efforts is not None:

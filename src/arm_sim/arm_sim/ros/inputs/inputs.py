@@ -80,11 +80,17 @@ class Inputs:
             return None
         if command is not None:
             slot.put(command)
-            if first and (idle := self._joints.without()):
-                what = "have no command yet: the brakes are released, and no effort holds them"
-                self._log.warning(f"joints {known_names(idle, 8)} {what}")
+            if first:
+                self._warn_of_others(message.commanded)
         self._engine.round_trip.answered(message.stamp, arrival)
         return message.stamp
+
+    def _warn_of_others(self, commanded: frozenset[int]) -> None:
+        """Warn of the joints that a first command lacks."""
+        names = self._model.joint_names
+        if others := [name for i, name in enumerate(names) if i not in commanded]:
+            what = "have no command yet: the brakes are released, and no effort holds them"
+            self._log.warning(f"joints {known_names(others, 8)} {what}")
 
     def _catch_up(self) -> None:
         """Register efforts of all joints that C has read."""
