@@ -8,6 +8,7 @@ import platform
 import struct
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,15 @@ def claimed(wanted: ThreadParams) -> tuple[list[str], set[int]]:
     return result[0]
 
 
+def thread_names() -> dict[int, str]:
+    """Of this process; a thread of another test may end while they are read."""
+    names = {}
+    for task in Path("/proc/self/task").iterdir():
+        with suppress(OSError):
+            names[int(task.name)] = (task / "comm").read_text()
+    return names
+
+
 def test_a_processor_of_its_own() -> None:
     here = os.sched_getaffinity(0)
     assert claimed(ThreadParams()) == ([], here)
@@ -45,9 +55,8 @@ def test_timers_of_dds_do_not_interrupt_the_loop(ros: Ros) -> None:
     """``ros`` has joined the graph, so that Fast DDS has a thread for timers."""
 
     def policies() -> set[int]:
-        tasks = list(Path("/proc/self/task").iterdir())
-        found = [task for task in tasks if (task / "comm").read_text().startswith("dds.ev")]
-        return {os.sched_getscheduler(int(task.name)) for task in found}
+        found = [task for task, name in thread_names().items() if name.startswith("dds.ev")]
+        return {os.sched_getscheduler(task) for task in found}
 
     assert os.SCHED_OTHER in policies()
     arrange_middleware_threads()
@@ -103,7 +112,7 @@ def test_receivers_of_dds_are_the_next_to_run_when_messages_arrive(ros: Ros) -> 
     if not slice_of(0):
         pytest.skip("Linux before 6.12 has no time slices of threads")
     arrange_middleware_threads()
-    names = {int(x.name): (x / "comm").read_text() for x in Path("/proc/self/task").iterdir()}
+    names = thread_names()
     receivers = [x for x, name in names.items() if name.startswith(("dds.shm", "dds.udp"))]
     assert receivers and slice_of(0) > 100_000
     for task in receivers:
@@ -137,6 +146,7 @@ def test_lists_of_processors() -> None:
 
 
 def test_the_loop_is_the_most_urgent_thread_of_its_process(
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The others are one below, but real-time threads, too; some may end meanwhile."""
@@ -148,7 +158,10 @@ def test_the_loop_is_the_most_urgent_thread_of_its_process(
             raise ProcessLookupError(3, "No such process")
 
     monkeypatch.setattr(os, "sched_setscheduler", schedule)
-    tasks = {int(task.name) for task in privileges._TASKS.iterdir()}
+    tasks = {11, 12, 13}  # not the threads of this process: some of other tests may end here
+    for task in tasks:
+        (tmp_path / str(task)).mkdir()
+    monkeypatch.setattr(privileges, "_TASKS", tmp_path)
     for priority, others in ((80, 79), (1, 1)):
         asked.clear()
         assert ThreadParams(priority=priority).claim() == []
