@@ -54,13 +54,22 @@ def without_number(joints: Joints, values: Array) -> str:
 
 
 def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
+    """Check an argument of a name: finite numbers of shape (n,)."""
+    return _finite_vectors(name, value, joints, batch=False)
+
+
+def vector_or_batch(name: str, value: ArrayLike, joints: Joints) -> Array:
     """Check an argument of a name: finite numbers of shape (n,) or (k, n)."""
+    return _finite_vectors(name, value, joints, batch=True)
+
+
+def _finite_vectors(name: str, value: ArrayLike, joints: Joints, *, batch: bool) -> Array:
     array = real_array(name, value)
     n = count(joints)
-    if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
+    if array.ndim not in (1, 2 if batch else 1) or array.shape[-1] != n or array.size == 0:
         least = " with k ≥ 1" if array.size == 0 else ""
         raise InvalidInput(
-            f"{name} has shape {array.shape}; ({n},) or (k, {n}){least} is expected"
+            f"{name} has shape {array.shape}; ({n},){f' or (k, {n}){least}' * batch} is expected"
             + without_number(joints, array)
         )
     if not all_finite(array):
@@ -119,8 +128,8 @@ def _holds_truth(value: object) -> bool:
 def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
     """A nonzero vector, normalized to unit length, shape (n,)."""
     u = vector(name, value, n)
-    if u.ndim != 1 or math.hypot(*u) < 1e-12:
-        raise InvalidInput(f"{name} = {u}; a nonzero vector of shape ({n},) is expected")
+    if math.hypot(*u) < 1e-12:
+        raise InvalidInput(f"{name} = {u}; a nonzero vector is expected")
     return unit(u)
 
 
@@ -177,7 +186,7 @@ def vectors(joints: Joints, **values: ArrayLike) -> list[Array]:
     Raises:
         InvalidInput: If one is anything else, or batches differ in length.
     """
-    arrays = [vector(name, value, joints) for name, value in values.items()]
+    arrays = [vector_or_batch(name, value, joints) for name, value in values.items()]
     counts = {array.shape[0] for array in arrays if array.ndim == 2}
     if len(counts) > 1:
         raise InvalidInput(f"batches must have the same length, got {sorted(counts)}")

@@ -32,7 +32,7 @@ template <class Function> void ExportedArm::find(Function*& function, const char
   function = reinterpret_cast<Function*>(dlsym(library_.get(), symbol.c_str()));
   if (!function && demanded)
     throw std::runtime_error("library = '" + path_ + "' has no " + symbol
-                             + "; one exported by ./arm export --tick is expected");
+                             + "; export it again with ./arm export --tick");
 }
 
 ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(path)) {

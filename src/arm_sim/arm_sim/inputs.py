@@ -16,6 +16,7 @@ from arm_dynamics.arrays import (
     real_array,
     real_number,
     vector,
+    vector_or_batch,
     without_number,
 )
 
@@ -49,7 +50,7 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
             + "; ClosedLoop(scene, 'NAME') makes controllers by name"
             * isinstance(control, str)
         )
-    table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
+    table = vector_or_batch("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:
         raise InvalidInput(f"control has {len(table)} rows; the run {ticks} time steps of {dt} s")
     return np.ascontiguousarray(table)
@@ -59,15 +60,12 @@ def row(name: str, value: Any, joints: Joints) -> Array:
     """Check one row of finite numbers, by joint or count; it may be empty."""
     if joints == 0 and np.size(value) == 0:
         return np.zeros(0)
-    numbers = vector(name, value, joints)
-    if numbers.ndim != 1:
-        raise InvalidInput(f"{name} has shape {numbers.shape}; expected {numbers.shape[1:]}")
-    return numbers
+    return vector(name, value, joints)
 
 
 def rows(name: str, value: Any, arms: int, joints: int) -> Array:
     """Check a row of finite numbers for each arm, shape (b, n)."""
-    table = np.atleast_2d(vector(name, value, joints))
+    table = np.atleast_2d(vector_or_batch(name, value, joints))
     if len(table) != arms:
         raise InvalidInput(f"{name} has {len(table)} rows; expected one for each of {arms} arms")
     return table

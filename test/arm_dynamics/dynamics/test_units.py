@@ -137,7 +137,7 @@ def test_angles_in_degrees_of_the_first_calls(caplog: pytest.LogCaptureFixture) 
     dynamics = Dynamics("ur5e")
     dynamics.mass_matrix([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [45.0, -90.0, 0.0, 0.0, 0.0, 0.0]])
     dynamics.gravity([45.0, -90.0, 0.0, 0.0, 0.0, 0.0])
-    assert caplog.text.count("position 90 is 14.3 turns; angles are in rad") == 1
+    assert caplog.text.count("'shoulder_lift_joint': 90 is 14.3 turns; angles are in rad") == 1
     caplog.clear()
     Dynamics("four_bar").gravity([58.5686, 1.2, 0.3])  # where a crank may have turned
     assert not caplog.text

@@ -50,7 +50,10 @@ def test_a_near_seed_keeps_the_branch(rng: np.random.Generator) -> None:
 def test_one_seed_gets_there(name: str, q: list[float]) -> None:
     """After stretches of no gain, and past joints that stop at either end."""
     task = task_of(name)
-    found = InverseKinematics(task, seeds=1).solve(task.pose(np.array(q)))
+    pose, solver = task.pose(np.array(q)), InverseKinematics(task, seeds=1)
+    found = solver.solve(pose)
+    matrix = np.block([[pose.rotation, pose.position[:, None]], [np.zeros(3), 1.0]])
+    assert np.array_equal(solver.reach(matrix), found.q)
     assert found.reached and found.distance <= 1e-9 and found.angle <= 1e-9
 
 
@@ -79,14 +82,17 @@ def sheared(by: float) -> np.ndarray:
     [
         (np.zeros(3), sheared(1.001e-6), "is not a rotation: R Rᵀ is off by 1e-06, det R = 1;"),
         (np.zeros(3), np.diag([1.0, 1.0, -1.0]), "is not a rotation: .* off by 0, det R = -1"),
-        (np.zeros((2, 3)), np.eye(3), r"pose has shapes \(2, 3\) and \(3, 3\)"),
-        (np.zeros(3), np.full((3, 3), np.inf), r"pose.rotation\[0, 0\] = inf"),
+        (np.zeros((2, 3)), np.eye(3), r"position has shape \(2, 3\); \(3,\) is"),
+        (np.zeros(3), np.zeros(4), r"pose.rotation has shape \(4,\); \(3, 3\) is expected"),
+        (np.zeros(3), np.full((3, 3), np.inf), "pose.rotation is .*inf"),
     ],
 )
 def test_what_is_no_pose_is_refused(position: np.ndarray, rotation: np.ndarray, said: str) -> None:
     """A rotation may be off by rounding."""
     with pytest.raises(InvalidInput, match=said):
         InverseKinematics(task_of("panda")).solve(Pose(position, rotation))
+    with pytest.raises(InvalidInput, match=r"^pose has shape \(3,\); a Pose or \(4, 4\) is expec"):
+        InverseKinematics(task_of("panda")).solve([1, 2, 3])
     for by in (1e-6, -1e-6):
         assert checked_pose(Pose(np.zeros(3), sheared(by))).rotation[0, 1] == by
 

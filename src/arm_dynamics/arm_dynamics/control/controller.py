@@ -99,8 +99,7 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
         if all_finite(q) and all_finite(v):
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):
-        if vector(name, value, n).ndim != 1:
-            raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is expected")
+        vector(name, value, n)
     return np.asarray(q, float), np.asarray(v, float)
 
 

@@ -278,10 +278,11 @@ class Dynamics:
             first = np.atleast_2d(checked[0])[: self._checks_left]
             self._checks_left -= len(first)
             degrees = self._turning * (2.0 * first % 1.0 == 0.0)  # as people write them
-            turned = float(np.max(abs(first) * degrees, initial=0.0))
-            if remark := degrees_meant(turned):
+            turned = np.max(abs(first) * degrees, axis=0)
+            joint = int(np.argmax(turned))
+            if remark := degrees_meant(turned[joint]):
                 self._checks_left = 0
-                _log.warning("position %s", remark)
+                _log.warning("position of joint '%s': %s", self.joint_names[joint], remark)
         return checked
 
     def inverse(

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, read_only, vector
+from arm_dynamics.arrays import Array, numbers, read_only, vector
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.arm import postures
@@ -98,11 +98,12 @@ class InverseKinematics:
         self._lower, self._upper = task.model.position_lower, task.model.position_upper
         self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE)[task.rows]
 
-    def solve(self, pose: Pose, seed: ArrayLike | None = None) -> Solution:
+    def solve(self, pose: Pose | ArrayLike, seed: ArrayLike | None = None) -> Solution:
         """Search for joint positions; the result states whether the pose is reached.
 
         Args:
-            pose: Desired pose of the frame in the world.
+            pose: Desired pose of the frame in the world, or its matrix, shape (4, 4), as
+                ``Dynamics.pose`` returns it.
             seed: Initial guess, shape (n,); None for the scene's initial position.
 
         Raises:
@@ -112,8 +113,6 @@ class InverseKinematics:
         attempts = list[_Attempt]()
         model = self.task.model
         first = model.q0 if seed is None else vector("seed", seed, model.joint_names)
-        if first.ndim != 1:
-            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is expected")
         starts = [first] if seed is None else [first, model.q0]
         starts = [*starts, *postures(model, self._seeds)][: self._seeds]
         for start in np.clip(starts, self._lower, self._upper):
@@ -133,7 +132,7 @@ class InverseKinematics:
             at_limit=tuple(stopped),
         )
 
-    def reach(self, pose: Pose, seed: ArrayLike | None = None) -> Array:
+    def reach(self, pose: Pose | ArrayLike, seed: ArrayLike | None = None) -> Array:
         """Joint positions for a pose in [rad] or [m], shape (n,); arguments as of ``solve``.
 
         Raises:
@@ -218,13 +217,17 @@ class InverseKinematics:
         return attempt.distance <= self._distance and attempt.angle <= self._angle
 
 
-def checked_pose(pose: Pose) -> Pose:
-    """Check a pose from a caller."""
+def checked_pose(pose: Pose | ArrayLike) -> Pose:
+    """Check a pose from a caller, which may be a matrix of shape (4, 4)."""
+    if not isinstance(pose, Pose):
+        matrix = numbers("pose", pose)
+        if matrix.shape != (4, 4):
+            raise InvalidInput(f"pose has shape {matrix.shape}; a Pose or (4, 4) is expected")
+        pose = Pose(matrix[:3, 3], matrix[:3, :3])
     position = vector("pose.position", pose.position, 3)
-    rotation = vector("pose.rotation", pose.rotation, 3)
-    if position.ndim != 1 or rotation.shape != (3, 3):
-        shapes = f"{position.shape} and {rotation.shape}"
-        raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are expected")
+    rotation = numbers("pose.rotation", pose.rotation)
+    if rotation.shape != (3, 3):
+        raise InvalidInput(f"pose.rotation has shape {rotation.shape}; (3, 3) is expected")
     off = abs(rotation @ rotation.T - np.eye(3)).max()
     if off > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(

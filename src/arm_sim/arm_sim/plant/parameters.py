@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics import ArmModel, InvalidInput, SceneError
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, vector_or_batch
 from arm_dynamics.attributes import frozen
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene.constraint import switches
@@ -160,10 +160,8 @@ class Parameters:
             return p.copy()
         for name in values:
             if name not in self.names:
-                raise InvalidInput(
-                    f"'{name}' is not tunable; "
-                    f"the scene's 'tunable' names {self.names or 'nothing'}"
-                )
+                listed = self.names or f"none of {', '.join(get_args(Tunable))}"
+                raise InvalidInput(f"'{name}' is not tunable; the scene's 'tunable' lists {listed}")
         columns = [
             self._checked(item, values[item.name])
             if item.name in values
@@ -175,7 +173,7 @@ class Parameters:
         return np.concatenate([np.zeros((*shape, 0)), *full], axis=-1)
 
     def _checked(self, item: Parameter, value: ArrayLike) -> Array:
-        values = vector(item.name, np.atleast_1d(value), item.nominal.size)
+        values = vector_or_batch(item.name, np.atleast_1d(value), item.nominal.size)
         if item.name in ("friction", "coulomb"):
             _check_bounds(item, values, self._joints)
         elif item.name in _CHECKS:

@@ -102,6 +102,7 @@ class Simulator:
         "integrator=…, tolerance=…)",
         "q v z x q0 v0 state position velocity qpos": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
+        "plot animate save": "run(…) returns a Recording, which has it",
         "wrench apply_wrench external_force apply_force xfrc_applied": "step(tau + "
         "dynamics.jacobian(q, frame).T @ wrench), of a wrench (force, moment) in the world",
         "tau effort torque command control": "step(tau), or run(duration, control)",

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array, all_finite, real_array, vector
+from arm_dynamics.arrays import Array, all_finite, real_array, vector_or_batch
 from arm_dynamics.codegen.addresses import repeated
 from arm_sim.inputs import whole
 from arm_sim.memory import refuse_beyond_memory
@@ -65,7 +65,7 @@ def states(plant: Plant, p: Array, q: Any, v: Any, names: tuple[str, str]) -> Ar
         names: Those of both arguments.
     """
     joints, n = plant.model.joint_names, plant.model.n
-    q, v = np.atleast_2d(vector(names[0], q, joints)), np.atleast_2d(vector(names[1], v, joints))
+    q, v = (np.atleast_2d(vector_or_batch(*x, joints)) for x in zip(names, (q, v), strict=True))
     for name, count in ((names[1], len(v)), ("parameters", len(p) if p.ndim == 2 else len(q))):
         if count != len(q):
             raise InvalidInput(f"{name}: {count} arms, but {names[0]} has {len(q)}")
