@@ -24,8 +24,8 @@ static inline real phase_of(const scene_t* scene, const real* x, const real* nex
 static inline real varies_evenly(const scene_t* scene, const real* x, const real* next, const real* inside, real h) {
   real even = phase_of(scene, x, next) <= SMALL_PHASE;
   for (int i = NU; i < 2 * NU; ++i) {
-    const real a = inside[i], b = inside[NX + i], mean = (next[i] - x[i]) / h;
-    even = even && fabs(3.0 * mean - 1.5 * (a + b)) <= BEND * (fabs(a) + fabs(b)) + SPEED_UNSURE * (1.0 + fabs(x[i])) / h;
+    const real a = h * inside[i], b = h * inside[NX + i], change = next[i] - x[i];
+    even = even && fabs(3.0 * change - 1.5 * (a + b)) <= BEND * (fabs(a) + fabs(b)) + SPEED_UNSURE * (1.0 + fabs(x[i]));
   }
   return even;
 }

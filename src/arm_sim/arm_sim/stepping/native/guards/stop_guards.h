@@ -27,7 +27,8 @@ static int stop_may_cross(const scene_t* scene, const search_t* search, const gu
   (void)end;
   for (int i = 0; i < NU; ++i) {
     double low, high;
-    if (ND && (search->segment->p.direction[i] == 0.0 || may_stick(scene, i))) continue;
+    const int has_stop = scene->stop_place[0][i] > -DBL_MAX || scene->stop_place[1][i] < DBL_MAX;
+    if (!has_stop || (ND && (search->segment->p.direction[i] == 0.0 || may_stick(scene, i)))) continue;
     find_bounds(scene, &search->piece, i, &low, &high);
     if (low <= scene->stop_place[0][i] || high >= scene->stop_place[1][i]) return 1;
   }

@@ -7,10 +7,11 @@
 #ifndef LANES
 #include "scalar.h"
 #endif
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
-static inline void copy(real* to, const real* from, int count) {
+static inline void copy(real* __restrict to, const real* __restrict from, int count) {
   for (int i = 0; i < count; ++i) to[i] = from[i];
 }
 
