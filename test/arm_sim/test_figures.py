@@ -9,12 +9,7 @@ from matplotlib import pyplot as plt
 from pictures import unseen
 
 from arm_dynamics import InvalidInput
-from arm_sim.figures import (
-    RATE,
-    animation,
-    legend_outside,
-    use_style,
-)
+from arm_sim.figures import RATE, animation, legend_outside, use_style
 
 TIME = np.linspace(0.0, 2.0, 401)  # [s]
 TIP = np.stack([np.cos(TIME), np.sin(TIME)], axis=1)
@@ -43,6 +38,13 @@ def test_every_frame_shows_the_motion_at_its_time() -> None:
         assert clock.get_text() == f"{TIME[k]:.2f} s"
     (legend,) = plt.gcf().legends
     assert legend.get_window_extent().y1 <= plt.gca().get_tightbbox().y0 + 1.0
+
+
+def test_a_notebook_shows_a_film_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plt, "get_backend", lambda: "inline")
+    shown = plt.get_fignums()
+    animation(TIME, [ROD])._repr_mimebundle_()
+    assert plt.get_fignums() == shown
 
 
 @pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])

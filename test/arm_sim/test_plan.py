@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a scene does not use is not computed, and the plan states it."""
 
+from time import perf_counter_ns
 from typing import Any
 
 import pytest
@@ -51,6 +52,11 @@ NOTHING: dict[str, dict[str, Any]] = {
 def test_what_says_nothing_costs_nothing(whole: Simulator, changes: dict[str, Any]) -> None:
     """Not one operation more."""
     assert simulator(**changes).plan.operations == whole.plan.operations
+
+
+def test_the_time_of_a_tick_is_within_that_of_measuring_it() -> None:
+    plan, began = simulator().plan, perf_counter_ns()
+    assert 0.0 < plan.nanoseconds < perf_counter_ns() - began
 
 
 def test_a_contact_costs_no_operation_of_a_step_while_it_is_apart(whole: Simulator) -> None:

@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import (
-    ArmError,
-    ArmModel,
-    Dynamics,
-    InvalidInput,
-    SceneError,
-    Term,
-    load_scene,
-)
+from arm_dynamics import ArmError, ArmModel, Dynamics, InvalidInput, SceneError, Term, load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.external_wrench import ExternalWrenches

@@ -10,14 +10,7 @@ from samples import covering
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
-from arm_dynamics.control import (
-    NAMES,
-    Measured,
-    Saturated,
-    Settings,
-    Switch,
-    make_controller,
-)
+from arm_dynamics.control import NAMES, Measured, Saturated, Settings, Switch, make_controller
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from tolerances import ALGEBRA, assert_close

@@ -14,11 +14,7 @@ from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import (
-    Clip,
-    Expected,
-    JointStateReader,
-)
+from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import FIELDS, JointStateWriter
 

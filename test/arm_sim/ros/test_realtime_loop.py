@@ -141,7 +141,7 @@ def test_histogram_is_exact_to_the_microsecond(rng: np.random.Generator) -> None
 
 
 def test_a_duration_lies_between_the_edges_of_its_bar() -> None:
-    """Which is a microsecond wide below 20 ms."""
+    """Which is a microsecond wide below 20 ms; the last one also has what is beyond it."""
     for duration in (0.0200005, 0.1, 1000.0):
         histogram = Histogram()
         assert histogram.bars() == ()
@@ -150,11 +150,11 @@ def test_a_duration_lies_between_the_edges_of_its_bar() -> None:
         assert count == 1
         assert edge / 2 ** (1 / 32) <= duration * (1 + 1e-9) <= edge * (1 + 2e-9)
     histogram = Histogram()
-    for nanoseconds in (0, 999, 1000, 19_999_999):
+    for nanoseconds in (0, 999, 1000, 19_999_999, 10**13):
         library().histogram_count(byref(histogram), nanoseconds)
     edges, counts = zip(*histogram.bars(), strict=True)
-    assert edges == pytest.approx((1e-6, 2e-6, 20e-3))
-    assert counts == (2, 1, 1)
+    assert edges == pytest.approx((1e-6, 2e-6, 20e-3, 0.02 * 2**16))
+    assert counts == (2, 1, 1, 1)
 
 
 def test_the_first_answer_to_a_state_counts() -> None:

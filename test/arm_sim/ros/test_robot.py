@@ -88,6 +88,10 @@ def test_joint_states_are_of_the_arm_unless_all_joints_are_wanted(ros: Ros, ever
         np.testing.assert_array_equal(message.position, [*sim.state.q, *still])
         np.testing.assert_array_equal(message.velocity, [*sim.state.v, *still])
         np.testing.assert_array_equal(message.effort, [*sim.effort, *still])
+    for stamp in (7, 8):
+        node.display._states.send(stamp)
+    ros.spin_until(lambda: any(state.header.stamp.nanosec == 8 for state in shown))
+    assert [state.header.stamp.nanosec for state in shown].count(7) == 1
 
 
 def test_nothing_is_shown_at_rate_zero_or_without_tf_messages(

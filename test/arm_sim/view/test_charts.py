@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import POINTS, ChartPanel, RollingCharts, Sample
+from arm_sim.view.charts import POINTS, ChartPanel, RollingCharts, Sample, legend
 
 
 def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
@@ -18,8 +18,7 @@ def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
     assert (np.diff(x) >= 0.0).all() and x[-1] == time[-1]
     np.testing.assert_array_equal(y.max(axis=0), values.max(axis=0))
     np.testing.assert_array_equal(y.min(axis=0), values.min(axis=0))
-    few = thinned(time[:10], values[:10], POINTS)
-    np.testing.assert_array_equal(few[1], values[:10])
+    np.testing.assert_array_equal(thinned(time[:10], values[:10], POINTS)[1], values[:10])
     values[1230] = np.nan  # a velocity that a robot did not tell, beside a peak
     for offset in (-9.0, 0.0, 9.0):
         y = thinned(time, values + offset, POINTS)[1] - offset
@@ -37,6 +36,7 @@ def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: A
     plot, text = chart.plot, chart.legend
     assert ">4<" in text.content and ">31<" in text.content  # the last ones
     assert empty.legend.content.count("–") == 2
+    assert legend(names, np.array([1.0, 1e-12])).count(">0<") == 1  # rounding counts as zero
     assert plot.data[0].tolist() == time.tolist()
     assert [curve.tolist() for curve in plot.data[1:3]] == (1.0 + rows).T.tolist()
     for now, values in ((2.0, ">3<"), (1.5, ">2<"), (-1.0, ">1<"), (9.0, ">4<")):

@@ -130,6 +130,7 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
     done = typed("--last", "0.5", "--figure", str(figure))
     assert done.exit_code == 0, done.output
     assert figure.stat().st_size > 20_000
+    assert all(f"{x:.3g}" in done.output for x in made[0].free_run.moved)
     scenes = json.loads(typed("--last", "0.5", "--json").stdout)["scenes"]
     for said, each in zip(scenes, made, strict=True):
         assert list(said["torque_error"].values()) == pytest.approx(each.error, rel=1e-6)
