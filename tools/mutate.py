@@ -21,7 +21,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 TIMEOUT = 900  # [s]
 SUFFIXES = (".c", ".cpp", ".h", ".hpp")
-FAILED = (1, 2)  # status of pytest, alone or in several processes; others tell of no test
+# Status of pytest that tells of no failure: passed, an error of its own or of usage, no tests
+NOT_CAUGHT = (0, 3, 4, 5)
 IN_C = {
     r" < ": (" <= ", " > "), r" > ": (" >= ", " < "), r" <= ": (" < ",), r" >= ": (" > ",),
     r" == ": (" != ",), r" != ": (" == ",), r" \+ ": (" - ",), r" - ": (" + ",),
@@ -38,7 +39,8 @@ def draw(session: str, count: str, seed: str) -> None:
         lines: dict[tuple[str, int], list[str]] = {}
         for job, path, row in database.execute(
             "SELECT job_id, module_path, start_pos_row FROM mutation_specs"
-            " WHERE operator_name NOT LIKE '%BitOr%' ORDER BY module_path, start_pos_row, job_id"
+            " WHERE operator_name NOT LIKE '%BitOr%'"
+            " ORDER BY module_path, start_pos_row, start_pos_col, operator_name, occurrence"
         ):
             lines.setdefault((path, row), []).append(job)
         rng = random.Random(int(seed))
@@ -83,7 +85,7 @@ def in_c(count: str, seed: str) -> int:
         lines[number] = lines[number][:start] + after + lines[number][end:]
         path.write_text("".join(lines))
         try:
-            caught = test() in FAILED
+            caught = test() not in NOT_CAUGHT
         except subprocess.TimeoutExpired:
             caught = True
         finally:
