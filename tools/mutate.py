@@ -39,8 +39,7 @@ def draw(session: str, count: str, seed: str) -> None:
         lines: dict[tuple[str, int], list[str]] = {}
         for job, path, row in database.execute(
             "SELECT job_id, module_path, start_pos_row FROM mutation_specs"
-            " WHERE operator_name NOT LIKE '%BitOr%'"
-            " ORDER BY module_path, start_pos_row, start_pos_col, operator_name, occurrence"
+            " WHERE operator_name NOT LIKE '%BitOr%' ORDER BY 2, 3, operator_name, occurrence"
         ):
             lines.setdefault((path, row), []).append(job)
         rng = random.Random(int(seed))
