@@ -208,7 +208,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   arbiter_t arbiter = {.patience = 1000, .only = &stream};
   slot_t slot = {.timeout = NEWS, .policy = ZERO, .efforts = newest};
   joint_state_t reader = {
-      .kinds = {{.fixed = any, .expected = any, .size = MESSAGE, .at = {HEAD}, .index = joints}},
+      .kinds = {{.mask = any, .bits = any, .size = MESSAGE, .at = {HEAD}, .index = joints}},
       .fields = 1, .joints = JOINTS, .numbers = read};
   source_t from = {0};
   const uint8_t* numbers = (uint8_t*)x;

@@ -21,7 +21,7 @@ from arm_dynamics import load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.dynamics import compiled_services
-from arm_dynamics.ros.joint_state import Expected, JointStateReader
+from arm_dynamics.ros.joint_state import JointStateFormat, JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
@@ -34,7 +34,7 @@ ROOM = 0.3  # of requests that C may answer
 @pytest.mark.parametrize("gaps", [False, True])
 def test_bent_joint_states(rng: np.random.Generator, fuzz: int, gaps: bool) -> None:
     fields = ("position", "velocity", "effort")
-    expected = Expected(NAMES, fields, partial=gaps, extra=gaps, gaps=gaps)
+    expected = JointStateFormat(NAMES, fields, gaps, gaps, gaps)
     python, compiled = PlainReader(expected), JointStateReader(expected)
     message = JointState(name=NAMES)
     message.position, message.velocity, message.effort = rng.normal(size=(3, 3)).tolist()

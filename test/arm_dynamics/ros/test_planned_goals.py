@@ -6,16 +6,7 @@ import time
 import numpy as np
 import pytest
 from byte_order import sent
-from hand_goals import (
-    FRAME,
-    HOME,
-    hand,
-    long_trajectory,
-    path,
-    planned,
-    pose,
-    see,
-)
+from hand_goals import FRAME, HOME, hand, long_trajectory, path, planned, pose, see
 from harness import Ros
 from nav_msgs.msg import Path
 from trajectory_msgs.msg import JointTrajectory

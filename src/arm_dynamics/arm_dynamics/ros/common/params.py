@@ -23,15 +23,9 @@ _WRITTEN = {float: "a number", int: "a whole number, as in 5", bool: "true or fa
 
 
 def parameter(
-    default: Any,
-    description: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-    read_only: bool = True,
-    name: str | None = None,
-) -> Any:
+    default: Any, description: str, *, low: float | None = None, high: float | None = None,
+    choices: tuple[str, ...] = (), read_only: bool = True, name: str | None = None,
+) -> Any:  # fmt: skip
     """Describe one field of a parameter dataclass, whose type is that of the default.
 
     Allowed are values from ``low`` to ``high``, or some ``choices``. It is called ``name``, by
@@ -208,7 +202,6 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> msg.ParameterDescript
         if isinstance(default, int):
             descriptor.integer_range = [msg.IntegerRange(from_value=int(low), to_value=int(high))]
         else:
-            descriptor.floating_point_range = [
-                msg.FloatingPointRange(from_value=low, to_value=high)
-            ]
+            span = msg.FloatingPointRange(from_value=low, to_value=high)
+            descriptor.floating_point_range = [span]
     return descriptor

@@ -40,8 +40,7 @@ class FollowParams:
         read_only=False,
     )
     limit_margin: float = parameter(
-        0.02,
-        "Fraction by which goals may exceed velocity, acceleration and effort limits: "
+        0.02, "Fraction by which goals may exceed velocity, acceleration and effort limits: "
         "interpolation between points within the limits overshoots slightly",
         low=0.0, high=10.0, read_only=False,
     )  # fmt: skip
@@ -158,12 +157,9 @@ def tolerances(
 
 
 def _joint_tolerances(
-    field: str,
-    messages: Sequence[Any],
-    names: JointNames,
-    position: Sequence[float],
+    field: str, messages: Sequence[Any], names: JointNames, position: Sequence[float],
     velocity: Sequence[float],
-) -> StateTolerance:
+) -> StateTolerance:  # fmt: skip
     position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
         names.check([message.name], f"{field} names joint")

@@ -36,9 +36,8 @@ class ControllerParams(ThreadParams, DescriptionParams):
     cartesian_timing: str = parameter(
         "smooth",
         "smooth, or time_optimal: as fast as limits of the joints and their motors allow",
-        choices=("smooth", "time_optimal"),
-        read_only=False,
-    )
+        choices=("smooth", "time_optimal"), read_only=False,
+    )  # fmt: skip
     switch_time: float = parameter(
         0.2, "Duration of the transition to another controller [s]", low=0.0, high=60.0
     )
@@ -46,9 +45,8 @@ class ControllerParams(ThreadParams, DescriptionParams):
         0.0, "Largest acceleration of a trajectory [rad/s²]; 0: no limit", low=0.0, high=1e6
     )
     gap_limit: float = parameter(
-        1.0,
-        "Longest time between joint states; after a longer gap the arm is held at its position "
-        "and the motion is not resumed [s]; 0: any",
+        1.0, "Longest time between joint states; after a longer gap the arm is held at its "
+        "position and the motion is not resumed [s]; 0: any",
         low=0.0, high=1e6, read_only=False,
     )  # fmt: skip
     jump_limit: float = parameter(

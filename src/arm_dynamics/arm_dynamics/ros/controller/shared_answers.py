@@ -127,7 +127,7 @@ class SharedAnswers:
         if count:
             parts.goals.stamp = parts.jumps.stamp
             parts.control.note(self._tau.copy())
-            parts.log.add(count, 1e-9 * answers.last_time, bytes(parts.sink.raw))
+            parts.log.add_compiled(count, 1e-9 * answers.last_time, bytes(parts.sink.raw))
         return int(count)
 
     def take_durations(self) -> tuple[int, int]:

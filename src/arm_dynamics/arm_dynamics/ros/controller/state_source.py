@@ -49,10 +49,8 @@ class StateSource:
         """Look whether both were heard within the last half second."""
         shared, message = self.shared, ""
         if time.monotonic_ns() - min(shared.last_time, shared.other_time) < SILENCE // 2:
-            names = publishers(self._node, self._topic)
-            one, other = (
-                names.get(bytes(sender), "unknown") for sender in (shared.sender, shared.other)
-            )
-            one, other = f"'{one}', which is followed", f"'{other}', which is not"
-            message = two_publish(self._topic, one, other)
+            names, topic = publishers(self._node, self._topic), self._topic
+            leader = f"'{names.get(bytes(shared.sender), 'unknown')}', which is followed"
+            other = f"'{names.get(bytes(shared.other), 'unknown')}', which is not"
+            message = two_publish(topic, leader, other)
         self.alarm.set(message)

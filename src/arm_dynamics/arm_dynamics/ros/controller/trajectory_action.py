@@ -95,7 +95,7 @@ class TrajectoryAction:
 
     def __init__(
         self, node: Node, goals: Goals, model: ArmModel, limits: Limits,
-        obstacle: Callable[[], str], lock: AbstractContextManager[None], late: Lateness,
+        obstacle: Callable[[], str], lock: AbstractContextManager[None], lateness: Lateness,
     ) -> None:  # fmt: skip
         """Offer the action, if its interface is installed, and declare its parameters.
 
@@ -107,10 +107,11 @@ class TrajectoryAction:
             obstacle: Returns the reason why the active controller follows no trajectories; empty
                 if it does.
             lock: Held while goals change.
-            late: States that came late, which explain errors.
+            lateness: Of the states; late ones explain errors.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
-        self._obstacle, self._lock, self._log, self._late = obstacle, lock, node.get_logger(), late
+        self._obstacle, self._lock, self._log = obstacle, lock, node.get_logger()
+        self._lateness = lateness
         kinds = enumerate(model.joint_types)
         self._continuous = tuple(i for i, kind in kinds if kind == "continuous")
         self.active: Active | None = None
@@ -159,9 +160,9 @@ class TrajectoryAction:
         if verdict is Verdict.REACHED:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
         elif verdict is not None:
-            self._late.update()  # late states may be the cause
+            self._lateness.update()  # late states may be the cause
             farthest = active.tolerances.worst(verdict, self._model.joint_names, reference, state)
-            self._log.warning("; ".join(filter(None, (farthest, self._late.message))))
+            self._log.warning("; ".join(filter(None, (farthest, self._lateness.message))))
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             code, why = "PATH_TOLERANCE_VIOLATED", "Aborted due to path tolerance violation"
             if verdict is Verdict.MISSED_GOAL:

@@ -82,9 +82,8 @@ class _Answer:
     def __init__(self, compiled: Compiled, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
         self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
-        self._response = CMessage.of(
-            compiled.service.type.Response(success=True, joint_names=names)
-        )
+        response = compiled.service.type.Response(success=True, joint_names=names)
+        self._response = CMessage.of(response)
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.shared = _SharedAnswer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.address,

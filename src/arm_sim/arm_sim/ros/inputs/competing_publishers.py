@@ -14,7 +14,7 @@ from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
+from arm_dynamics.ros.joint_state import FAILED, NONE, JointStateFormat, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
@@ -51,7 +51,7 @@ class CompetingPublishers:
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
         self._ignored = {outputs.states.sender}  # this sim, and publishers of other joints
         self._competitor, self._latest = b"", 0.0  # the last publisher of a state, and when
-        self._reader = JointStateReader(Expected((), (), extra=True))
+        self._reader = JointStateReader(JointStateFormat((), (), ignores_extra=True))
         self._newest: PolledSubscription | None = None
         self.alarm, self._on_change = Alarm(node), on_change
 

@@ -96,7 +96,7 @@ class Inputs:
         """Register efforts of all joints that C has read."""
         if (efforts := self._engine.commands.read()) is not None:
             self._joints.follow(efforts)
-            self.reader.efforts.keep(efforts)
+            self.reader.efforts.store(efforts)
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""

@@ -68,7 +68,7 @@ class PolledCommands:
         if (leader := engine.arbiter.leader) and not (delayed or self._is_guarded()):
             source, joints = leader
             if len(joints) == engine.simulator.n:
-                kinds = self._reader.whole_from(source)
+                kinds = self._reader.complete_kinds(source)
         engine.ticks.accept(kinds)
 
     def _read(self) -> bool:

@@ -24,7 +24,7 @@ struct source {
 static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   uint8_t differs = 0;
   if (!kind->size || length < kind->size) return 0;
-  for (int64_t i = 0; i < kind->size; ++i) differs |= (raw[i] ^ kind->expected[i]) & kind->fixed[i];
+  for (int64_t i = 0; i < kind->size; ++i) differs |= (raw[i] ^ kind->bits[i]) & kind->mask[i];
   return !differs;
 }
 
