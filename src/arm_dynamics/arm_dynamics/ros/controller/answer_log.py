@@ -21,11 +21,11 @@ class AnswerLog:
     Attributes:
         ignored_count: Number of states that could not be used.
         failure: Why the controller computes no torque; empty while it does.
-        address: Address of ``last_t``, in which C remembers the states that it answers.
+        address: Address of ``last_message_t``, in which C remembers the states that it answers.
     """
 
     def __init__(self) -> None:
-        self._last, self._command = HEADER.structure("last_t")(), b""
+        self._last, self._command = HEADER.structure("last_message_t")(), b""
         self.address = addressof(self._last)
         self._make_room(_ROOM)
         self._last_arrival = self._since = time.monotonic()  # [s]
@@ -101,7 +101,7 @@ class AnswerLog:
             finding, self.ignored_count, "joint state", f"ignored: {self._complaint}"
         )
         self._growth.warn(finding, refused, "goal", "refused")
-        if self._growth.of("jumps", self._jump_count):
+        if self._growth.update("jumps", self._jump_count):
             finding.add(WARN, "time or the arm jumped; the arm was held at its position")
         if saturated:
             finding.add(WARN, f"torque clipped at the effort limit: {', '.join(saturated)}")

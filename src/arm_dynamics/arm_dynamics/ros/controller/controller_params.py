@@ -17,11 +17,10 @@ class ControllerParams(ThreadParams, DescriptionParams):
 
     scene: str = parameter("", f"{SCENE}; the controller's model of the arm")
     controller: str = parameter(
-        "computed_torque",
-        f"Control law: {', '.join(NAMES)}, or a user-defined controller as "
+        "computed_torque", f"Control law: {', '.join(NAMES)}, or a user-defined controller as "
         "package.module:Class, named here or in 'controllers' when the node starts",
         read_only=False,
-    )
+    )  # fmt: skip
     controllers: list[str] = parameter(
         [], "User-defined controllers that may be selected in motion, as package.module:Class"
     )
@@ -56,12 +55,10 @@ class ControllerParams(ThreadParams, DescriptionParams):
         low=0.0, high=1e6, read_only=False,
     )  # fmt: skip
     velocities: str = parameter(
-        "states",
-        "Where velocities come from: states, or positions, for robots whose states have none or "
-        "useless ones; they are then differences, filtered, and late by half a state and the "
-        "filter's delay",
-        choices=("states", "positions"),
-    )
+        "states", "Where velocities come from: states, or positions, for robots whose states have "
+        "none or useless ones; they are then differences, filtered, and late by half a state and "
+        "the filter's delay", choices=("states", "positions"),
+    )  # fmt: skip
     velocity_cutoff: float = parameter(
         50.0, "Cut-off frequency of that filter [Hz]; 0: none", low=0.0, high=1e5
     )

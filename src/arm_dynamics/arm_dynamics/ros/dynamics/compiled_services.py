@@ -39,7 +39,7 @@ class Compiled(NamedTuple):
 
     service: Service
     terms: tuple[Entry, ...]
-    most: int
+    max_points: int
 
 
 # In the order of services.c
@@ -88,7 +88,7 @@ class _Answer:
         self.shared = _SharedAnswer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.address,
             names=ctypes.addressof(self._names),
-            joints=len(names), most=compiled.most,
+            joints=len(names), max_points=compiled.max_points,
             level=self._level.ctypes.data if friction.has_dry else None,
             zeros=self._zeros.ctypes.data,
         )  # fmt: skip

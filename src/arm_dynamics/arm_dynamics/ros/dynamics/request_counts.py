@@ -52,7 +52,7 @@ class RequestCounts:
         }  # fmt: skip
         self._growth.warn(finding, self._refused, "request", "refused")
         self._growth.warn(finding, lost, "response", "lost, the client is gone")
-        if self._growth.of("descriptions", self.descriptions_refused):
+        if self._growth.update("descriptions", self.descriptions_refused):
             finding.add(WARN, "a robot description was refused")
         self._busy_in_python, self._busy_in_c, self._since = 0.0, busy_in_c, now
         return finding

@@ -22,7 +22,7 @@ class CommandReader:
 
     def __init__(self, model: ArmModel, arbiter: Arbiter, warn: Callable[[str], object]) -> None:
         self._model, self._arbiter, self._warn = model, arbiter, warn
-        self._note("", frozenset())
+        self._source, self._joints = "", frozenset[int]()
         self._limits = model.command_limit.tolist()
         names, clip = model.joint_names, Clip(self._limits, self.clip)
         efforts = JointStateFormat(names, ("effort",), may_lack_joints=True)
