@@ -101,8 +101,7 @@ def test_a_torque_that_is_not_finite_is_not_sent(
     assert node.on_joint_states(state(0, v=(1e200, 1e200))) is None
     assert "would not be finite" in capfd.readouterr().err
     assert "would not be finite" in node.diagnostics()[0].message(node).message
-    assert node.on_joint_states(state(MS)) is not None
-    assert not node._log.failure
+    assert node.on_joint_states(state(MS)) is not None and not node._log.failure
 
 
 def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:

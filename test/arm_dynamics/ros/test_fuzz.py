@@ -69,20 +69,20 @@ def request_of(rng: np.random.Generator, kind: Any, names: list[str]) -> Any:
 def test_requests_of_any_kind(
     ros: Ros, rng: np.random.Generator, fuzz: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled_services, "WORTH", 1)
+    monkeypatch.setattr(compiled_services, "MIN_CALLS", 1)
     urdf = {"urdf": (models.SCENES / "two_link.urdf").read_text()}
     dry = {"elbow": {"friction": {"coulomb": 0.4, "static": 0.6}}}
     node = ros.add(DynamicsNode, load_scene({"robot": urdf, "joints": dry}))
     assert node._compiled is not None
     clients = {
         service: ros.peer.create_client(service.type, service.name.replace("~", "/dynamics"))
-        for service, *_ in compiled_services.COMPILED
+        for service, *_ in compiled_services.CANDIDATES
     }
     for client in clients.values():
         ros.spin_until(client.service_is_ready)
     names = list(node.dynamics.joint_names)
     for service, client in clients.items():
-        while service not in (compiled_services.COMPILED[k][0] for k in node._compiled._running):
+        while service not in (compiled_services.CANDIDATES[k][0] for k in node._compiled._answers):
             future = client.call_async(service.type.Request(position=[0.1] * len(names)))
             ros.spin_until(future.done)
     before = node._compiled.counts.answered

@@ -100,10 +100,9 @@ class SimParams(ThreadParams, DescriptionParams):
         low=0.0, high=3600.0, read_only=False,
     )  # fmt: skip
     stale_policy: str = parameter(
-        BRAKE,
-        "What acts without a command or with an old one: brake stops the arm and its brakes hold "
-        "it; servo stops it and the servos hold it; zero torque; hold of the last torque; or "
-        "gravity, the torque that compensates gravity and springs",
+        BRAKE, "What acts without a command or with an old one: brake stops the arm and its "
+        "brakes hold it; servo stops it and the servos hold it; zero torque; hold of the last "
+        "torque; or gravity, the torque that compensates gravity and springs",
         choices=POLICIES, read_only=False,
     )  # fmt: skip
 

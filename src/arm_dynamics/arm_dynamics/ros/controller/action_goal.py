@@ -34,11 +34,9 @@ class FollowParams:
         20.0, "Rate of the action's feedback [Hz], in the time of the states", low=0.1, high=1e4
     )
     stretch_goals: bool = parameter(
-        False,
-        "Make action goals slower instead of refusing those beyond velocity, acceleration or "
-        "effort limits",
-        read_only=False,
-    )
+        False, "Make action goals slower instead of refusing those beyond velocity, acceleration "
+        "or effort limits", read_only=False,
+    )  # fmt: skip
     limit_margin: float = parameter(
         0.02, "Fraction by which goals may exceed velocity, acceleration and effort limits: "
         "interpolation between points within the limits overshoots slightly",

@@ -33,9 +33,8 @@ class ControllerParams(ThreadParams, DescriptionParams):
         read_only=False,
     )  # fmt: skip
     cartesian_timing: str = parameter(
-        "smooth",
-        "smooth, or time_optimal: as fast as limits of the joints and their motors allow",
-        choices=("smooth", "time_optimal"), read_only=False,
+        "smooth", "smooth, or time_optimal: as fast as limits of the joints and their motors "
+        "allow", choices=("smooth", "time_optimal"), read_only=False,
     )  # fmt: skip
     switch_time: float = parameter(
         0.2, "Duration of the transition to another controller [s]", low=0.0, high=60.0

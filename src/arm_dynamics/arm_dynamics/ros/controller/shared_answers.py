@@ -69,7 +69,7 @@ class SharedAnswers:
         )  # fmt: skip
         self._control: AnyController | None = None
         self._law: CompiledLaw | None = None  # of that controller
-        self._used: tuple[object, ...] = ()  # kept alive while C uses their memory
+        self._references: tuple[object, ...] = ()  # kept alive while C uses their memory
 
     def activate(self, params: ControllerParams) -> str:
         """Let C answer the next states; return why it cannot, empty if it can."""
@@ -87,7 +87,7 @@ class SharedAnswers:
         answers.start, answers.segments = start, len(motion.times) - 1
         answers.gap_limit, answers.jump_limit = params.gap_limit, params.jump_limit
         answers.until = _NEVER if follower.next_begin is None else follower.next_begin
-        self._used = self._law, arrays, self._limit_errors()
+        self._references = self._law, arrays, self._limit_errors()
         parts.report.prepare(params.state_period, parts.goals)
         answers.active = 1
         return ""
@@ -111,8 +111,8 @@ class SharedAnswers:
         answers.path = None
         if goal is None:
             return None
-        checked = max(goal.begin, goal.next_check)  # from then on every state
-        answers.until, answers.path_begin = min(answers.until, checked), goal.begin
+        first_check = max(goal.begin, goal.next_check)  # from then on every state
+        answers.until, answers.path_begin = min(answers.until, first_check), goal.begin
         if goal.tolerances.path.is_none:
             return None
         allowed = goal.tolerances.arrays_of(goal.tolerances.path)

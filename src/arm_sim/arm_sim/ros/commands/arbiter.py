@@ -74,8 +74,7 @@ class Arbiter(Structure):
             InvalidInput: If the stream of another source commands one of these joints.
         """
         if not self.has_one_source or source not in self._streams:
-            streams = self._streams.items()
-            self._streams = {name: stream for name, stream in streams if self._is_recent(stream)}
+            self._streams = {name: s for name, s in self._streams.items() if self._is_recent(s)}
             self._share_only()  # also where the command is refused
             for other, stream in self._streams.items():
                 if other != source and stream.count >= STREAM and stream.joints & joints:
@@ -93,6 +92,10 @@ class Arbiter(Structure):
 
     def _is_recent(self, stream: Source) -> bool:
         return bool(library().stream_is_remembered(byref(stream), self.now, self.patience))
+
+    def reset_counters(self) -> None:
+        """Reset the counter."""
+        self.refused = 0
 
     def forget(self) -> None:
         """Forget all sources."""

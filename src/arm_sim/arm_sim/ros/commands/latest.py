@@ -91,6 +91,10 @@ class LatestCommand(Structure):
         else:
             self.kind, self._efforts[:], self.lasting = EFFORTS, command, False
 
+    def reset_counters(self) -> None:
+        """Reset the counters."""
+        self.stale_count = self.extended = 0
+
     def clear(self) -> None:
         """Discard all commands."""
         self.kind = self.fresh = self.stale = self.was_sent = self.unread = 0

@@ -30,8 +30,7 @@ class Stopping:
         self._zero_velocity = JointCommand(velocity=[0.0] * arm.n)
         self._hold_command: JointCommand | None = None
         self._first_step: int | None = None
-        self.is_active = self._is_holding = True
-        self.is_locked = False
+        self.is_active, self._is_holding, self.is_locked = True, True, False
 
     def release(self) -> None:
         """Release the arm for a command."""

@@ -4,7 +4,6 @@
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -54,7 +53,7 @@ class CompetingPublishers:
         self._competitor, self._latest = b"", 0.0  # the last publisher of a state, and when
         self._reader = JointStateReader(JointStateFormat((), (), ignores_extra=True))
         self._subscription: PolledSubscription | None = None
-        self._timer: Any = None
+        self._timer = None
         self.alarm, self._on_change = Alarm(node), on_change
 
     def refuse_if_any(self) -> None:

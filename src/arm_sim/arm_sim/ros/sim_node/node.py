@@ -174,8 +174,8 @@ class SimNode(Node):
 
     def _reset_counters(self) -> None:
         self.loop.reset()
-        commands = self.engine.commands
-        commands.stale_count = commands.extended = self.engine.arbiter.refused = 0
+        self.engine.commands.reset_counters()
+        self.engine.arbiter.reset_counters()
         self.engine.round_trip.reset()
         self.inputs.reset_counters()
         if self.lockstep is not None:
