@@ -93,7 +93,7 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     _spin(executor, lambda: simulator.arm.step_count >= ticks, 1e-2 * ticks + 60.0)
     rate = (simulator.arm.step_count - before) / (time.perf_counter() - began)
     engine.pause(True)
-    repeated = node.lockstep.repeated if node.lockstep else 0
+    repeated = node.lockstep.repeat_count if node.lockstep else 0
     return {"rate": rate, "asked again": repeated}
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from arm_dynamics.ros.joint_state import FAILED, NONE
 from arm_sim.ros.inputs.inputs import Inputs
-from arm_sim.ros.inputs.polled_commands import AT_ONCE
+from arm_sim.ros.inputs.polled_commands import MOST_MESSAGES
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import Due
@@ -21,7 +21,7 @@ def polled(engine: TickEngine, read: Callable[[], object]) -> None:
     """Call ``read`` before each tick, when messages would be taken."""
     ticks = engine.ticks
     ticks.taken_by_test = CFUNCTYPE(c_int64, c_void_p, c_void_p)(lambda *_: FAILED)
-    ticks.take, ticks.at_once = cast(ticks.taken_by_test, c_void_p).value, 1
+    ticks.take, ticks.most_messages = cast(ticks.taken_by_test, c_void_p).value, 1
     ticks.answer(read=read)
 
 
@@ -43,7 +43,7 @@ def offered(
 
     ticks.taken_by_test = CFUNCTYPE(c_int64, c_void_p, c_void_p)(take)
     ticks.take = cast(ticks.taken_by_test, c_void_p).value
-    ticks.at_once, ticks.reader = AT_ONCE, reader.addresses[1]
+    ticks.most_messages, ticks.reader = MOST_MESSAGES, reader.addresses[1]
     return waiting
 
 

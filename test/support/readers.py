@@ -22,22 +22,22 @@ class PlainReader(JointStateReader):
 
     def read_new(self, message: JointState) -> Read:
         """See ``JointStateReader.read``."""
-        expected = self.expected
+        message_format = self.format
         kind, values = self._kind_of(message), list[Numbers]()
         self._admit(kind.source, kind.joints)
-        for field, before in zip(expected.fields, self._values, strict=True):
+        for field, before in zip(message_format.fields, self._values, strict=True):
             new = getattr(message, field) or [math.nan] * len(message.name)
             here_or_kept = zip(kind.order, before, strict=True)
             values.append(tuple(old if i < 0 else new[i] for i, old in here_or_kept))
-        for field, numbers in zip(expected.fields, values, strict=True):
-            for joint, x in zip(expected.joints, numbers, strict=True):
-                if not (math.isfinite(x) or (expected.gaps and math.isnan(x))):
+        for field, numbers in zip(message_format.fields, values, strict=True):
+            for joint, x in zip(message_format.joints, numbers, strict=True):
+                if not (math.isfinite(x) or (message_format.may_have_gaps and math.isnan(x))):
                     raise InvalidInput(
                         f"{field} of joint '{joint}' is {x}; allowed: finite numbers"
                     )
         if self._clip and any_beyond(values[0], self._clip.limit):
             values[0] = self._clip.function(values[0])
-        if not expected.gaps:
+        if not message_format.may_have_gaps:
             self._values = values
         return to_nanoseconds(message.header.stamp), values
 

@@ -29,7 +29,7 @@ def by_hand(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
 
 def next_command(slot: LatestCommand, q: np.ndarray) -> Any:
     """What acts in a tick at q that does not age the command."""
-    return slot.command(library().slot_acting(byref(slot)), q)
+    return slot.command(library().slot_actor(byref(slot)), q)
 
 
 def commands_to_come(node: SimNode) -> deque[bytes]:

@@ -28,8 +28,8 @@ static lock_t noting = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t served = PTHREAD_COND_INITIALIZER, filled = PTHREAD_COND_INITIALIZER;
 static int64_t ordered, fulfilled, full;
 
-static int64_t bell, ended, lateness_bins[FINE + COARSE], trip_bins[FINE + COARSE];
-static int64_t stamps[SENT], times[SENT];
+static int64_t bell, ended, lateness_bins[FINE_BINS + COARSE_BINS], trip_bins[FINE_BINS + COARSE_BINS];
+static int64_t stamps[SENT_STATES], times[SENT_STATES];
 static double x[JOINTS], acted[JOINTS], newest[JOINTS], next_command[JOINTS], read[JOINTS];
 static double kept_states[ROWS * JOINTS], kept_efforts[ROWS * JOINTS];
 static int64_t kept_ticks[ROWS];
@@ -91,19 +91,19 @@ static void* ordering(void* count) {
 /* Number of durations in a histogram; NumPy reads each number at once. */
 static int64_t count_of(const histogram_t* h) {
   int64_t sum = 0;
-  for (int i = 0; i < FINE + COARSE; ++i) sum += __atomic_load_n(h->bins + i, __ATOMIC_RELAXED);
+  for (int i = 0; i < FINE_BINS + COARSE_BINS; ++i) sum += __atomic_load_n(h->bins + i, __ATOMIC_RELAXED);
   return sum + 0 * __atomic_load_n(&h->longest, __ATOMIC_RELAXED);
 }
 
 /* EnergyAccount.note; counts ticks whose efforts belong together. */
 static void note(ticks_t* t) {
   pthread_mutex_lock(&noting);
-  const int64_t kept = __atomic_load_n(&t->kept, __ATOMIC_ACQUIRE);
-  for (int64_t k = t->noted; k < kept; ++k) {
+  const int64_t kept = __atomic_load_n(&t->kept_count, __ATOMIC_ACQUIRE);
+  for (int64_t k = t->noted_count; k < kept; ++k) {
     const double* effort = kept_efforts + k % ROWS * JOINTS;
     done.noted += effort[1] == 2.0 * effort[0];
   }
-  __atomic_store_n(&t->noted, kept, __ATOMIC_RELEASE);
+  __atomic_store_n(&t->noted_count, kept, __ATOMIC_RELEASE);
   pthread_mutex_unlock(&noting);
 }
 
@@ -208,7 +208,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   arbiter_t arbiter = {.patience = 1000, .only = &stream};
   slot_t slot = {.timeout = NEWS, .policy = ZERO, .efforts = newest};
   joint_state_t reader = {
-      .kinds = {{.fixed = any, .expected = any, .size = MESSAGE, .at = {HEAD}, .index = joints}},
+      .kinds = {{.mask = any, .bits = any, .size = MESSAGE, .at = {HEAD}, .index = joints}},
       .fields = 1, .joints = JOINTS, .numbers = read};
   source_t from = {0};
   const uint8_t* numbers = (uint8_t*)x;
@@ -219,10 +219,10 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
       .raw = tick_raw, .size = MESSAGE, .stamp_at = 0, .hold_at = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
       .sizes = {8 * JOINTS}, .tick_channel = 1, .state_channel = 2};
   ticks_t ticks = {
-      .ask = answer, .bell = &bell, .take = joint_state_take, .source = &from, .reader = &reader, .at_once = 2, .leads = {1},
+      .ask = answer, .bell = &bell, .take = joint_state_take, .source = &from, .reader = &reader, .most_messages = 2, .trusted_kinds = {1},
       .arbiter = &arbiter, .slot = &slot, .arm = &arm, .x = x, .effort = acted,
-      .dt = 1e-3, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100,
-      .joint_states = &state, .trail = kept_states, .acted = kept_efforts, .ticks = kept_ticks, .room = ROWS, .trip = &trip,
+      .dt = 1e-3, .joints = JOINTS, .states = JOINTS, .state_period = 1, .slow_period = 100,
+      .joint_states = &state, .state_trail = kept_states, .effort_trail = kept_efforts, .ticks = kept_ticks, .rows = ROWS, .trip = &trip,
       .copy = &copy, .commands = 3};
   shared = &ticks;
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
@@ -243,7 +243,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   note(&ticks);
   for (int64_t k = 0; k < ticks.chunk->count; ++k) done.written += ticks.chunk->raw[ticks.chunk->places[k] + 9] == 1;
   done.ticks = ticks.step_count;
-  done.recorded = ticks.recorded;
+  done.recorded = ticks.recorded_count;
   done.counted = count_of(&lateness);
   *found_out = done;
 }

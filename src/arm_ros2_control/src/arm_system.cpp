@@ -16,22 +16,22 @@ namespace arm_ros2_control {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr std::array<const char*, 3> kNames{"position", "velocity", "effort"};
+constexpr std::array<const char*, 3> kInterfaces{"position", "velocity", "effort"};
 
-/// The part of a name; the end if there is none.
-template <class Parts> auto named(const Parts& parts, const std::string& name) {
+/// The part that has a name; the end if there is none.
+template <class Parts> auto find_named(const Parts& parts, const std::string& name) {
   return std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.name == name; });
 }
 
 /// Refuse an interface that joints do not have.
 void check_kind(const std::string& joint, const std::string& use, const std::string& kind) {
-  if (std::find(kNames.begin(), kNames.end(), kind) == kNames.end())
+  if (std::find(kInterfaces.begin(), kInterfaces.end(), kind) == kInterfaces.end())
     throw std::runtime_error("joint '" + joint + "': " + use + " interface '" + kind
                              + "'; position, velocity and effort are allowed");
 }
 
 /// A number that a text gives and nothing else.
-double number(const std::string& joint, const char* quantity, const std::string& text) {
+double parse_number(const std::string& joint, const char* quantity, const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   if (text.empty() || *end || !std::isfinite(value))
@@ -78,13 +78,13 @@ void ArmSystem::check_joints() const {
     for (const auto& state : joint.state_interfaces) check_kind(joint.name, "state", state.name);
     for (const auto& command : joint.command_interfaces) {
       check_kind(joint.name, "command", command.name);
-      if (command.name != kNames[kEffort] && !arm_->has_servos())
+      if (command.name != kInterfaces[kEffort] && !arm_->has_servos())
         throw std::runtime_error("joint '" + joint.name + "': command interface '" + command.name
                                  + "' needs a library exported by ./arm export --servo");
     }
   }
   for (const auto& joint : joints)
-    if (named(info_.joints, joint) == info_.joints.end())
+    if (find_named(info_.joints, joint) == info_.joints.end())
       throw std::runtime_error("joint '" + joint + "' of the library is not described");
 }
 
@@ -121,10 +121,10 @@ ArmSystem::CallbackReturn ArmSystem::on_configure(const rclcpp_lifecycle::State&
 /// Keep the interfaces, so that no name is looked up in the loop.
 void ArmSystem::find_interfaces() {
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    const auto& described = *named(info_.joints, arm_->joints()[i]);
+    const auto& described = *find_named(info_.joints, arm_->joints()[i]);
     Joint& joint = joints_[i];
     for (int kind = 0; kind < kKinds; ++kind) {
-      joint.names[kind] = described.name + "/" + kNames[kind];
+      joint.names[kind] = described.name + "/" + kInterfaces[kind];
       if (has_state(joint.names[kind])) joint.states[kind] = get_state_interface_handle(joint.names[kind]);
       if (has_command(joint.names[kind])) joint.commands[kind] = get_command_interface_handle(joint.names[kind]);
     }
@@ -137,15 +137,15 @@ void ArmSystem::begin() {
   arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
   bool has_start = false;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    const auto& described = *named(info_.joints, arm_->joints()[i]);
+    const auto& described = *find_named(info_.joints, arm_->joints()[i]);
     for (int kind : {kPosition, kVelocity}) {
-      const auto interface = named(described.state_interfaces, kNames[kind]);
+      const auto interface = find_named(described.state_interfaces, kInterfaces[kind]);
       if (interface == described.state_interfaces.end() || interface->initial_value.empty()) continue;
-      state_[kind][i] = number(described.name, kNames[kind], interface->initial_value);
+      state_[kind][i] = parse_number(described.name, kInterfaces[kind], interface->initial_value);
       has_start = true;
     }
-    joints_[i].holds = false;
-    joints_[i].last = kNone;
+    joints_[i].is_holding = false;
+    joints_[i].last_command = kNone;
   }
   if (has_start && !code) code = arm_->begin(state_[kPosition].data(), state_[kVelocity].data());
   for (std::size_t i = 0; i < joints_.size() && code; ++i) {
@@ -186,18 +186,18 @@ bool ArmSystem::follow(std::size_t i) {
   for (int kind = 0; kind < kKinds; ++kind)
     if (std::isinf(value[kind])) {
       RCLCPP_ERROR(get_logger(), "joint '%s': %s command %g; a finite number is expected, or NaN for none",
-                   arm_->joints()[i].c_str(), kNames[kind], value[kind]);
+                   arm_->joints()[i].c_str(), kInterfaces[kind], value[kind]);
       return false;
     }
-  const bool commanded = std::any_of(value.begin(), value.end(), [](double x) { return !std::isnan(x); });
-  if (!commanded && hold_) {
-    if (!joint.holds) joint.held = state_[kPosition][i];
-    value[kPosition] = joint.held;
+  const bool is_commanded = std::any_of(value.begin(), value.end(), [](double x) { return !std::isnan(x); });
+  if (!is_commanded && hold_) {
+    if (!joint.is_holding) joint.held_position = state_[kPosition][i];
+    value[kPosition] = joint.held_position;
     value[kVelocity] = 0.0;
   }
-  joint.holds = !commanded && hold_;
-  const double moved = value[kPosition] - joint.last;
-  joint.last = commanded ? value[kPosition] : kNone;
+  joint.is_holding = !is_commanded && hold_;
+  const double moved = value[kPosition] - joint.last_command;
+  joint.last_command = is_commanded ? value[kPosition] : kNone;
   if (std::isnan(value[kVelocity]) && !std::isnan(value[kPosition]))
     value[kVelocity] = std::isnan(moved) ? 0.0 : moved / (ticks_ * arm_->period());
   for (int kind = 0; kind < kKinds; ++kind) reference_[kind][i] = value[kind];
@@ -205,15 +205,15 @@ bool ArmSystem::follow(std::size_t i) {
 }
 
 ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Duration&) {
-  bool tracking = false; // whether a servo has something to track
+  bool is_tracking = false; // whether a servo has something to track
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     if (!follow(i)) return return_type::ERROR;
-    tracking |= !std::isnan(reference_[kPosition][i]) || !std::isnan(reference_[kVelocity][i]);
+    is_tracking |= !std::isnan(reference_[kPosition][i]) || !std::isnan(reference_[kVelocity][i]);
   }
-  for (std::size_t i = 0; i < joints_.size() && !tracking; ++i)
+  for (std::size_t i = 0; i < joints_.size() && !is_tracking; ++i)
     command_[i] = std::isnan(reference_[kEffort][i]) ? 0.0 : reference_[kEffort][i];
   for (int tick = 0; tick < ticks_; ++tick) {
-    if (tracking)
+    if (is_tracking)
       arm_->servo(reference_[kPosition].data(), reference_[kVelocity].data(), reference_[kEffort].data(), command_.data());
     if (const int code = arm_->step(command_.data())) {
       RCLCPP_ERROR(get_logger(), "%s", arm_->text(code));

@@ -27,10 +27,10 @@ void ExportedArm::Close::operator()(void* library) const noexcept { dlclose(libr
 
 void ExportedArm::Free::operator()(Simulation* memory) const noexcept { ::operator delete(memory, kAligned); }
 
-template <class Function> void ExportedArm::find(Function*& function, const char* suffix, bool demanded) {
+template <class Function> void ExportedArm::find(Function*& function, const char* suffix, bool is_required) {
   const std::string symbol = name_ + "_" + suffix;
   function = reinterpret_cast<Function*>(dlsym(library_.get(), symbol.c_str()));
-  if (!function && demanded)
+  if (!function && is_required)
     throw std::runtime_error("library = '" + path_ + "' has no " + symbol
                              + "; export it again with ./arm export --tick");
 }

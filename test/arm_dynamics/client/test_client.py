@@ -133,7 +133,7 @@ def test_an_answer_to_a_question_that_was_interrupted_is_passed_over(ros: Ros) -
     ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
     asker = Node("asker", context=ros.context)  # which nobody spins
     client = PolledClient(asker, MODEL_INFO, "/dynamics/model_info")
-    ros.spin_until(client.ready)
+    ros.spin_until(client.is_ready)
     client.send(ModelInfo.Request())
     present = client.send(ModelInfo.Request())
     ros.spin_until(lambda: len(answered) == 2)

@@ -48,7 +48,7 @@ class Client:
         self.name, self._world = name, world
         self.has_answered, self.server_count = False, None
 
-    def ready(self) -> bool:
+    def is_ready(self) -> bool:
         return True
 
     def send(self, request: Any) -> int:

@@ -34,7 +34,7 @@ Ask = Callable[..., Any]
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile at the first request."""
-    monkeypatch.setattr(compiled_services, "WORTH", 1)
+    monkeypatch.setattr(compiled_services, "MIN_CALLS", 1)
 
 
 @pytest.fixture

@@ -78,7 +78,7 @@ def test_a_bandwidth_that_the_loop_does_not_carry_is_told_or_refused(
         (20.0, 6 * MS, ""),
     ):
         see(node, 0), see(node, stamp)
-        node._late.end_second()
+        node._lateness.end_second()
         assert change(node, bandwidth=bandwidth).successful
         assert said in capfd.readouterr().err
         assert ("sensible" in node.diagnostics()[0].message(node).message) == bool(said)

@@ -71,8 +71,10 @@ def test_answers_over_the_wire(ros: Ros, node: ControllerNode) -> None:
     [
         (b"rubbish", "joint state ignored: 7 bytes are not a JointState"),
         (state(0, v=(np.nan, 0.0)), "'velocities: positions' derives them"),
+        (state(0, v=()), "'velocities: positions' derives them"),
+        (state(0, v=(0.0,)), "velocity has 1 numbers for 2 joints; allowed: one for each name\n"),
     ],
-    ids=["rubbish", "nan"],
+    ids=["rubbish", "nan", "empty", "too few"],
 )
 def test_useless_states_get_no_answer(
     node: ControllerNode, raw: bytes, said: str, capfd: pytest.CaptureFixture[str]
@@ -98,7 +100,8 @@ def test_a_torque_that_is_not_finite_is_not_sent(
 ) -> None:
     assert node.on_joint_states(state(0, v=(1e200, 1e200))) is None
     assert "would not be finite" in capfd.readouterr().err
-    assert node.on_joint_states(state(MS)) is not None
+    assert "would not be finite" in node.diagnostics()[0].message(node).message
+    assert node.on_joint_states(state(MS)) is not None and not node._log.failure
 
 
 def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:

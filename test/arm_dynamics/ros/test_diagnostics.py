@@ -101,12 +101,12 @@ def test_states_that_come_late_explain_errors(ros: Ros, capfd: pytest.CaptureFix
     node = ros.add(ControllerNode, models.scene("two_link"))
     for stamp in (0, 1, 2, 45, 46, 136):
         effort(node, stamp * MS, (0.0, 0.0))
-    node._late.end_second()
+    node._lateness.end_second()
     assert found(node).message.startswith("joint states came up to 0.09 s apart")
     assert "apart" not in capfd.readouterr().err, "once is no reason to log it"
     for stamp in (456, 457):
         effort(node, stamp * MS, (0.0, 0.0))
-    node._late.end_second()
+    node._lateness.end_second()
     status = found(node)
     assert status.level == WARN
     assert status.message.startswith(

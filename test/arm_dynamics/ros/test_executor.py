@@ -17,8 +17,9 @@ from rclpy.parameter import Parameter
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.common import executor as module
+from arm_dynamics.ros.common.command_line import split_words
 from arm_dynamics.ros.common.endpoints import subscribe
-from arm_dynamics.ros.common.executable import execute, run, split_words
+from arm_dynamics.ros.common.executable import execute, run
 from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.dynamics_node import DynamicsParams
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
@@ -86,6 +87,18 @@ def test_a_fault_of_the_program_is_shown_and_ends_the_node() -> None:
     with pytest.raises(RuntimeError, match="odd"):
         run(make, [], done)
     assert not made[0].ok() and ended == ["failing"]
+
+
+def test_a_signal_just_after_the_start_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    handlers = list[Any]()
+
+    def replace(number: int, handler: Any) -> None:
+        handlers.append(handler)
+        if len(handlers) == 3:  # after those of both signals, while the node was built
+            handlers[0](number, None)
+
+    monkeypatch.setattr(signal, "signal", replace)
+    assert run(lambda **kwargs: Node("interrupted", **kwargs)) == 0
 
 
 def test_parameters_that_a_node_has_not_are_told(capfd: pytest.CaptureFixture[str]) -> None:

@@ -21,7 +21,7 @@ from arm_dynamics import load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.ros import DynamicsNode
 from arm_dynamics.ros.dynamics import compiled_services
-from arm_dynamics.ros.joint_state import Expected, JointStateReader
+from arm_dynamics.ros.joint_state import JointStateFormat, JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
@@ -34,7 +34,7 @@ ROOM = 0.3  # of requests that C may answer
 @pytest.mark.parametrize("gaps", [False, True])
 def test_bent_joint_states(rng: np.random.Generator, fuzz: int, gaps: bool) -> None:
     fields = ("position", "velocity", "effort")
-    expected = Expected(NAMES, fields, partial=gaps, extra=gaps, gaps=gaps)
+    expected = JointStateFormat(NAMES, fields, gaps, gaps, gaps)
     python, compiled = PlainReader(expected), JointStateReader(expected)
     message = JointState(name=NAMES)
     message.position, message.velocity, message.effort = rng.normal(size=(3, 3)).tolist()
@@ -69,20 +69,20 @@ def request_of(rng: np.random.Generator, kind: Any, names: list[str]) -> Any:
 def test_requests_of_any_kind(
     ros: Ros, rng: np.random.Generator, fuzz: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled_services, "WORTH", 1)
+    monkeypatch.setattr(compiled_services, "MIN_CALLS", 1)
     urdf = {"urdf": (models.SCENES / "two_link.urdf").read_text()}
     dry = {"elbow": {"friction": {"coulomb": 0.4, "static": 0.6}}}
     node = ros.add(DynamicsNode, load_scene({"robot": urdf, "joints": dry}))
     assert node._compiled is not None
     clients = {
         service: ros.peer.create_client(service.type, service.name.replace("~", "/dynamics"))
-        for service, *_ in compiled_services.COMPILED
+        for service, *_ in compiled_services.CANDIDATES
     }
     for client in clients.values():
         ros.spin_until(client.service_is_ready)
     names = list(node.dynamics.joint_names)
     for service, client in clients.items():
-        while service not in (compiled_services.COMPILED[k][0] for k in node._compiled._running):
+        while service not in (compiled_services.CANDIDATES[k][0] for k in node._compiled._answers):
             future = client.call_async(service.type.Request(position=[0.1] * len(names)))
             ros.spin_until(future.done)
     before = node._compiled.counts.answered

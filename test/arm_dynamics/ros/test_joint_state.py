@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader
+from arm_dynamics.ros.joint_state import Clip, JointStateFormat, JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import FIELDS, JointStateWriter
 
@@ -33,7 +33,7 @@ def reader() -> Readers:
     """Makes a reader of positions and velocities."""
 
     def make(partial: bool = False, extra: bool = False, **options: Any) -> JointStateReader:
-        expected = Expected(NAMES, ("position", "velocity"), partial, extra)
+        expected = JointStateFormat(NAMES, ("position", "velocity"), partial, extra)
         return JointStateReader(expected, **options)
 
     return make
@@ -83,7 +83,7 @@ def test_reads_the_other_byte_order(reader: Readers) -> None:
 
 def test_publishers_of_some_joints_in_turn_are_read_alike_by_both() -> None:
     clip = Clip([2.0] * 3, lambda numbers: tuple(min(x, 2.0) for x in numbers))
-    expected = Expected(NAMES, ("position",), partial=True, extra=True)
+    expected = JointStateFormat(NAMES, ("position",), may_lack_joints=True, ignores_extra=True)
     readers = [kind(expected, clip=clip) for kind in (PlainReader, JointStateReader)]
     orders = [NAMES[:1], NAMES[1:], NAMES[::-1], ["hand", NAMES[2]], NAMES[2:], NAMES[:2]]
     for k in range(40):
@@ -112,7 +112,9 @@ FOLLOWERS = {
 def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: str) -> None:
     """The first message of a kind is read in Python, the next ones in C alone."""
     arm = models.dynamics("gripper").model.joint_names
-    reader = JointStateReader(Expected(arm, ORDER, partial=True, gaps=True))
+    reader = JointStateReader(
+        JointStateFormat(arm, ORDER, may_lack_joints=True, may_have_gaps=True)
+    )
     names = ["left_slide", "right_slide", "swing"]
     raw = serialize_message(JointState(name=names, **fields))
     other = reading.HEADER.constants["OTHER"]

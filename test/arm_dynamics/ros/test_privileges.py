@@ -146,8 +146,7 @@ def test_lists_of_processors() -> None:
 
 
 def test_the_loop_is_the_most_urgent_thread_of_its_process(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The others are one below, but real-time threads, too; some may end meanwhile."""
     asked: list[tuple[int, int, int]] = []

@@ -15,7 +15,7 @@ from arm_dynamics.ros.controller.tolerances import (
     StateTolerance,
     Tolerances,
     Verdict,
-    resolved,
+    effective,
 )
 from arm_dynamics.trajectory import Reference
 
@@ -29,10 +29,10 @@ THERE = Reference(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2))
 
 def test_zero_is_the_default_of_a_tolerance_and_minus_one_none() -> None:
     for asked, holds in ((0.3, 0.3), (0.0, 0.7), (-1.0, NONE), (-1.0 - 1e-7, NONE)):
-        assert resolved("position", asked, 0.7) == holds
+        assert effective("position", asked, 0.7) == holds
     for asked in (-1.01, math.nan):
         with pytest.raises(InvalidInput, match=f"goal_time is {asked}; allowed: 0"):
-            resolved("goal_time", asked, 0.0)
+            effective("goal_time", asked, 0.0)
 
 
 def test_without_tolerances_of_its_own_a_goal_has_those_of_the_parameters() -> None:

@@ -47,7 +47,7 @@ def followed(
         reference = controller.goals.follower.reference(round(1e9 * now.time))
         errors.append(reference.q - now.q)
         positions.append(now.q)
-    assert not controller._log.passed_over
+    assert not controller._log.ignored_count
     return np.array(errors), np.array(positions)
 
 

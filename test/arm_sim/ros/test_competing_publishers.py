@@ -91,7 +91,7 @@ def test_a_publisher_that_is_silent_or_of_other_joints_is_no_rival(
     gripper.speaks.set()
     ros.spin_until(lambda: len(made.competitors._ignored) == 2)
     made.competitors.update()
-    assert not made.competitors.alarm.message and made.competitors._newest is None
+    assert not made.competitors.alarm.message and made.competitors._subscription is None
 
 
 def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
@@ -108,11 +108,11 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
         ros.spin_once()
         return True
 
-    ros.spin_until(lambda: states and answer() and made.engine.commands.any)
+    ros.spin_until(lambda: states and answer() and made.engine.commands.was_sent)
     rival = driver(NAMES)
     rival.message = b"\0\1\0\0rubbish"
     rival.speaks.set()
-    ros.spin_until(lambda: made.competitors._newest is not None)
+    ros.spin_until(lambda: made.competitors._subscription is not None)
     for _ in range(30):
         ros.spin_once()
         made.competitors.update()

@@ -133,7 +133,7 @@ def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: Tic
 def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
     inputs: Inputs, engine: TickEngine, stamp: int, sent: int, alone: bool, acts: float
 ) -> None:
-    library().trip_sent(byref(engine.round_trip), sent)
+    library().trip_register_state(byref(engine.round_trip), sent)
     if not alone:
         engine.arbiter.admit("other", frozenset({6}))
     offered(inputs, engine, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
@@ -147,7 +147,7 @@ def test_answers_are_timed_from_state_to_arrival(
 ) -> None:
     trip = engine.round_trip
     for stamp in 5, 6, 7:
-        library().trip_sent(byref(trip), stamp)
+        library().trip_register_state(byref(trip), stamp)
     arrival, late = int(trip._times[0]), 10**6
     if waits:
         offered(inputs, engine, [command(5, joint1=1.0), command(6, joint1=NAN)], arrival + late)
@@ -228,24 +228,24 @@ def test_a_stream_owns_the_joints_of_its_newest_command() -> None:
 
 def test_refusals_are_counted_and_a_conflict_as_long_as_the_newest_is_remembered() -> None:
     arbiter = led(5)
-    assert not arbiter.conflict
+    assert not arbiter.has_conflict
     for count, source in enumerate(("right", "middle"), 1):
         arbiter.now += 4
         arbiter.admit("left", BOTH)
         assert not admits(arbiter, source, FIRST)
         assert arbiter.refused == count and arbiter.sources == ("left",)
     arbiter.now += 5
-    assert arbiter.conflict
+    assert arbiter.has_conflict
     arbiter.now += 1
-    assert not arbiter.conflict
+    assert not arbiter.has_conflict
 
 
 def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
     arbiter = Arbiter(5)
-    assert not arbiter.alone
+    assert not arbiter.has_one_source
     for source, joints, alone in ("left", FIRST, True), ("right", SECOND, False):
         arbiter.admit(source, joints)
-        assert arbiter.alone == alone
+        assert arbiter.has_one_source == alone
     arbiter.now += 6
     arbiter.admit("left", FIRST)
-    assert arbiter.alone
+    assert arbiter.has_one_source

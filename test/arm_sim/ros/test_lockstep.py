@@ -95,7 +95,7 @@ def test_lost_messages_are_requested_again_and_change_nothing(
 
     monkeypatch.setattr(sim.inputs, "on_joint_commands", lose_every_seventh)
     np.testing.assert_array_equal(motion(ros, sim), expected(PLAIN))
-    assert sim.lockstep.repeated >= TICKS // 7 - 2
+    assert sim.lockstep.repeat_count >= TICKS // 7 - 2
 
 
 def message(stamp: int, *tau: float) -> bytes:
@@ -113,7 +113,7 @@ def test_answers_alone_cause_ticks(ros: Ros) -> None:
     sim = lockstep(ros, stale_policy="zero")
     answer(sim, 0)
     waiting = commands_to_come(sim)
-    sim.engine.ticks.at_once, sim.lockstep.waiting.soon = 0, 60_000 * MS
+    sim.engine.ticks.most_messages, sim.lockstep.waiting.soon = 0, 60_000 * MS
     for tick in 1, 2, 3:
         for stamp in (7 * MS, (tick - 1) * MS, tick * MS):
             waiting.append(message(stamp, tick, stamp * 1e-9))
@@ -129,15 +129,15 @@ def test_a_state_is_published_again_once_for_each_time_of_waiting(ros: Ros) -> N
     for count in 1, 2:
         sim.lockstep.waiting.published -= 100_000 * MS
         for _ in range(3):
-            sim.lockstep.watch()
-        assert sim.lockstep.repeated == count
+            sim.lockstep.check_partner()
+        assert sim.lockstep.repeat_count == count
     ros.spin_until(lambda: len(heard) == 2)
     answer(sim, 5 * MS)
     found = {f.part: f for f in sim.diagnostics()}["lockstep"]
     assert found.values == {"asked again": 2, "ignored": 1, "partner gone": False}
     assert found.message(sim).level == DiagnosticStatus.WARN
     assert sim.requests.answer(RESET_COUNTERS).success
-    assert (sim.lockstep.repeated, sim.lockstep.waiting.ignored) == (0, 0)
+    assert (sim.lockstep.repeat_count, sim.lockstep.waiting.ignored) == (0, 0)
 
 
 def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
@@ -146,15 +146,15 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
     sim = lockstep(ros, lockstep_timeout=0.2, lockstep_retry=0.02)
     answer(sim, 0)
     since = time.monotonic()
-    ros.spin_until(lambda: sim.lockstep.gone)
+    ros.spin_until(lambda: sim.lockstep.is_partner_gone)
     assert time.monotonic() - since > 0.15
-    assert sim.lockstep.repeated > 2
+    assert sim.lockstep.repeat_count > 2
     assert capfd.readouterr().err.count("no answer to the state of 0.001000 s for 0.2 s") == 1
     found = {f.part: f for f in sim.diagnostics()}["lockstep"].message(sim)
     assert found.level == DiagnosticStatus.ERROR
     assert sim.simulator.arm.step_count == 1
     answer(sim, MS)
-    assert not sim.lockstep.gone
+    assert not sim.lockstep.is_partner_gone
     assert "the partner answers again" in capfd.readouterr().err
     assert sim.simulator.arm.step_count == 2
 
@@ -166,10 +166,10 @@ def test_paused_it_does_not_wait_for_commands(ros: Ros) -> None:
     sim.lockstep.waiting.first = sim.lockstep.waiting.published = 0  # long ago
     heard = ros.listen(JointState, "/joint_states")
     for _ in range(5):
-        sim.lockstep.watch()
+        sim.lockstep.check_partner()
     ros.spin_until(lambda: heard)
     assert 1 <= len(heard) <= 2  # each time that 0.1 s have passed, of 0.04 s
-    assert not sim.lockstep.gone and sim.lockstep.repeated == 0
+    assert not sim.lockstep.is_partner_gone and sim.lockstep.repeat_count == 0
     assert sim.simulator.arm.step_count == 0
     assert sim.requests.answer(PAUSE, SetBool.Request(data=False)).success
     answer(sim, 0)

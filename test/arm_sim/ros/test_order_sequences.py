@@ -105,7 +105,7 @@ class Sim:
 
     def open(self) -> None:
         """Begin an account."""
-        self.node.engine.energy.keep(True)
+        self.node.engine.energy.set_open(True)
         self._since = self.node.recorder.ticks
 
     def read(self) -> None:
@@ -149,10 +149,10 @@ class Sim:
             "time": simulator.arm.step_count, "state": simulator.arm.x.tobytes(),
             "acted": simulator.arm.acted.tobytes(),
             "parameters": simulator.arm.parameters.tobytes(),
-            "commands": (slot.any, slot.age, slot.stale, slot.stale_count),
+            "commands": (slot.was_sent, slot.age, slot.stale, slot.stale_count),
             "next": str(next_command(slot, simulator.arm.x[: simulator.n])),
             "sources": [(k, s.joints, s.last_time, s.count) for k, s in arbiter._streams.items()],
-            "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
+            "arbiter": (arbiter.now, arbiter.refused, arbiter.has_conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),
             "engine": (engine.paused, engine.failure, engine.held, engine.wrenches.active),
             "told": self.told,

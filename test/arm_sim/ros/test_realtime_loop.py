@@ -161,18 +161,18 @@ def test_the_first_answer_to_a_state_counts() -> None:
     trip = RoundTrip()
     began = time.time_ns()
     for stamp in range(300):
-        library().trip_sent(byref(trip), stamp)
+        library().trip_register_state(byref(trip), stamp)
     assert trip.newest == 299
     now = time.time_ns()
-    trip.answered(299, now)
-    trip.answered(299, now + 10**12)  # once more
-    trip.answered(300, now + 10**12)  # to no state
-    trip.answered(0, now + 10**12)  # to one that is forgotten
+    trip.register_answer(299, now)
+    trip.register_answer(299, now + 10**12)  # once more
+    trip.register_answer(300, now + 10**12)  # to no state
+    trip.register_answer(0, now + 10**12)  # to one that is forgotten
     assert trip.histogram.percentiles().count == 1
     assert trip.histogram.percentiles().max <= 1e-9 * (now - began)
     trip.reset()
     assert trip.histogram.percentiles().count == 0
-    trip.answered(44, now)  # the oldest that is remembered
+    trip.register_answer(44, now)  # the oldest that is remembered
     assert trip.histogram.percentiles().count == 1
 
 
@@ -180,17 +180,17 @@ def test_an_answer_acts_until_the_next_one_comes() -> None:
     """In the time of the states, whether the loop catches up or a partner does not answer."""
     trip, ms = RoundTrip(), 1_000_000
     for stamp in range(ms, 102 * ms, ms):
-        library().trip_sent(byref(trip), stamp)
+        library().trip_register_state(byref(trip), stamp)
         if stamp // ms in (1, 2, 42):
-            trip.answered(stamp, 0)
-    trip.answered(100 * ms, 0)
+            trip.register_answer(stamp, 0)
+    trip.register_answer(100 * ms, 0)
     assert trip.take_oldest() == pytest.approx(0.059), "that of 42 ms, when there was one of 101"
     assert trip.take_oldest() == 0.0
     trip.forget()
-    trip.answered(101 * ms, 0)
-    trip.answered(1, 0)  # of another clock
-    library().trip_sent(byref(trip), 202 * ms)
-    trip.answered(202 * ms, 0)
+    trip.register_answer(101 * ms, 0)
+    trip.register_answer(1, 0)  # of another clock
+    library().trip_register_state(byref(trip), 202 * ms)
+    trip.register_answer(202 * ms, 0)
     assert trip.take_oldest() == 0.0
 
 
@@ -231,7 +231,7 @@ def test_commands_age_in_part_while_ticks_are_made_up_for(ros: Ros) -> None:
 def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
     clocked, served = Clocked(ros), list[int]()
     queue, arm = clocked.node.engine.queue, clocked.node.simulator.arm
-    queue.served = True
+    queue.is_served = True
     clocked.ticks(3)
     queue.post(lambda: served.append(arm.step_count))
     clocked.ticks(3)

@@ -151,7 +151,7 @@ def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: P
     ros.spin_until(lambda: player.count_subscribers("/states") > 0)
     player.start(rate=0.0)
     ros.spin_until(lambda: len(heard) == 20)
-    assert heard == list(range(20)) and player.published == 20
+    assert heard == list(range(20)) and player.count == 20
 
 
 def test_hidden_topics_are_recorded_by_name_only(ros: Ros, tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_messages_are_played_at_their_times(
     player._stop = Mock(wait=wait)
     player.start(rate)
     player._thread.join(10.0)
-    assert player.done and player.published == 3
+    assert player.done and player.count == 3
     np.testing.assert_allclose(at, [0.001, 0.021, 0.051] if rate else [0.001, 0.002, 0.003])
 
 
@@ -192,9 +192,9 @@ def test_a_player_that_is_destroyed_stops(ros: Ros, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="rate"):
         player.start(-1.0)
     player.start()
-    ros.spin_until(lambda: player.published == 1)
+    ros.spin_until(lambda: player.count == 1)
     player.destroy_node()
-    assert player.published == 1 and player.done
+    assert player.count == 1 and player.done
 
 
 def test_of_our_files_what_nodes_understand_is_played_or_what_is_named(

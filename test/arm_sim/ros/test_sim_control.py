@@ -94,9 +94,9 @@ def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
     trip = node.engine.round_trip
     trip.reset()
     for state, arrival in (7, 3_000_000), (8, 5_000_000):  # 3 and 5 ms after they were sent
-        library().trip_sent(byref(trip), state)
+        library().trip_register_state(byref(trip), state)
         sent = trip._times[(trip.next - 1) % 256]
-        assert trip.answered(state, sent + arrival)
+        assert trip.register_answer(state, sent + arrival)
     node.inputs.on_wrench(pushed("tip", 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     node.inputs.on_wrench(pushed("paw", *[1.0] * 6))
     ticks(node, 3)

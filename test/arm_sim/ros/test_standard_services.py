@@ -172,9 +172,7 @@ def test_steps(node: SimNode) -> None:
     np.testing.assert_array_equal(motion(node), [twin.state.q, twin.state.v])
 
 
-def test_the_robot_and_its_links_are_the_entities_of_which_filters_choose(
-    node: SimNode,
-) -> None:
+def test_the_robot_and_its_links_are_the_entities_of_which_filters_choose(node: SimNode) -> None:
     from simulation_interfaces.msg import EntityCategory, EntityFilters, TagsFilter
 
     links = [f.name for f in node.simulator.model.whole.frames if f.type.name == "BODY"]
@@ -217,9 +215,7 @@ def test_bad_filters_are_refused(node: SimNode) -> None:
         assert list(answer.entities) == []
 
 
-def test_entities_state_their_kind_and_unknown_ones_are_not_found(
-    node: SimNode,
-) -> None:
+def test_entities_state_their_kind_and_unknown_ones_are_not_found(node: SimNode) -> None:
     robot = ask(node, "get_entity_info", entity="panda")
     assert robot.result.result == OK
     assert (robot.info.category.category, list(robot.info.tags)) == (1, ["arm"])

@@ -227,7 +227,7 @@ def test_wrenches_of_different_frames_add_up_and_the_newest_on_a_frame_counts(ax
 @contextmanager
 def asked(queue: TickQueue, action: Callable[[], Any]) -> Iterator[Future[Any]]:
     """What another thread is answered that lets an action be run."""
-    queue.served = True
+    queue.is_served = True
     with ThreadPoolExecutor(1) as pool:
         yield pool.submit(queue.run, action)
 
@@ -275,7 +275,7 @@ def test_a_refused_order_leaves_no_memory_to_the_garbage_collector() -> None:
         with suppress(InvalidInput):
             queue.run(refused)
 
-    queue.served = True
+    queue.is_served = True
     gc.disable()
     try:
         thread = Thread(target=ask)

@@ -102,10 +102,10 @@ def test_a_joint_state_between_ticks_is_recorded_as_it_was_published(
 ) -> None:
     """Also if another thread writes it while the buffer already holds the next one."""
     buffer = bytearray(b"first")
-    recorder.published(1, buffer)
+    recorder.add_state(1, buffer)
     buffer[:] = b"other"
     recorder.note("from elsewhere")
-    recorder.published(2, buffer)
+    recorder.add_state(2, buffer)
     recorder.close()
     assert contents(recorder.path)["/joint_states"] == [b"first", b"other"]
 
@@ -174,7 +174,7 @@ class _SlowDisk:
 
 def until_written(recorder: TickRecorder) -> None:
     """Wait until the thread holds no chunk."""
-    while recorder.thread._free.qsize() < COUNT - 1:
+    while recorder.thread._free_chunks.qsize() < COUNT - 1:
         time.sleep(0.001)
 
 
@@ -263,7 +263,7 @@ def test_messages_larger_than_a_chunk_are_recorded(recorder: TickRecorder) -> No
     for size in sizes:
         assert thread.add(recorder.file.changes, 0, 0, bytes(size))
     until_written(recorder)
-    assert {thread._free.get().size for _ in range(COUNT - 1)} == {SIZE}
+    assert {thread._free_chunks.get().size for _ in range(COUNT - 1)} == {SIZE}
     thread.close()
     told = contents(recorder.path)["/sim/changes"]
     assert [len(raw) for raw in told[-3:]] == list(sizes)

@@ -53,9 +53,9 @@ private:
     std::array<State, kKinds> states;
     std::array<Command, kKinds> commands;
     std::array<bool, kKinds> is_commanded{};
-    bool holds = false;        // without a command, at `held`
-    double held = 0.0;         // in [rad] or [m]
-    double last = 0.0;         // position commanded in the period before, NaN for none
+    bool is_holding = false;   // whether it has no command and stays at `held_position`
+    double held_position = 0.0; // in [rad] or [m]
+    double last_command = 0.0; // position commanded in the period before, NaN for none
   };
 
   void check_joints() const;

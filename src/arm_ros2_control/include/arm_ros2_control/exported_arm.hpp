@@ -65,8 +65,8 @@ private:
     void operator()(Simulation* memory) const noexcept;
   };
 
-  /// The function `NAME_what`; null if there is none and it is not demanded.
-  template <class Function> void find(Function*& function, const char* suffix, bool demanded = true);
+  /// The function `NAME_what`; null if there is none and it is not required.
+  template <class Function> void find(Function*& function, const char* suffix, bool is_required = true);
 
   std::string path_, name_;
   std::unique_ptr<void, Close> library_;

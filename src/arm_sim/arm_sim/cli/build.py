@@ -182,13 +182,13 @@ def _of_derivatives(simulator: Simulator) -> Parts:
 
 def _of_nodes(simulator: Simulator) -> Parts:
     """What the loops of the nodes compute of a scene."""
-    from arm_dynamics.ros.dynamics.compiled_services import COMPILED, code_of
+    from arm_dynamics.ros.dynamics.compiled_services import CANDIDATES, code_of
     from arm_sim.ros.drive_torques import DriveTorques
 
     yield "servo", lambda: simulator.arm.compiled.servo  # for position commands and stops
     if (torques := simulator.arm.plant.torques) is not None:
         yield "torques of drives", lambda: DriveTorques(simulator.arm, torques)
-    for service, entries, _ in COMPILED:
+    for service, entries, _ in CANDIDATES:
         if all(entry.compiles(simulator.model) for entry in entries):
             work = partial(code_of, entries, simulator.dynamics)
             yield f"service {service.name.rpartition('/')[2]}", work

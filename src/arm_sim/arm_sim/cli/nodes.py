@@ -107,7 +107,7 @@ def _run(
     """Run one node; return it after a clean end, else exit with its status."""
     from rclpy.parameter import Parameter
 
-    from arm_dynamics.ros.common.executable import split_words
+    from arm_dynamics.ros.common.command_line import split_words
 
     try:
         scene, rest = split_words((scene, *rest) if scene else rest)

@@ -265,7 +265,7 @@ def _play(path: Path, names: tuple[str, ...], rate: float) -> NoReturn:
 
     def make(**kwargs: Any) -> Any:
         player = Player(path, names, **kwargs)
-        for topic, why in player.passed_over.items():
+        for topic, why in player.obstacles.items():
             click.echo(f"{topic} is ignored: {why}", err=True)
         click.echo(f"playing {player.duration:.6g} s", err=True)
         player.start(rate)
@@ -273,5 +273,5 @@ def _play(path: Path, names: tuple[str, ...], rate: float) -> NoReturn:
 
     status, player = run_node(make, until=lambda node: bool(node.done))
     if player is not None:
-        click.echo(f"{player.published} messages published")
+        click.echo(f"{player.count} messages published")
     sys.exit(status)

@@ -70,7 +70,7 @@ class SimDiagnostics:
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.wrenches.active),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self._growth.of("stale", slot.stale_count)
+        stopped = self._growth.update("stale", slot.stale_count)
         if slot.stale:
             finding.add(WARN, f"commands stopped: {in_force(policy)}")
         elif stopped:
@@ -80,7 +80,7 @@ class SimDiagnostics:
         finding.add(WARN, self._lateness.message)
         self._growth.warn(finding, inputs.refused, "command", "ignored")
         self._growth.warn(finding, inputs.refused_wrenches, "wrench message", "ignored")
-        if self._growth.of("conflicts", arbiter.refused) or arbiter.conflict:
+        if self._growth.update("conflicts", arbiter.refused) or arbiter.has_conflict:
             finding.add(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
             finding.add(WARN, f"{publishers} publishers on {topic}")
@@ -93,9 +93,9 @@ class SimDiagnostics:
         names, account = simulator.joint_names, node.outputs.energy.account()
         pushed = [f"{name} {x:.4g}" for name, x in zip(names, stops, strict=True) if x != 0.0]
         finding.values = {
-            "time [s]": state.time, "stamps": node.outputs.stamps.name, "tf": node.display.frames,
-            "paused": engine.paused, "diverged": bool(engine.failure),
-            "at stops": ", ".join(pushed) or "none",
+            "time [s]": state.time, "stamps": node.outputs.stamps.name,
+            "tf": node.display.frames if node.display else "off", "paused": engine.paused,
+            "diverged": bool(engine.failure), "at stops": ", ".join(pushed) or "none",
             "method": simulator.choice.method.name,
             "error estimate": state.error,
             "time-stepped ticks": state.time_stepped,
@@ -132,10 +132,10 @@ class SimDiagnostics:
     def _check_lockstep(self) -> Finding:
         finding, lockstep = Finding("lockstep"), self._node.lockstep
         finding.values = {
-            "asked again": lockstep.repeated, "ignored": lockstep.waiting.ignored,
-            "partner gone": lockstep.gone,
+            "asked again": lockstep.repeat_count, "ignored": lockstep.waiting.ignored,
+            "partner gone": lockstep.is_partner_gone,
         }  # fmt: skip
-        self._growth.warn(finding, lockstep.repeated, "state", "published again")
-        if lockstep.gone:
+        self._growth.warn(finding, lockstep.repeat_count, "state", "published again")
+        if lockstep.is_partner_gone:
             finding.add(ERROR, "the partner does not answer; time stands still")
         return finding

@@ -17,7 +17,8 @@ from arm_sim.ros.interfaces import ALL_JOINT_STATES
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
-_PERIOD, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
+_PERIOD = 0.2  # [s] between checks for subscribers
+_SELDOM = 5  # checks for subscribers, of which one also looks for other publishers of frames
 
 
 class AllJointStates:
@@ -47,9 +48,6 @@ class Display:
 
     It runs in the thread that spins the node, and requests a copy of the state from the ticking
     thread between two ticks.
-
-    Attributes:
-        frames: State of ``/tf``, as text.
     """
 
     def __init__(
@@ -65,36 +63,40 @@ class Display:
         model = engine.simulator.model
         self._copies = tuple(array.copy() for array in arrays)
         self._all = AllJointStates(model, self._copies)
-        self.frames, self._tf = "off", None
-        if params.display_rate == 0.0:
-            return
+        self._tf, self._absence = None, "off"
         writer = JointStateWriter(self._all.names, frame_id=params.frame_id)
         self._states = JointStateSink(node, ALL_JOINT_STATES, writer, self._all.arrays)
         if params.publish_tf:
             try:
                 self._tf = Frames(node, Links(model), self._all.names, params.frame_prefix)
-                self.frames = "published"
             except ImportError:
-                self.frames = "not published: tf2_msgs is not installed"
-        self._updates, self._sends_states, self._sends_frames = count(), False, False
-        self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
+                self._absence = "not published: tf2_msgs is not installed"
+        self._checks, self._has_rivals = count(), False
+        self._sends_states = self._sends_frames = False
+        self._timer = steady_timer(node, 1.0 / params.display_rate, self.publish)
         self._timer.cancel()
-        self._update_timer = steady_timer(node, _PERIOD, self.update)
+        self._check_timer = steady_timer(node, _PERIOD, self.check_subscribers)
 
-    def update(self) -> None:
+    @property
+    def frames(self) -> str:
+        """State of ``/tf``, as text."""
+        if self._tf is None:
+            return self._absence
+        return "left to robot_state_publisher" if self._has_rivals else "published"
+
+    def check_subscribers(self) -> None:
         """Check for subscribers, and start or stop publishing."""
-        self._sends_states, self._sends_frames = self._states.has_subscribers, False
+        self._sends_states = self._states.has_subscribers
         if self._tf is not None:
-            if next(self._updates) % _SELDOM == 0:
-                rivals = self._tf.has_rivals()
-                self.frames = "left to robot_state_publisher" if rivals else "published"
-            self._sends_frames = self.frames == "published" and self._tf.has_subscribers
+            if next(self._checks) % _SELDOM == 0:
+                self._has_rivals = self._tf.has_rivals()
+            self._sends_frames = self._tf.has_subscribers and not self._has_rivals
         if not (self._sends_states or self._sends_frames):
             self._timer.cancel()
         elif self._timer.is_canceled():
             self._timer.reset()
 
-    def show(self) -> None:
+    def publish(self) -> None:
         """Publish the subscribed topics."""
         try:
             stamp = self._engine.queue.run(self._copy)

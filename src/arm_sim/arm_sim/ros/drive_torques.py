@@ -15,7 +15,7 @@ class DriveTorques:
 
     Attributes:
         values: In [N m] or [N], shape (n,).
-        place: Address of the compiled function that updates them, as a ``kernel.Entry``, or None.
+        entry_address: Address of the ``kernel.Entry`` by which C updates them, or None.
     """
 
     @one_at_a_time
@@ -24,13 +24,13 @@ class DriveTorques:
         self._arm = arm
         self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
         self.values, entry = self._call.outputs[0], self._call.entry
-        self.place = None
+        self.entry_address = None
         if entry is not None:
             # Between ticks, C calls the entry by itself. The arm changes its arrays in place and
             # never replaces them, so their addresses stay valid.
             inputs = (c_void_p * 2).from_address(entry.arguments)
             inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
-            self.place = addressof(entry)
+            self.entry_address = addressof(entry)
 
     def update(self) -> None:
         """Evaluate them without compiled code."""

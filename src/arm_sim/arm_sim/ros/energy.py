@@ -28,7 +28,7 @@ class EnergyTopic:
     ``update``, called by a timer, opens and closes it.
 
     Attributes:
-        every: Ticks between messages.
+        interval: Ticks between messages.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class EnergyTopic:
         self._thread: Thread | None = None
         self._ended = Event()
         self._latest: Account | None = None
-        self.every = max(1, round(period / engine.simulator.dt))
+        self.interval = max(1, round(period / engine.simulator.dt))
         self._publisher = advertise(node, ENERGY)
         engine.simulator.arm.compiled.energy_account.prepare()
 
@@ -61,9 +61,9 @@ class EnergyTopic:
 
     def after_tick(self) -> None:
         """Open or close the account as required, and publish it; in the ticking thread."""
-        published, energy = self.has_subscribers, self._engine.energy
-        energy.keep(published or self._also_read())
-        if published and (account := energy.read()) is not None:
+        has_subscribers, energy = self.has_subscribers, self._engine.energy
+        energy.set_open(has_subscribers or self._also_read())
+        if has_subscribers and (account := energy.read()) is not None:
             self._publish(account)
 
     def account(self) -> Account | None:
@@ -83,7 +83,7 @@ class EnergyTopic:
         if needed == engine.energy.is_open:
             return
         with suppress(InvalidInput):  # no tick has ended for long; the next update tries again
-            engine.queue.run(lambda: engine.energy.keep(needed))
+            engine.queue.run(lambda: engine.energy.set_open(needed))
 
     def close(self) -> None:
         """End the thread."""
@@ -92,12 +92,12 @@ class EnergyTopic:
             self._thread.join()
 
     def _run(self, period: float) -> None:
-        published, last_step = False, -1
-        while not self._ended.wait(period if published else _UNPUBLISHED):
+        has_subscribers, last_step = False, -1
+        while not self._ended.wait(period if has_subscribers else _UNPUBLISHED):
             self._latest = account = self._engine.energy.read()
             try:
-                published = self.has_subscribers
-                if published and account is not None and account.step != last_step:
+                has_subscribers = self.has_subscribers
+                if has_subscribers and account is not None and account.step != last_step:
                     last_step = account.step
                     self._publish(account)
             except Exception:

@@ -26,7 +26,7 @@ class EnergyTrail:
         self._arm, self._ticks, self._lock = arm, ticks, Lock()
         self._states, self._efforts = np.zeros((ROWS, arm.plant.nx)), np.zeros((ROWS, arm.n))
         self._steps = np.zeros(ROWS, np.int64)  # negative: brakes held the arm
-        ticks.trail, ticks.acted = self._states.ctypes.data, self._efforts.ctypes.data
+        ticks.state_trail, ticks.effort_trail = self._states.ctypes.data, self._efforts.ctypes.data
         ticks.ticks = self._steps.ctypes.data
         self._meter: EnergyMeter | None = None
 
@@ -35,30 +35,30 @@ class EnergyTrail:
         """Whether it is kept."""
         return self._meter is not None
 
-    def keep(self, needed: bool) -> None:
+    def set_open(self, needed: bool) -> None:
         """Open it if it is needed, or close it if it is not."""
         with self._lock:
-            self._ticks.room = ROWS if needed else 0
+            self._ticks.rows = ROWS if needed else 0
             if not needed:
                 self._meter = None
             elif self._meter is None:
-                self._ticks.kept = self._ticks.noted = 0
+                self._ticks.kept_count = self._ticks.noted_count = 0
                 self._meter = EnergyMeter(self._arm)
 
     def note(self) -> None:
         """Evaluate the ticks executed so far."""
         with self._lock:
-            noted, kept, meter = self._ticks.noted, self._ticks.kept, self._meter
+            noted, kept, meter = self._ticks.noted_count, self._ticks.kept_count, self._meter
             if kept == noted or meter is None:
                 return
             rows = np.arange(noted, kept) % ROWS
             moved, last = rows[self._steps[rows] > 0], abs(self._steps[rows[-1]])
             meter.note_all(self._states[moved], self._efforts[moved], int(last))
-            self._ticks.noted = kept
+            self._ticks.noted_count = kept
 
     def note_before_full(self) -> None:
         """Evaluate the ticks executed so far if C has no room for further ones."""
-        if self._ticks.kept - self._ticks.noted >= ROWS:
+        if self._ticks.kept_count - self._ticks.noted_count >= ROWS:
             self.note()
 
     def change(self, action: Callable[[], Any]) -> None:

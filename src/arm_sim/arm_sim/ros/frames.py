@@ -29,17 +29,17 @@ class Frames:
         """
         from tf2_msgs.msg import TFMessage
 
-        moving = Topic("/tf", TFMessage, publish=QoSProfile(depth=100))
-        still = Topic("/tf_static", TFMessage, publish=LATCHED)
+        moving_topic = Topic("/tf", TFMessage, publish=QoSProfile(depth=100))
+        fixed_topic = Topic("/tf_static", TFMessage, publish=LATCHED)
         self._node, self._links, self._names = node, links, names
-        self._publisher, static = advertise(node, moving), advertise(node, still)
-        self._topic = node.resolve_topic_name(moving.name)
+        self._publisher, static = advertise(node, moving_topic), advertise(node, fixed_topic)
+        self._topic = node.resolve_topic_name(moving_topic.name)
         links.place({})
-        fixed = moving.type(transforms=_named(links.fixed, prefix))
+        fixed = moving_topic.type(transforms=_named(links.fixed, prefix))
         now = node.get_clock().now().to_msg()
         _fill(fixed.transforms, links.fixed_transforms(), now)
         static.publish(fixed)
-        self._message = moving.type(transforms=_named(links.moving, prefix))
+        self._message = moving_topic.type(transforms=_named(links.moving, prefix))
 
     @property
     def has_subscribers(self) -> bool:

@@ -28,8 +28,8 @@ class Lockstep:
     happens in the thread that spins the node.
 
     Attributes:
-        repeated: Number of states that were published again.
-        gone: Whether the partner is reported gone.
+        repeat_count: Number of states that were published again.
+        is_partner_gone: Whether the partner is reported gone.
         waiting: The state whose answer is awaited: ``waiting_t`` of ticks.h, where its fields are.
     """
 
@@ -39,23 +39,23 @@ class Lockstep:
         """Subscribe to commands, and monitor the partner by a timer."""
         self._engine, self._inputs, self._outputs = engine, inputs, outputs
         self._node, self._log = node, node.get_logger()
-        self._yielding = False
+        self._is_yielding = False
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
         self._period = 0.5 * params.lockstep_retry
-        self.repeated, self.gone = 0, False
+        self.repeat_count, self.is_partner_gone = 0, False
         self.waiting = TICKS.structure("waiting_t")(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
-        inputs.polled.read_from(self._subscription.handle.pointer, self._take)
-        steady_timer(node, self._period, self.watch)
-        engine.on.jump.append(self.wait)
-        engine.on.pause.extend((outputs.publish, self.wait))
+        inputs.polled.read_from(self._subscription.handle.pointer, self._take_message)
+        steady_timer(node, self._period, self.check_partner)
+        engine.on.jump.append(self.await_answer)
+        engine.on.pause.extend((outputs.publish, self.await_answer))
 
     def reset_counters(self) -> None:
         """Reset the counters."""
-        self.repeated = self.waiting.ignored = 0
+        self.repeat_count = self.waiting.ignored = 0
 
-    def _take(self) -> tuple[bytes, int] | None:
+    def _take_message(self) -> tuple[bytes, int] | None:
         """A message and its arrival in [ns]."""
         message = self._subscription.handle.take_message(self._subscription.msg_type, True)
         return None if message is None else (bytes(message[0]), time.time_ns())
@@ -68,42 +68,42 @@ class Lockstep:
         commands are processed one by one.
         """
         engine, arm = self._engine, self._engine.simulator.arm
-        self.waiting.end = 0 if self._yielding else time.monotonic_ns() + _STRETCH
+        self.waiting.end = 0 if self._is_yielding else time.monotonic_ns() + _STRETCH
         stamp, before = self._inputs.on_joint_commands(raw, time.time_ns()), arm.step_count
         engine.run(
             library().ticks_in_lockstep, byref(self.waiting), -1 if stamp is None else stamp
         )
         if engine.paused:
-            self.wait()
+            self.await_answer()
         executor = self._node.executor
-        if not self._yielding and executor is not None and arm.step_count - before > 1:
-            self._yielding = True
-            executor.create_task(self._go_on)
-        if self.gone and arm.step_count != before:
-            self.gone = False
+        if not self._is_yielding and executor is not None and arm.step_count - before > 1:
+            self._is_yielding = True
+            executor.create_task(self._end_yield)
+        if self.is_partner_gone and arm.step_count != before:
+            self.is_partner_gone = False
             self._log.info("the partner answers again")
 
-    def _go_on(self) -> None:
-        self._yielding = False
+    def _end_yield(self) -> None:
+        self._is_yielding = False
 
-    def wait(self) -> None:
+    def await_answer(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
         self.waiting.stamp = -1 if self._engine.paused else self._engine.stamp
         self.waiting.published = self.waiting.first = time.monotonic_ns()
 
-    def watch(self) -> None:
+    def check_partner(self) -> None:
         """Publish the state again, or report the partner gone, when it is time."""
         if self._engine.paused:
             self._outputs.repeat(self._period)
             return
         now = time.monotonic_ns()
-        if not self.gone and now - self.waiting.first > self._timeout:
-            self.gone = True
+        if not self.is_partner_gone and now - self.waiting.first > self._timeout:
+            self.is_partner_gone = True
             self._log.error(
                 f"no answer to the state of {1e-9 * self._engine.stamp:.6f} s for "
                 f"{1e-9 * self._timeout:g} s: the partner is gone; time stands still"
             )
         if now - self.waiting.published > self._retry:
-            self.repeated += 1
+            self.repeat_count += 1
             self.waiting.published = now
             self._outputs.publish()

@@ -96,18 +96,19 @@ class Outputs:
         else:
             self.states = sink(JOINT_STATES, names, self.reported)
 
-    def _share(self, every: int) -> None:
+    def _share(self, period: int) -> None:
         """Let C publish joint states after every so many ticks."""
         ticks, stamps, drives = self._engine.ticks, self.stamps, self._drives
-        ticks.every, ticks.joint_states = every, self.states.address
+        ticks.state_period, ticks.joint_states = period, self.states.address
         ticks.ground_truth = None if self._truth is None else self._truth.address
         ticks.clock = None if self.clock is None else addressof(self.clock.sink)
         ticks.times = addressof(stamps) if isinstance(stamps, NodeTime) else None
-        ticks.drives = None if drives is None else drives.place
-        ticks.fills = self._all is not None or (drives is not None and drives.place is None)
+        ticks.drives = None if drives is None else drives.entry_address
+        needs_drives = drives is not None and drives.entry_address is None
+        ticks.needs_filling = needs_drives or self._all is not None
         if self._multipliers is not None or not self._by_the_clock:
-            ticks.seldom = self.energy.every
-            self._engine.on.seldom.append(self._publish_seldom)
+            ticks.slow_period = self.energy.interval
+            self._engine.on.slow_tick.append(self._publish_slow_topics)
         # What C could not publish is published again, which raises the reason.
         ticks.answer(fill=self._fill, unsent=lambda: self.states.publish(bytes(self.states.raw)))
 
@@ -120,11 +121,11 @@ class Outputs:
         """Publish the current state, and the clock."""
         ticks = self._engine.ticks
         library().ticks_publish_state(byref(ticks))
-        self.tap(JOINT_STATES, self.states.raw, ticks.published)
+        self.tap(JOINT_STATES, self.states.raw, ticks.state_stamp)
 
     def _fill(self) -> None:
         """Fill arrays that C does not compute."""
-        if self._drives is not None and self._drives.place is None:
+        if self._drives is not None and self._drives.entry_address is None:
             self._drives.update()
         if self._all is not None:
             self._all.fill()
@@ -132,8 +133,8 @@ class Outputs:
     def repeat(self, elapsed: float) -> None:
         """Publish the current state periodically; ``elapsed`` in [s] since the last call."""
         self._release()
-        self._engine.ticks.idle += elapsed
-        if self._engine.ticks.idle >= _IDLE_PERIOD:
+        self._engine.ticks.idle_time += elapsed
+        if self._engine.ticks.idle_time >= _IDLE_PERIOD:
             self.publish()
 
     def stamp(self) -> int:
@@ -145,7 +146,7 @@ class Outputs:
         if not self._engine.paused:
             self.stamps.release()
 
-    def _publish_seldom(self) -> None:
+    def _publish_slow_topics(self) -> None:
         """Publish other topics than joint states, if there are readers."""
         if not self._by_the_clock:
             self.energy.after_tick()

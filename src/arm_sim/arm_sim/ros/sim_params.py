@@ -38,11 +38,10 @@ class SimParams(ThreadParams, DescriptionParams):
         1.0, "Simulated time per real time; 0: as fast as possible", low=0.0, high=1000.0
     )
     overrun: str = parameter(
-        CATCH_UP,
-        "After a cycle that is late by more than a cycle: catch_up makes up for it, skip leaves "
-        "out cycles whose time has passed, slow_down lets simulated time fall behind",
+        CATCH_UP, "After a cycle that is late by more than a cycle: catch_up makes up for it, "
+        "skip leaves out cycles whose time has passed, slow_down lets simulated time fall behind",
         choices=OVERRUN,
-    )
+    )  # fmt: skip
     lockstep: bool = parameter(
         False, "Tick when a command has answered the current state, instead of in real time"
     )
@@ -63,11 +62,9 @@ class SimParams(ThreadParams, DescriptionParams):
         1, "Number of time steps between joint states", low=1, high=100_000
     )
     time: str = parameter(
-        AUTO,
-        "Stamps: sim (simulated time), ros (the node's clock), or auto: ros where the simulation "
-        "goes at the clock's pace and does not publish one",
-        choices=CHOICES,
-    )
+        AUTO, "Stamps: sim (simulated time), ros (the node's clock), or auto: ros where the "
+        "simulation goes at the clock's pace and does not publish one", choices=CHOICES,
+    )  # fmt: skip
     publish_description: bool = parameter(
         True, "Publish the URDF on robot_description, unless it came from there"
     )
@@ -84,10 +81,9 @@ class SimParams(ThreadParams, DescriptionParams):
     )
     publish_clock: bool = parameter(False, "Publish simulated time on /clock")
     record: str = parameter(
-        "",
-        "File (.mcap) or folder of a bag to record every time step to; {time} in its name stands "
-        "for the time of the start; empty: none",
-    )
+        "", "File (.mcap) or folder of a bag to record every time step to; {time} in its name "
+        "stands for the time of the start; empty: none",
+    )  # fmt: skip
     energy_period: float = parameter(
         0.1, "Time between messages on ~/energy [s]", low=0.001, high=10.0
     )
@@ -95,25 +91,20 @@ class SimParams(ThreadParams, DescriptionParams):
         0.1, "Simulated time that a wrench acts [s]", low=0.0, high=3600.0
     )
     wrench_reference: str = parameter(
-        "local",
-        "Axes of wrenches: local (of the frame that is pushed) or local_world_aligned (of the "
-        "world)",
-        choices=("local", "local_world_aligned"),
-    )
+        "local", "Axes of wrenches: local (of the frame that is pushed) or local_world_aligned "
+        "(of the world)", choices=("local", "local_world_aligned"),
+    )  # fmt: skip
     command_timeout: float = parameter(
-        0.1,
-        "Simulated time after which a command is old [s]; 0: never; while the loop catches up, "
-        "only real time counts",
+        0.1, "Simulated time after which a command is old [s]; 0: never; while the loop catches "
+        "up, only real time counts",
         low=0.0, high=3600.0, read_only=False,
     )  # fmt: skip
     stale_policy: str = parameter(
-        BRAKE,
-        "What acts without a command or with an old one: brake stops the arm and its brakes hold "
-        "it; servo stops it and the servos hold it; zero torque; hold of the last torque; or "
-        "gravity, the torque that compensates gravity and springs",
-        choices=POLICIES,
-        read_only=False,
-    )
+        BRAKE, "What acts without a command or with an old one: brake stops the arm and its "
+        "brakes hold it; servo stops it and the servos hold it; zero torque; hold of the last "
+        "torque; or gravity, the torque that compensates gravity and springs",
+        choices=POLICIES, read_only=False,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Refuse invalid processor lists, and stamps that contradict the source of time."""

@@ -45,7 +45,7 @@ class Events:
 
     Attributes:
         tick: Called after each tick.
-        seldom: Called after every so many ticks, see ``Ticks.seldom``.
+        slow_tick: Called after every so many ticks, see ``Ticks.slow_period``.
         idle: Called instead of a tick while time stands still.
         jump: Called when state or model changed other than by a tick.
         pause: Called when the simulation was paused or resumed.
@@ -54,7 +54,7 @@ class Events:
     """
 
     tick: Listeners = field(default_factory=Listeners)
-    seldom: Listeners = field(default_factory=Listeners)
+    slow_tick: Listeners = field(default_factory=Listeners)
     idle: Listeners = field(default_factory=Listeners)
     jump: Listeners = field(default_factory=Listeners)
     pause: Listeners = field(default_factory=Listeners)
@@ -121,7 +121,7 @@ class TickEngine:
         for listeners in (self.on.jump, self.on.pause, self.on.staleness):
             listeners.append(self.round_trip.forget)
         self._share(ticks)
-        ticks.paused, ticks.waits = paused, wait_for_command
+        ticks.paused, ticks.waits_for_command = paused, wait_for_command
         self.configure(0.0, ZERO)
 
     def _share(self, ticks: Ticks) -> None:
@@ -135,17 +135,17 @@ class TickEngine:
         ticks.take = cast(library().joint_state_take, c_void_p).value
         ticks.answer(
             serve=self.queue.serve, idle=self.on.idle, prepare=self._prepare,
-            expire=self._may_come, move=self._move, sense=arm.passed, ticked=self._ticked,
+            expire=self._check_expiry, move=self._move, sense=arm.passed, ticked=self._ticked,
         )  # fmt: skip
         ticks.before_ticks.append(self._refresh)
 
     def _refresh(self) -> None:
         arm, ticks, stopping = self._arm, self.ticks, self.stopping
         ticks.arm = None if arm.pointers is None else addressof(arm.pointers)
-        ticks.stopping, ticks.locked = stopping.acts, stopping.locked
-        ticks.notices, ticks.senses = arm.notices_cuts, arm.sensors is not None
-        ticks.prepares = self.wrenches.act or self.commands.line is not None
-        ticks.listens = bool(self.on.tick)
+        ticks.stopping, ticks.locked = stopping.is_active, stopping.is_locked
+        ticks.needs_cut_notice, ticks.has_sensors = arm.notices_cuts, arm.sensors is not None
+        ticks.needs_preparation = self.wrenches.need_torques or self.commands.line is not None
+        ticks.has_listeners = bool(self.on.tick)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
         """Set the simulated time in [s] until commands are stale, 0: never, and the policy."""
@@ -175,9 +175,9 @@ class TickEngine:
     @property
     def held(self) -> str:
         """What stops or holds the arm without a command: ``brakes``, ``servos``, or ``no``."""
-        if not self.stopping.acts:
+        if not self.stopping.is_active:
             return "no"
-        return "brakes" if self.stopping.locked else "servos"
+        return "brakes" if self.stopping.is_locked else "servos"
 
     # --- ticking -------------------------------------------------------------------------------
 
@@ -229,12 +229,12 @@ class TickEngine:
 
     def _prepare(self) -> None:
         """Put the delayed command that has arrived, and apply the wrenches in the next tick."""
-        self.commands.arrive(self._arm.step_count)
-        if self.wrenches.act:
-            self.wrenches.apply(self.energy.note)  # with the quantities that acted
+        self.commands.deliver(self._arm.step_count)
+        if self.wrenches.need_torques:
+            self.wrenches.apply(self.energy.note)
 
-    def _may_come(self) -> bool:
-        """Whether a command that expires may have a successor that has arrived already.
+    def _check_expiry(self) -> bool:
+        """Read what has arrived; return whether a command that expires goes on acting.
 
         What has arrived on this machine is in time, although busy processors keep the middleware
         from handing it over; but not for ever, so that an arm without commands stops.
@@ -242,18 +242,18 @@ class TickEngine:
         commands, arriving = self.commands, self.arriving()
         # All that had arrived is read, unless more is arriving.
         library().ticks_read_commands(byref(self.ticks))
-        commands.arrive(self._arm.step_count)
+        commands.deliver(self._arm.step_count)
         expires = library().slot_expires(byref(commands), c_double(self.ticks.share))
         return arriving and expires and commands.age - commands.timeout < self.duration(_SILENCE)
 
-    def _acting(self) -> Command | None:
-        """What acts in a tick that C does not compute: a command, or None for the brakes."""
-        stopping, command = self.stopping, self.commands.command(self.ticks.acts, self._q)
+    def _choose_command(self) -> Command | None:
+        """Release or stop the arm as what acts requires; return the command, None for brakes."""
+        stopping, command = self.stopping, self.commands.command(self.ticks.actor, self._q)
         if isinstance(command, str):
             return stopping.stop(command)
         if isinstance(command, JointCommand) and not stopping.servos.request(wait=self.paused):
             return None
-        if stopping.acts:
+        if stopping.is_active:
             stopping.release()
             if stopping.servos.in_background and self.stale_policy in (BRAKE, SERVO):
                 stopping.servos.request()  # which may have to stop the arm
@@ -261,12 +261,12 @@ class TickEngine:
 
     def _move(self) -> bool:
         """Execute a tick that C does not compute; return whether it can be computed."""
-        arm, command = self._arm, self._acting()
+        arm, command = self._arm, self._choose_command()
         try:
             if command is None:
-                if not self.stopping.locked:  # the energy that brakes absorb is a change
-                    self._accounted(arm.lock)
-                    self.stopping.locked = True
+                if not self.stopping.is_locked:  # the energy that brakes absorb is a change
+                    self._run_accounted(arm.lock)
+                    self.stopping.is_locked = True
                 arm.stand()
             elif isinstance(command, JointCommand):
                 arm.follow(command)
@@ -279,8 +279,8 @@ class TickEngine:
     def _ticked(self) -> None:
         ticks = self.ticks
         self.energy.note_before_full()
-        if self._arm.step_count % ticks.seldom == 0:
-            self.on.seldom()
+        if self._arm.step_count % ticks.slow_period == 0:
+            self.on.slow_tick()
         self.on.tick()
         if self.commands.stale != ticks.was_stale:
             ticks.was_stale = self.commands.stale
@@ -301,18 +301,18 @@ class TickEngine:
         self.arbiter.forget()
         self.wrenches.clear()
         self.failure, self.ticks.was_stale = "", False
-        self.energy.keep(False)
+        self.energy.set_open(False)
         self.stopping.hold()
         self.change(lambda: self.simulator.reset(*state))
 
     def change(self, action: Callable[[], Any]) -> None:
         """Run a function that changes state or model, and note its energy in the account."""
-        self._accounted(action)
-        if self.stopping.acts:
+        self._run_accounted(action)
+        if self.stopping.is_active:
             self.stopping.hold()  # where it is now
         self.on.jump()
 
-    def _accounted(self, action: Callable[[], Any]) -> None:
+    def _run_accounted(self, action: Callable[[], Any]) -> None:
         self.energy.change(action)
         self.commands.dynamics = self.simulator.dynamics  # gravity may have changed
 
@@ -326,9 +326,9 @@ class TickEngine:
             InvalidInput: If the frame is unknown or fixed, or a number is not finite.
         """
         wrenches = self.wrenches
-        if not wrenches.possible:
-            change = wrenches.prepared(frame, wrench)
-            self.queue.run(lambda: self._accounted(change))
-            wrenches.possible = True
+        if not wrenches.is_enabled:
+            change = wrenches.build_change(frame, wrench)
+            self.queue.run(lambda: self._run_accounted(change))
+            wrenches.enable()
         last = self._wrench_ticks - 1
         self.queue.run(lambda: wrenches.push(frame, wrench, self._arm.step_count + last))

@@ -17,12 +17,12 @@ class TickQueue:
     exception refers to their frames, which would be a cycle, freed only much later.
 
     Attributes:
-        served: Whether another thread empties the queue.
+        is_served: Whether another thread empties the queue.
         bell: Nonzero while the ticking thread has work between two ticks.
     """
 
     def __init__(self, timeout: float = 30.0) -> None:
-        self.served, self.bell = False, c_int64()
+        self.is_served, self.bell = False, c_int64()
         self._timeout = timeout
         self._queue: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
 
@@ -32,7 +32,7 @@ class TickQueue:
         Raises:
             InvalidInput: If it was not done in time: it is discarded, unless it has begun.
         """
-        if not self.served:
+        if not self.is_served:
             return action()
         future: Future[Any] = Future()
         self._queue.put((action, future))
@@ -49,7 +49,7 @@ class TickQueue:
 
     def post(self, action: Callable[[], Any]) -> None:
         """Run an action between two ticks, without waiting; it must not raise."""
-        if self.served:
+        if self.is_served:
             self._queue.put((action, Future()))
             self.ring()
         else:

@@ -26,7 +26,7 @@ class Ticks(Structure):
         self.error: BaseException | None = None
         self._ask = _ASK(self._reply)
         ask = cast(self._ask, c_void_p).value
-        super().__init__(ask=ask, every=1, seldom=_NEVER, share=1.0)
+        super().__init__(ask=ask, state_period=1, slow_period=_NEVER, share=1.0)
 
     def answer(self, **functions: Callable[[], object]) -> None:
         """Set the functions that answer questions of C, by name; truth or numbers are answers."""
@@ -35,7 +35,7 @@ class Ticks(Structure):
 
     def accept(self, kinds: Sequence[bool]) -> None:
         """Let C accept commands of some kinds of messages without Python."""
-        self.leads[:] = [*kinds, *[False] * (len(self.leads) - len(kinds))]
+        self.trusted_kinds[:] = [*kinds, *[False] * (len(self.trusted_kinds) - len(kinds))]
 
     def _reply(self, question: int) -> int:
         try:

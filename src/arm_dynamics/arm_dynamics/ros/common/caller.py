@@ -45,7 +45,7 @@ class PolledClient:
         self._response, self._handle = service.type.Response, client.handle
         self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
 
-    def ready(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether the service has a server."""
         return bool(self._handle.service_server_is_available())
 
@@ -153,7 +153,7 @@ class Caller(TemporaryNode):
     def _await_server(self, client: PolledClient, repeatable: bool) -> None:
         """Wait for the service, and until its server sees a client that may ask only once."""
         end = time.monotonic() + self._timeout
-        while not client.ready():
+        while not client.is_ready():
             if time.monotonic() >= end:
                 client.has_answered = False
                 raise NoAnswer(self._not_offered(client.name))
@@ -186,7 +186,7 @@ class Caller(TemporaryNode):
 
     def _failure(self, client: PolledClient, repeatable: bool) -> NoAnswer:
         """The error of a request without an answer: no server, or one that is silent."""
-        if not client.ready():
+        if not client.is_ready():
             return NoAnswer(self._not_offered(client.name))
         doubt = "" if repeatable else " The request may have been carried out nevertheless"
         return Silence(

@@ -34,12 +34,12 @@ def publishers(node: Node, topic: str) -> dict[bytes, str]:
     }
 
 
-def two_publish(topic: str, one: str, other: str) -> str:
+def complaint_of_publishers(topic: str, one: str, other: str) -> str:
     """Complaint of two nodes that publish a topic of one."""
     return f"two nodes publish {topic}: {one}, and {other}; allowed: one. End one, {_WAY_OUT}"
 
 
-def same_name(node: Node) -> str:
+def complaint_of_same_name(node: Node) -> str:
     """Complaint of another node that has the name of this one; empty if there is none."""
     own = node.get_name(), node.get_namespace()
     if node.get_node_names_and_namespaces().count(own) < 2:

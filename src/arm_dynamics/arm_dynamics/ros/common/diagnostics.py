@@ -11,16 +11,16 @@ from rclpy.node import Node
 
 from arm_dynamics.exceptions import counted
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.conflicts import Alarm, same_name
+from arm_dynamics.ros.common.conflicts import Alarm, complaint_of_same_name
 from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
 OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
-_LATE, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; what exceeds both is too long
-_BUSY = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
-_RARELY = 10.0  # [s] between log messages of a machine that is busy
+_MIN_BOUND, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; beyond both is too long
+_CAUSE = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
+_LOG_PERIOD = 10.0  # [s] between log messages of a machine that is busy
 
 
 @dataclass
@@ -55,14 +55,14 @@ class Growth:
     def __init__(self) -> None:
         self._before: dict[str, int] = {}
 
-    def of(self, name: str, count: int) -> int:
-        """Growth of a counter, which may have been reset meanwhile."""
+    def update(self, name: str, count: int) -> int:
+        """Register a counter, which may have been reset meanwhile; return its growth."""
         before, self._before[name] = self._before.get(name, 0), count
         return count - before if count >= before else count
 
     def warn(self, finding: Finding, count: int, noun: str, event: str) -> None:
         """Add a warning if the count of an event has grown; after a colon it may have reasons."""
-        if growth := self.of(f"{noun} {event.partition(':')[0]}", count):
+        if growth := self.update(f"{noun} {event.partition(':')[0]}", count):
             finding.add(WARN, f"{counted(growth, noun)} {event}")
 
 
@@ -82,9 +82,9 @@ class Lateness:
             usual: The usual duration in [s].
             text: Text of the warning, with a place for the duration.
         """
-        self._bound, self._text = max(_LATE, _FACTOR * usual), f"{text}: {_BUSY}"
+        self._bound, self._text = max(_MIN_BOUND, _FACTOR * usual), f"{text}: {_CAUSE}"
         self._take, self.longest = take, 0.0
-        self._log = Throttled(node.get_logger(), period=_RARELY)
+        self._log = Throttled(node.get_logger(), period=_LOG_PERIOD)
         self._timer = steady_timer(node, PERIOD, self.end_second)
 
     def end_second(self) -> None:
@@ -119,7 +119,7 @@ class Diagnosis:
 
     def publish(self) -> None:
         """Look for a node of the same name; publish the findings, if there are subscribers."""
-        self._same_name.set(same_name(self._node))
+        self._same_name.set(complaint_of_same_name(self._node))
         if not self.has_subscribers:
             return
         findings, executor = self._inspect(), self._node.executor

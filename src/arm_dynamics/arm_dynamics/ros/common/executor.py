@@ -49,11 +49,11 @@ def _dispatches(executor: Executor, node: Node) -> bool:
     return bool(calls)
 
 
-def spin(node: Node, done: Callable[[], bool]) -> None:
-    """Run a node's callbacks until ``done``, or until its context is shut down."""
+def spin(node: Node, is_done: Callable[[], bool]) -> None:
+    """Run a node's callbacks until ``is_done``, or until its context is shut down."""
     executor = make_executor(node)
     try:
-        while node.context.ok() and not done():
+        while node.context.ok() and not is_done():
             executor.spin_once(timeout_sec=_SPIN_TIMEOUT)
     except ExternalShutdownException:
         pass

@@ -19,19 +19,13 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, plain
 from arm_dynamics.exceptions import choices as known_choices
 
 SCENE = "Scene: name of a bundled one, scene file or URDF (path or package:// URI), or URDF text"
-_WRITTEN = {float: "a number", int: "a whole number, as in 5", bool: "true or false", str: "text"}
+_NOTATION = {float: "a number", int: "a whole number, as in 5", bool: "true or false", str: "text"}
 
 
 def parameter(
-    default: Any,
-    description: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-    read_only: bool = True,
-    name: str | None = None,
-) -> Any:
+    default: Any, description: str, *, low: float | None = None, high: float | None = None,
+    choices: tuple[str, ...] = (), read_only: bool = True, name: str | None = None,
+) -> Any:  # fmt: skip
     """Describe one field of a parameter dataclass, whose type is that of the default.
 
     Allowed are values from ``low`` to ``high``, or some ``choices``. It is called ``name``, by
@@ -67,10 +61,10 @@ def declare[P](node: Node, kind: type[P]) -> P:
             low, high = about.get("low", 0), about.get("high", 0)
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
         except InvalidParameterTypeException:
-            allowed = _WRITTEN.get(type(default), "a list")
+            allowed = _NOTATION.get(type(default), "a list")
         raise InvalidInput(f"parameter '{name}' is {overrides[name].value!r}; allowed: {allowed}")
 
-    return _replaced(kind(), value_of)
+    return _with_values(kind(), value_of)
 
 
 def _with_floats(node: Node, parameters: list[Parameter]) -> list[Parameter]:
@@ -101,7 +95,7 @@ def listed(params: object) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
 
 
 def watch[P](
-    node: Node, present: P, apply: Callable[[P], None], renewed: Collection[str] = ()
+    node: Node, present: P, apply: Callable[[P], None], always_apply: Collection[str] = ()
 ) -> Callable[[P], None]:
     """Apply changes at run time: all parameters of a request together, or none of them.
 
@@ -110,8 +104,8 @@ def watch[P](
         present: The current dataclass.
         apply: Applies a new one; with an ``ArmError`` it refuses the request, and must keep the
             old one.
-        renewed: Names of parameters that are applied even if they are set to what they are, as
-            something else may have replaced what they gave.
+        always_apply: Names of parameters that are applied even if they are set to what they are,
+            as something else may have replaced what they gave.
 
     Returns:
         A function that sets the parameters back to earlier ones, without applying those: for what
@@ -122,8 +116,8 @@ def watch[P](
         nonlocal present
         before, values = present, {p.name: p.value for p in parameters}
         try:
-            after = _replaced(before, lambda name, value, about: values.get(name, value))
-            if after != before or values.keys() & set(renewed):
+            after = _with_values(before, lambda name, value, about: values.get(name, value))
+            if after != before or values.keys() & set(always_apply):
                 present = after  # first, as it may be set back at once
                 apply(after)
         except ArmError as error:
@@ -138,7 +132,7 @@ def watch[P](
         stale = [
             Parameter(name, value=_for_ros(value, about))
             for name, value, about in listed(present)
-            if _typed(name, node.get_parameter(name).value, value, about) != value
+            if _convert(name, node.get_parameter(name).value, value, about) != value
         ]
         if stale:
             node.set_parameters_atomically(stale)
@@ -163,20 +157,20 @@ def _for_ros(value: Any, about: Mapping[str, Any]) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _replaced[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
+def _with_values[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
     """The dataclass with other values, checked by name, current value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
         present, about = getattr(params, item.name), item.metadata
         if is_dataclass(present):
-            changes[item.name] = _replaced(present, value_of)
+            changes[item.name] = _with_values(present, value_of)
         elif "description" in about:
             name = about.get("parameter", item.name)
-            changes[item.name] = _typed(name, value_of(name, present, about), present, about)
+            changes[item.name] = _convert(name, value_of(name, present, about), present, about)
     return replace(params, **changes)  # type: ignore[type-var]
 
 
-def _typed(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any:
+def _convert(name: str, value: Any, present: Any, about: Mapping[str, Any]) -> Any:
     """A value in the type of the present one; a number is accepted for a list."""
     if value is None:
         raise InvalidInput(f"parameter '{name}' has no value; a parameter cannot be removed")
@@ -208,7 +202,6 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> msg.ParameterDescript
         if isinstance(default, int):
             descriptor.integer_range = [msg.IntegerRange(from_value=int(low), to_value=int(high))]
         else:
-            descriptor.floating_point_range = [
-                msg.FloatingPointRange(from_value=low, to_value=high)
-            ]
+            span = msg.FloatingPointRange(from_value=low, to_value=high)
+            descriptor.floating_point_range = [span]
     return descriptor

@@ -54,10 +54,9 @@ class DescriptionParams(DescriptionLimits):
         5.0, "How long to wait for it on the topic robot_description [s]", low=0.0, high=3600.0
     )
     gravity_compensated: bool = parameter(
-        False,
-        "Commanded efforts are added to the arm's own gravity compensation, as by the scene's key "
-        "commands.gravity_compensated; sim and controller must agree",
-    )
+        False, "Commanded efforts are added to the arm's own gravity compensation, as by the "
+        "scene's key commands.gravity_compensated; sim and controller must agree",
+    )  # fmt: skip
 
 
 def scene_for(

@@ -14,7 +14,7 @@ from typing import Any
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
-from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
+from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, effective
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.scene.urdf.joint_names import JointNames, NamedJoints, check_finite
 from arm_dynamics.trajectory.splines import STANDING
@@ -34,14 +34,11 @@ class FollowParams:
         20.0, "Rate of the action's feedback [Hz], in the time of the states", low=0.1, high=1e4
     )
     stretch_goals: bool = parameter(
-        False,
-        "Make action goals slower instead of refusing those beyond velocity, acceleration or "
-        "effort limits",
-        read_only=False,
-    )
+        False, "Make action goals slower instead of refusing those beyond velocity, acceleration "
+        "or effort limits", read_only=False,
+    )  # fmt: skip
     limit_margin: float = parameter(
-        0.02,
-        "Fraction by which goals may exceed velocity, acceleration and effort limits: "
+        0.02, "Fraction by which goals may exceed velocity, acceleration and effort limits: "
         "interpolation between points within the limits overshoots slightly",
         low=0.0, high=10.0, read_only=False,
     )  # fmt: skip
@@ -152,27 +149,24 @@ def tolerances(
     return Tolerances(
         _joint_tolerances("path_tolerance", goal.path_tolerance, model_names, *path_defaults),
         _joint_tolerances("goal_tolerance", goal.goal_tolerance, model_names, *goal_defaults),
-        resolved("goal_time_tolerance", seconds, params.goal_time or NONE),
+        effective("goal_time_tolerance", seconds, params.goal_time or NONE),
         continuous,
     )
 
 
 def _joint_tolerances(
-    field: str,
-    messages: Sequence[Any],
-    names: JointNames,
-    position: Sequence[float],
+    field: str, messages: Sequence[Any], names: JointNames, position: Sequence[float],
     velocity: Sequence[float],
-) -> StateTolerance:
+) -> StateTolerance:  # fmt: skip
     position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
         names.check([message.name], f"{field} names joint")
         if any(message.name == other.name for other in messages[:k]):
             raise InvalidInput(f"{field} names joint '{message.name}' twice; allowed: each once")
         joint, entry = names.index(message.name), f"{field} of joint '{message.name}'"
-        position[joint] = resolved(f"position in {entry}", message.position, position[joint])
-        velocity[joint] = resolved(f"velocity in {entry}", message.velocity, velocity[joint])
-        if resolved(f"acceleration in {entry}", message.acceleration, NONE) != NONE:
+        position[joint] = effective(f"position in {entry}", message.position, position[joint])
+        velocity[joint] = effective(f"velocity in {entry}", message.velocity, velocity[joint])
+        if effective(f"acceleration in {entry}", message.acceleration, NONE) != NONE:
             raise InvalidInput(
                 f"acceleration in {entry} is {message.acceleration:g}; allowed: 0 or -1, since "
                 "joint states have no accelerations"

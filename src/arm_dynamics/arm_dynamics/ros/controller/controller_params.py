@@ -17,11 +17,10 @@ class ControllerParams(ThreadParams, DescriptionParams):
 
     scene: str = parameter("", f"{SCENE}; the controller's model of the arm")
     controller: str = parameter(
-        "computed_torque",
-        f"Control law: {', '.join(NAMES)}, or a user-defined controller as "
+        "computed_torque", f"Control law: {', '.join(NAMES)}, or a user-defined controller as "
         "package.module:Class, named here or in 'controllers' when the node starts",
         read_only=False,
-    )
+    )  # fmt: skip
     controllers: list[str] = parameter(
         [], "User-defined controllers that may be selected in motion, as package.module:Class"
     )
@@ -34,11 +33,9 @@ class ControllerParams(ThreadParams, DescriptionParams):
         read_only=False,
     )  # fmt: skip
     cartesian_timing: str = parameter(
-        "smooth",
-        "smooth, or time_optimal: as fast as limits of the joints and their motors allow",
-        choices=("smooth", "time_optimal"),
-        read_only=False,
-    )
+        "smooth", "smooth, or time_optimal: as fast as limits of the joints and their motors "
+        "allow", choices=("smooth", "time_optimal"), read_only=False,
+    )  # fmt: skip
     switch_time: float = parameter(
         0.2, "Duration of the transition to another controller [s]", low=0.0, high=60.0
     )
@@ -46,9 +43,8 @@ class ControllerParams(ThreadParams, DescriptionParams):
         0.0, "Largest acceleration of a trajectory [rad/s²]; 0: no limit", low=0.0, high=1e6
     )
     gap_limit: float = parameter(
-        1.0,
-        "Longest time between joint states; after a longer gap the arm is held at its position "
-        "and the motion is not resumed [s]; 0: any",
+        1.0, "Longest time between joint states; after a longer gap the arm is held at its "
+        "position and the motion is not resumed [s]; 0: any",
         low=0.0, high=1e6, read_only=False,
     )  # fmt: skip
     jump_limit: float = parameter(
@@ -58,12 +54,10 @@ class ControllerParams(ThreadParams, DescriptionParams):
         low=0.0, high=1e6, read_only=False,
     )  # fmt: skip
     velocities: str = parameter(
-        "states",
-        "Where velocities come from: states, or positions, for robots whose states have none or "
-        "useless ones; they are then differences, filtered, and late by half a state and the "
-        "filter's delay",
-        choices=("states", "positions"),
-    )
+        "states", "Where velocities come from: states, or positions, for robots whose states have "
+        "none or useless ones; they are then differences, filtered, and late by half a state and "
+        "the filter's delay", choices=("states", "positions"),
+    )  # fmt: skip
     velocity_cutoff: float = parameter(
         50.0, "Cut-off frequency of that filter [Hz]; 0: none", low=0.0, high=1e5
     )

@@ -34,7 +34,7 @@ from arm_dynamics.trajectory.trajectory import Trajectory, hold
 from arm_dynamics.trajectory.waypoints import stop
 
 _TIMINGS = {"smooth": paced, "time_optimal": retimed}
-PLANNED_AT_ONCE = 10  # number of points that can be planned within two ticks
+MOST_POINTS_AT_ONCE = 10  # number of points that can be planned within two ticks
 _LEAD = 50_000_000  # [ns] for planning while the arm moves
 _TRIES = 8  # each with twice the planning time
 
@@ -92,7 +92,7 @@ class Goals:
 
     def drop(self, why: str) -> None:
         """Discard the motion, because of ``why``; the arm will be held where it is then."""
-        if self.moving:
+        if self.is_moving:
             self.outcome = f"the motion ended, {why}; the arm is held where it is"
         self.follower = None
 
@@ -115,7 +115,7 @@ class Goals:
         """Follow a serialized JointTrajectory from the current reference, or report why not."""
         names = self._model.joint_names
         most = len(names) + len(names.rules)
-        if (message := self._or_refusal("trajectory", lambda: TrajectoryBytes(raw, most))) is None:
+        if (message := self._attempt("trajectory", lambda: TrajectoryBytes(raw, most))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
@@ -126,7 +126,7 @@ class Goals:
             return motion
 
         goal = Goal("trajectory", counted(message.count, "point"), message.stamp or None, plan)
-        self.follow(goal, at_once=message.count <= PLANNED_AT_ONCE)
+        self.follow(goal, at_once=message.count <= MOST_POINTS_AT_ONCE)
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
         """Move the task frame along a straight line to a pose, or report why not."""
@@ -141,7 +141,7 @@ class Goals:
 
     def path(self, raw: bytes, params: ControllerParams) -> None:
         """Move the task frame through the poses of a serialized Path, or report why not."""
-        if (message := self._or_refusal("Cartesian path", lambda: PathBytes(raw))) is None:
+        if (message := self._attempt("Cartesian path", lambda: PathBytes(raw))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
@@ -160,7 +160,7 @@ class Goals:
         pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
         return CartesianGoals(task, dynamics, pace, _TIMINGS[params.cartesian_timing])
 
-    def follow(self, goal: Goal, at_once: bool = False, tries: int = 0) -> None:
+    def follow(self, goal: Goal, *, at_once: bool = False, tries: int = 0) -> None:
         """Plan a goal, in the background unless ``at_once``, and follow it.
 
         ``tries`` is the number of previous plans that were ready too late.
@@ -169,7 +169,7 @@ class Goals:
             self.refuse(goal.kind, ": no joint state has been seen yet")
             goal.then(None)
             return
-        lead = 0 if at_once or not self.moving else _LEAD << tries
+        lead = 0 if at_once or not self.is_moving else _LEAD << tries
         outset = follower.outset(self.stamp, goal.start, lead)
         plan = partial(goal.plan, outset)
         if at_once:
@@ -184,7 +184,7 @@ class Goals:
         result: Callable[[], Motion],
     ) -> None:  # fmt: skip
         """Follow a planned motion, or plan it again if it was ready too late."""
-        motion = self._or_refusal(goal.kind, result)
+        motion = self._attempt(goal.kind, result)
         if motion is None:
             goal.then(None)
         elif follower.take(outset, motion, self.stamp):
@@ -201,23 +201,24 @@ class Goals:
             self.refuse(goal.kind, ": the arm's reference changed faster than it was planned")
             goal.then(None)
 
-    def _or_refusal[T](self, kind: str, result: Callable[[], T]) -> T | None:
+    def _attempt[T](self, kind: str, result: Callable[[], T]) -> T | None:
+        """The result of a function; None, and the goal is refused, if it fails."""
         try:
             return result()
         except Exception as error:
             why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
-            self.refuse(kind, f"{self.unchanged}: {why}")
+            self.refuse(kind, f"{self.continuation}: {why}")
             return None
 
     @property
-    def moving(self) -> bool:
+    def is_moving(self) -> bool:
         """Whether a motion is followed."""
         return self.follower is not None and self.follower.remaining(self.stamp) > 0.0
 
     @property
-    def unchanged(self) -> str:
-        """Of a goal that is refused: that the motion, if there is one, goes on."""
-        return ", the previous one continues" if self.moving else ""
+    def continuation(self) -> str:
+        """Part of a refusal: that the present motion, if there is one, goes on."""
+        return ", the previous one continues" if self.is_moving else ""
 
     def refuse(self, kind: str, why: str) -> None:
         """Log that a goal of a kind is refused, and why, and count it."""

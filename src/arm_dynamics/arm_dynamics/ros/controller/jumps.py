@@ -18,23 +18,23 @@ class Jumps:
     """Compares each state of the joints ``names`` with the previous one.
 
     Attributes:
-        address: Address of ``before_t``, which C compares and updates as well.
+        address: Address of ``state_t``, which C compares and updates as well.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         self._q, self._v = np.zeros((2, len(names)))
-        self._before = HEADER.structure("before_t")(q=self._q.ctypes.data, v=self._v.ctypes.data)
-        self.address = addressof(self._before)
+        self._previous = HEADER.structure("state_t")(q=self._q.ctypes.data, v=self._v.ctypes.data)
+        self.address = addressof(self._previous)
 
     @property
     def stamp(self) -> int:
         """Stamp of the last state in [ns]."""
-        return int(self._before.stamp)
+        return int(self._previous.stamp)
 
     def take_longest(self) -> float:
         """The longest time between two states since the last call in [s], jumps apart."""
-        longest, self._before.longest = self._before.longest, 0
+        longest, self._previous.longest = self._previous.longest, 0
         return float(1e-9 * longest)
 
     def detect(self, stamp: int, state: Measured, gap_limit: float, jump_limit: float) -> str:
@@ -45,7 +45,7 @@ class Jumps:
         state's time in [ns].
         """
         q, v = np.ascontiguousarray(state.q), np.ascontiguousarray(state.v)
-        compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
+        compared = byref(self._previous), len(q), stamp, q.ctypes.data, v.ctypes.data
         kind = library().find_jump(*compared, gap_limit, jump_limit)
         jump, gap = "", 1e-9 * (stamp - self.stamp)
         if kind == _BACKWARDS:
@@ -57,6 +57,6 @@ class Jumps:
             moved = abs(state.q[joint] - self._q[joint])
             jump = f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"
         if kind != _STEADY:
-            self._before.valid = 0  # so C measures no time between states across a jump
+            self._previous.valid = 0  # so C measures no time between states across a jump
         library().note_state(*compared)
         return jump

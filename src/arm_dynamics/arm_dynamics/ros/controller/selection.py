@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from rclpy.node import Node
 
@@ -52,7 +53,7 @@ class _Controllers:
         names = dict.fromkeys((params.controller, *params.controllers))
         self._own = {name: load_controller(name) for name in names if is_own(name)}
         for name in names:
-            self.maker(name)
+            self.maker(name)  # which refuses unknown ones
         for maker in self._own.values():
             make_controller(maker, dynamics, settings)
 
@@ -84,7 +85,7 @@ class ControllerSelection:
 
     def __init__(
         self, node: Node, params: ControllerParams, dynamics: Dynamics, answers: CompiledAnswers,
-        log: AnswerLog, goals: Goals, late: Lateness, velocity: DerivedVelocity | None,
+        log: AnswerLog, goals: Goals, lateness: Lateness, velocity: DerivedVelocity | None,
     ) -> None:  # fmt: skip
         """Make the first controller; the parts are those of the node.
 
@@ -92,7 +93,9 @@ class ControllerSelection:
             InvalidInput: If parameters cannot be used.
         """
         self._node, self._dynamics, self._answers, self._log = node, dynamics, answers, log
-        self._goals, self._late, self._velocity = goals, late, velocity
+        self._goals, self._lateness, self._velocity = goals, lateness, velocity
+        self._restore_params: Callable[[ControllerParams], None] = lambda params: None
+        self.overreach = ""
         self._controllers = _Controllers(params, dynamics, self._settings(params))
         self.params = self.active_params = params
         self.control = Switch(self._controller_of(params), params.settings.dt, params.switch_time)
@@ -101,13 +104,14 @@ class ControllerSelection:
 
     def watch(self) -> None:
         """Follow the parameters from now on."""
-        self._warn_of_settings()
-        self._go_back = watch(self._node, self.params, self._apply)
+        self._check_settings()
+        self._restore_params = watch(self._node, self.params, self._apply)
 
     def obstacle(self) -> str:
         """Reason why trajectories are not followed now; empty if they are."""
-        free = _FREE in (self.params.controller, self.active_params.controller)
-        return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
+        is_free = _FREE in (self.params.controller, self.active_params.controller)
+        refusal = f"controller '{_FREE}' follows no trajectories" if is_free else ""
+        return self._log.failure or refusal
 
     def _settings(self, params: ControllerParams) -> Settings:
         return replace(params.settings, limit=self._dynamics.model.effort_limit)
@@ -134,51 +138,51 @@ class ControllerSelection:
 
     def _apply(self, params: ControllerParams) -> None:
         with self._answers:
-            before, control = self.active_params, self._controller_of(params)
-            gains = {name: getattr(before.settings, name) for name in _GAINS}
-            same = replace(params, settings=replace(params.settings, **gains)) == before
-
-            def switch() -> None:
-                self.active_params = params
-                if self._log.failure:  # the arm has been braked: there is no torque to fade from
-                    self.control.restart()
-                    self._goals.drop("as the controller had failed")
-                if same:
-                    self.control.retune(control)
-                    return
-                self.control.to(control)
-                self._node.get_logger().info(f"controller {params.controller}")
-                if before.controller == _FREE != params.controller:
-                    self._goals.drop("as the arm was led by hand")
-
+            control = self._controller_of(params)
+            activate = partial(self._activate, params, control)
             self.params = params
             self._log.forget()
             self.builder.give_up()
             if (job := _preparation(control)) is None:
-                switch()
+                activate()
             else:
-                self.builder.start(job, lambda result: self._finish_switch(result, switch))
-            self._warn_of_settings()
+                self.builder.start(job, partial(self._finish_switch, activate))
+            self._check_settings()
 
-    def _finish_switch(self, result: Callable[[], object], switch: Callable[[], None]) -> None:
+    def _activate(self, params: ControllerParams, control: AnyController) -> None:
+        """Switch to a controller that is prepared."""
+        before, self.active_params = self.active_params, params
+        if self._log.failure:  # the arm has been braked: there is no torque to fade from
+            self.control.restart()
+            self._goals.drop("as the controller had failed")
+        gains = {name: getattr(before.settings, name) for name in _GAINS}
+        if replace(params, settings=replace(params.settings, **gains)) == before:
+            self.control.retune(control)
+            return
+        self.control.to(control)
+        self._node.get_logger().info(f"controller {params.controller}")
+        if before.controller == _FREE != params.controller:
+            self._goals.drop("as the arm was led by hand")
+
+    def _finish_switch(self, activate: Callable[[], None], result: Callable[[], object]) -> None:
         try:
             result()
         except ArmError as error:
             kept = "controller refused, the old one and its parameters stay in force"
             self._node.get_logger().error(f"{kept}: {plain(error)}")
             self.params = self.active_params
-            self._go_back(self.active_params)
-            self._warn_of_settings()
+            self._restore_params(self.active_params)
+            self._check_settings()
         else:
-            switch()
+            activate()
 
-    def _warn_of_settings(self) -> None:
-        """Warn of gains that so late a loop does not carry, and of friction the scene lacks."""
+    def _check_settings(self) -> None:
+        """Set and log ``overreach``, and warn of friction that the scene lacks."""
         settings = self._settings(self.params)
         if settings.friction and not self._dynamics.steady_friction.present:
             self._node.get_logger().warning("friction = true: the controller's scene has none")
         maker = self._controllers.maker(self.params.controller)
-        delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)
+        delay = self._dynamics.model.scene.delay + max(settings.dt, self._lateness.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay
         self.overreach = factory.overreach(maker, self._dynamics, settings, delay)
         if self.overreach:

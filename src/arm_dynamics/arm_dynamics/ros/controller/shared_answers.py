@@ -64,12 +64,12 @@ class SharedAnswers:
         self.structure = HEADER.structure("answers_t")(
             source=source, reader=reader, sink=parts.sink.address, joints=parts.command.size,
             report=parts.report.address, command=parts.command.ctypes.data,
-            before=parts.jumps.address, tau=self._tau.ctypes.data, last=parts.log.address,
-            followed=addressof(parts.source.shared),
+            previous=parts.jumps.address, tau=self._tau.ctypes.data,
+            last_message=parts.log.address, publishers=addressof(parts.source.shared),
         )  # fmt: skip
         self._control: AnyController | None = None
         self._law: CompiledLaw | None = None  # of that controller
-        self._used: tuple[object, ...] = ()  # kept alive while C uses their memory
+        self._references: tuple[object, ...] = ()  # kept alive while C uses their memory
 
     def activate(self, params: ControllerParams) -> str:
         """Let C answer the next states; return why it cannot, empty if it can."""
@@ -83,11 +83,11 @@ class SharedAnswers:
         for field, array in arrays.items():
             setattr(answers, field, None if array is None else array.ctypes.data)
         answers.law = addressof(self._law.call.entry)
-        answers.remembered = arrays["memory"].size
+        answers.memory_size = arrays["memory"].size
         answers.start, answers.segments = start, len(motion.times) - 1
-        answers.gap, answers.far = params.gap_limit, params.jump_limit
+        answers.gap_limit, answers.jump_limit = params.gap_limit, params.jump_limit
         answers.until = _NEVER if follower.next_begin is None else follower.next_begin
-        self._used = self._law, arrays, self._limit_errors()
+        self._references = self._law, arrays, self._limit_errors()
         parts.report.prepare(params.state_period, parts.goals)
         answers.active = 1
         return ""
@@ -111,11 +111,11 @@ class SharedAnswers:
         answers.path = None
         if goal is None:
             return None
-        checked = max(goal.begin, goal.next_check)  # from then on every state
-        answers.until, answers.begin = min(answers.until, checked), goal.begin
+        first_check = max(goal.begin, goal.next_check)  # from then on every state
+        answers.until, answers.path_begin = min(answers.until, first_check), goal.begin
         if goal.tolerances.path.is_none:
             return None
-        allowed = goal.tolerances.allowed(goal.tolerances.path)
+        allowed = goal.tolerances.arrays_of(goal.tolerances.path)
         answers.path = addressof(allowed)
         return allowed
 
@@ -127,13 +127,13 @@ class SharedAnswers:
         if count:
             parts.goals.stamp = parts.jumps.stamp
             parts.control.note(self._tau.copy())
-            parts.log.add(count, 1e-9 * answers.last_time, bytes(parts.sink.raw))
+            parts.log.add_compiled(count, 1e-9 * answers.last_time, bytes(parts.sink.raw))
         return int(count)
 
     def take_durations(self) -> tuple[int, int]:
         """Total and longest time of answers in [ns] since the last call."""
-        durations = self.structure.busy, self.structure.longest
-        self.structure.busy = self.structure.longest = 0
+        durations = self.structure.total_time, self.structure.longest_time
+        self.structure.total_time = self.structure.longest_time = 0
         return durations
 
 

@@ -5,7 +5,7 @@ import time
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
+from arm_dynamics.ros.common.conflicts import Alarm, complaint_of_publishers, publishers
 from arm_dynamics.ros.common.diagnostics import PERIOD
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.controller.controller_library import HEADER
@@ -21,14 +21,14 @@ class StateSource:
     Answered as one, two sims would both obey commands that suit one of them.
 
     Attributes:
-        shared: ``followed_t`` of answers.h, for C.
+        shared: ``publishers_t`` of answers.h, for C.
         alarm: On while another one publishes.
     """
 
     def __init__(self, node: Node) -> None:
         """Look once a second whether there is another one."""
         self._node, self._topic = node, node.resolve_topic_name(JOINT_STATES.name)
-        self.shared, self.alarm = HEADER.structure("followed_t")(), Alarm(node)
+        self.shared, self.alarm = HEADER.structure("publishers_t")(), Alarm(node)
         self._since = self._count = 0  # since when others are heard alone, and how often
         self._timer = steady_timer(node, PERIOD, self.check_conflict)
 
@@ -49,10 +49,8 @@ class StateSource:
         """Look whether both were heard within the last half second."""
         shared, message = self.shared, ""
         if time.monotonic_ns() - min(shared.last_time, shared.other_time) < SILENCE // 2:
-            names = publishers(self._node, self._topic)
-            one, other = (
-                names.get(bytes(sender), "unknown") for sender in (shared.sender, shared.other)
-            )
-            one, other = f"'{one}', which is followed", f"'{other}', which is not"
-            message = two_publish(self._topic, one, other)
+            names, topic = publishers(self._node, self._topic), self._topic
+            leader = f"'{names.get(bytes(shared.sender), 'unknown')}', which is followed"
+            other = f"'{names.get(bytes(shared.other), 'unknown')}', which is not"
+            message = complaint_of_publishers(topic, leader, other)
         self.alarm.set(message)

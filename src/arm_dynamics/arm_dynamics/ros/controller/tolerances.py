@@ -26,7 +26,7 @@ from arm_dynamics.trajectory.reference import Reference
 NONE = math.inf  # tolerance that is never exceeded
 
 
-def resolved(name: str, requested: float, default: float) -> float:
+def effective(name: str, requested: float, default: float) -> float:
     """The effective tolerance: positive ones unchanged, inf and -1 none, 0 the default.
 
     Source: comments of control_msgs/JointTolerance; -1 up to the rounding of a float32. Other
@@ -41,7 +41,7 @@ def resolved(name: str, requested: float, default: float) -> float:
     raise InvalidInput(f"{name} is {requested}; allowed: 0 (default), -1 (none) and positive ones")
 
 
-class Allowed(Structure):
+class CTolerance(Structure):
     """``tolerance_t`` of answers.h, where the fields are explained, of arrays of shape (n,)."""
 
     _fields_ = HEADER.fields("tolerance_t")
@@ -51,7 +51,7 @@ class Allowed(Structure):
         super().__init__(*(array.ctypes.data for array in self._arrays))
 
 
-def joined(state: Moving, reference: Reference) -> Array:
+def motion_of(state: Moving, reference: Reference) -> Array:
     """A state and its reference as C reads them: q, v, and the reference's q, v, a; (5n,)."""
     return np.concatenate((state.q, state.v, reference.q, reference.v, reference.a))
 
@@ -100,13 +100,13 @@ class Tolerances:
         turning[list(self.turning)] = 1
         return turning
 
-    def allowed(self, tolerance: StateTolerance) -> Allowed:
-        """One of the two for C."""
-        return Allowed(np.array(tolerance.position), np.array(tolerance.velocity), self.turns)
+    def arrays_of(self, tolerance: StateTolerance) -> CTolerance:
+        """A tolerance, ``path`` or ``goal``, for C."""
+        return CTolerance(np.array(tolerance.position), np.array(tolerance.velocity), self.turns)
 
     def errors(self, reference: Reference, state: Moving) -> tuple[list[float], list[float]]:
         """Errors of positions and velocities, reference less measured, each of shape (n,)."""
-        motion, n = joined(state, reference), len(state.q)
+        motion, n = motion_of(state, reference), len(state.q)
         errors = np.zeros(2 * n)
         library().find_errors(motion.ctypes.data, n, self.turns.ctypes.data, errors.ctypes.data)
         return errors[:n].tolist(), errors[n:].tolist()
@@ -117,7 +117,7 @@ class Tolerances:
         ``left`` is the time in [s] until the last point, negative after it.
         """
         tolerance = self.path if left > 0.0 else self.goal
-        motion, allowed = joined(state, reference), self.allowed(tolerance)
+        motion, allowed = motion_of(state, reference), self.arrays_of(tolerance)
         outside = not tolerance.is_none and not library().is_within(
             motion.ctypes.data, len(tolerance.position), byref(allowed)
         )

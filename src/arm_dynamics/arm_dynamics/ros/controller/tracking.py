@@ -16,7 +16,7 @@ from arm_dynamics.ros.common.convert import as_bytes, to_array
 from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
-from arm_dynamics.ros.controller.tolerances import joined
+from arm_dynamics.ros.controller.tolerances import motion_of
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE
 from arm_dynamics.trajectory.reference import Reference
 
@@ -56,13 +56,13 @@ class TrackingTopic:
         ``period`` is the shortest time between two messages in [s].
         """
         self.prepare(period, goals)
-        motion = joined(state, reference)
+        motion = motion_of(state, reference)
         arguments = byref(self._shared), stamp, tau.size, motion.ctypes.data
         if library().report_publish(*arguments, np.ascontiguousarray(tau).ctypes.data):
             self._publisher.publish(bytes(self._raw))  # again: it gives the reason
 
     def prepare(self, period: float, goals: Goals) -> None:
-        """Let C publish the next messages; arguments as of ``publish``."""
+        """Let C publish the next messages, ``period`` in [s] apart, about the newest goal."""
         shared = self._shared
         start, motion = goals.follower.newest
         shared.period, shared.start, shared.duration = round(1e9 * period), start, motion.duration

@@ -29,7 +29,7 @@ from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller import action_goal
 from arm_dynamics.ros.controller.action_goal import FollowParams, TrajectoryMessage
-from arm_dynamics.ros.controller.goals import PLANNED_AT_ONCE, Goal, Goals
+from arm_dynamics.ros.controller.goals import MOST_POINTS_AT_ONCE, Goal, Goals
 from arm_dynamics.ros.controller.messages import waypoints
 from arm_dynamics.ros.controller.tolerances import Tolerances, Verdict
 from arm_dynamics.ros.interfaces import FOLLOW_JOINT_TRAJECTORY as ACTION
@@ -41,12 +41,12 @@ from arm_dynamics.trajectory.splines import spline, stretched_spline
 from arm_dynamics.trajectory.trajectory import hold
 
 _KIND = "action goal"
-_KEPT = 60  # [s] for which results are kept for late clients
-_AHEAD = 3600.0  # [s] by which a goal may begin after the newest state; beyond, clocks differ
-_STEP = 0.01  # [rad] or [m]
-_REPLACED = "Current goal preempted by new incoming action."
-_OTHER = "Current goal cancelled due to new incoming trajectory."
-_HELD = "Current goal cancelled, the arm is held where it is."
+_RESULT_TIMEOUT = 60  # [s] for which results are kept for late clients
+_LONGEST_WAIT = 3600.0  # [s] from the newest state to a goal's begin; beyond, clocks differ
+_REACH = 0.01  # [rad] or [m] to a goal without time to move: a control error, no motion
+_PREEMPTION = "Current goal preempted by new incoming action."
+_TRAJECTORY = "Current goal cancelled due to new incoming trajectory."
+_HOLD = "Current goal cancelled, the arm is held where it is."
 
 
 class _Server(ActionServer):
@@ -61,7 +61,7 @@ class _Server(ActionServer):
 
 
 @dataclass
-class Active:
+class ActiveGoal:
     """A goal that is being followed; stamps are in [ns]."""
 
     motion: Motion
@@ -95,7 +95,7 @@ class TrajectoryAction:
 
     def __init__(
         self, node: Node, goals: Goals, model: ArmModel, limits: Limits,
-        obstacle: Callable[[], str], lock: AbstractContextManager[None], late: Lateness,
+        obstacle: Callable[[], str], lock: AbstractContextManager[None], lateness: Lateness,
     ) -> None:  # fmt: skip
         """Offer the action, if its interface is installed, and declare its parameters.
 
@@ -107,25 +107,26 @@ class TrajectoryAction:
             obstacle: Returns the reason why the active controller follows no trajectories; empty
                 if it does.
             lock: Held while goals change.
-            late: States that came late, which explain errors.
+            lateness: Of the states; late ones explain errors.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
-        self._obstacle, self._lock, self._log, self._late = obstacle, lock, node.get_logger(), late
+        self._obstacle, self._lock, self._log = obstacle, lock, node.get_logger()
+        self._lateness = lateness
         kinds = enumerate(model.joint_types)
         self._continuous = tuple(i for i, kind in kinds if kind == "continuous")
-        self.active: Active | None = None
-        self._pending: Active | None = None  # followed, its request to be accepted
+        self.active: ActiveGoal | None = None
+        self._pending: ActiveGoal | None = None  # followed, its request to be accepted
         self._server: _Server | None = None
         self.params: FollowParams = declare(node, action_goal.follow_params(model.joint_names))
         watch(node, self.params, partial(setattr, self, "params"))
         if ACTION.type is None:
             self._log.warning("no action follow_joint_trajectory: control_msgs is not installed")
-            return
-        self._server = _Server(
-            node, ACTION.type, ACTION.name, lambda _: None,
-            goal_callback=self._on_goal, handle_accepted_callback=self._on_accepted,
-            cancel_callback=self._on_cancel, result_timeout=_KEPT,
-        )  # fmt: skip
+        else:
+            self._server = _Server(
+                node, ACTION.type, ACTION.name, lambda _: None,
+                goal_callback=self._on_goal, handle_accepted_callback=self._on_accepted,
+                cancel_callback=self._on_cancel, result_timeout=_RESULT_TIMEOUT,
+            )  # fmt: skip
 
     def close(self) -> None:
         """End the action, before the node is destroyed."""
@@ -138,9 +139,9 @@ class TrajectoryAction:
             return
         has_path_tolerances = not active.tolerances.path.is_none
         if self._goals.follower is not active.follower:
-            self.abort(_HELD)
+            self.abort(_HOLD)
         elif not active.is_followed:
-            self.abort(_OTHER)
+            self.abort(_TRAJECTORY)
         elif stamp >= active.begin and (has_path_tolerances or stamp >= active.next_check):
             self._check(active, stamp, reference, state)
 
@@ -149,7 +150,7 @@ class TrajectoryAction:
         if self.active is not None:
             self._end("abort", "INVALID_GOAL", reason)
 
-    def _check(self, active: Active, stamp: int, reference: Reference, state: Moving) -> None:
+    def _check(self, active: ActiveGoal, stamp: int, reference: Reference, state: Moving) -> None:
         overdue = 1e-9 * (stamp - active.begin) - active.motion.duration
         verdict = active.tolerances.verdict(-overdue, reference, state)
         if stamp >= active.next_feedback or verdict is not None:
@@ -159,9 +160,9 @@ class TrajectoryAction:
         if verdict is Verdict.REACHED:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
         elif verdict is not None:
-            self._late.update()  # late states may be the cause
+            self._lateness.update()  # late states may be the cause
             farthest = active.tolerances.worst(verdict, self._model.joint_names, reference, state)
-            self._log.warning("; ".join(filter(None, (farthest, self._late.message))))
+            self._log.warning("; ".join(filter(None, (farthest, self._lateness.message))))
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             code, why = "PATH_TOLERANCE_VIOLATED", "Aborted due to path tolerance violation"
             if verdict is Verdict.MISSED_GOAL:
@@ -169,13 +170,13 @@ class TrajectoryAction:
                 why = f"Aborted due to goal_time_tolerance exceeding by {overdue:f} seconds"
             self._end("abort", code, why)
 
-    def _feedback(self, active: Active, stamp: int, reference: Reference, state: Moving) -> Any:
+    def _feedback(self, goal: ActiveGoal, stamp: int, reference: Reference, state: Moving) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
         message.header.stamp = to_time(stamp)
-        errors = active.tolerances.errors(reference, state)
+        errors = goal.tolerances.errors(reference, state)
         message.desired = _point(reference.q, reference.v, reference.a)
         message.actual, message.error = _point(state.q, state.v), _point(*errors)
-        since = to_time(stamp - active.start)
+        since = to_time(stamp - goal.start)
         for point in (message.desired, message.actual, message.error):
             point.time_from_start.sec, point.time_from_start.nanosec = since.sec, since.nanosec
         return message
@@ -200,7 +201,7 @@ class TrajectoryAction:
                 self._begin(goal, accepted)
         except Exception as error:
             why = error if isinstance(error, InvalidInput) else f"unexpected failure: {error!r}"
-            self._goals.refuse(_KIND, f"{self._goals.unchanged}: {why}")
+            self._goals.refuse(_KIND, f"{self._goals.continuation}: {why}")
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not accepted.done() and planner.busy:
@@ -219,7 +220,7 @@ class TrajectoryAction:
         params, names = self.params, self._model.joint_names
         message = TrajectoryMessage(goal.trajectory, names, params.allow_partial_joints_goal)
         allowed = action_goal.tolerances(goal, params, names, self._continuous)
-        if message.stamp and 1e-9 * (message.stamp - self._goals.stamp) > _AHEAD:
+        if message.stamp and 1e-9 * (message.stamp - self._goals.stamp) > _LONGEST_WAIT:
             raise InvalidInput(
                 f"header.stamp is {1e-9 * message.stamp:.3f} s and the newest joint state "
                 f"{1e-9 * self._goals.stamp:.3f} s; allowed: stamps of the same clock"
@@ -227,17 +228,17 @@ class TrajectoryAction:
 
         def then(motion: Motion | None) -> None:
             if motion is not None:
-                self.abort(_REPLACED)
+                self.abort(_PREEMPTION)
                 follower = self._goals.follower
                 begin = follower.newest[0]
                 start = message.stamp or begin
-                self._pending = Active(motion, begin, start, allowed, follower, goal)
+                self._pending = ActiveGoal(motion, begin, start, allowed, follower, goal)
             accepted.set_result(motion is not None)
 
         plan = partial(self._plan, message, params)
         about = counted(message.count, "point")
-        at_once = message.count <= PLANNED_AT_ONCE
-        self._goals.follow(Goal(_KIND, about, message.stamp or None, plan, then), at_once)
+        at_once = message.count <= MOST_POINTS_AT_ONCE
+        self._goals.follow(Goal(_KIND, about, message.stamp or None, plan, then), at_once=at_once)
 
     def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
         """Plan a goal, perhaps in the planner's thread."""
@@ -268,7 +269,7 @@ class TrajectoryAction:
             pending = self._pending
             handle.execute()
             if pending is None or pending.request is not handle.request or not pending.is_followed:
-                self._publish_result(handle, "abort", "INVALID_GOAL", _REPLACED)
+                self._publish_result(handle, "abort", "INVALID_GOAL", _PREEMPTION)
                 return
             self._pending, self.active, pending.handle = None, pending, handle
 
@@ -293,9 +294,9 @@ def _zero_duration_motion(here: Reference, to: Waypoint) -> Motion:
         InvalidInput: If the point is farther away.
     """
     far = float(np.max(np.abs(np.asarray(to.q) - here.q)))
-    if far > _STEP:
+    if far > _REACH:
         raise InvalidInput(
-            f"the last point, at 0 s, is {far:.4g} away; allowed: {_STEP} without time to move"
+            f"the last point, at 0 s, is {far:.4g} away; allowed: {_REACH} without time to move"
         )
     return hold(to.q, to.tau)
 

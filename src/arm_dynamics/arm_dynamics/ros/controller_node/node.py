@@ -36,7 +36,8 @@ from arm_dynamics.ros.controller.shared_answers import Parts
 from arm_dynamics.ros.controller.state_source import StateSource
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
-from arm_dynamics.ros.joint_state import Expected, JointStateReader, JointStateSink, Read
+from arm_dynamics.ros.joint_state import JointStateFormat, JointStateReader, JointStateSink, Read
+from arm_dynamics.ros.joint_state.format import MissingNumbers
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Reference
@@ -88,18 +89,18 @@ class ControllerNode(Node):
             model, limits, Throttled(self.get_logger()), self.answers.interrupt, self._log.forget
         )
         text = "joint states came up to {:.2g} s apart"
-        self._late = Lateness(self, self._jumps.take_longest, params.settings.dt, text)
+        self._lateness = Lateness(self, self._jumps.take_longest, params.settings.dt, text)
         self._velocity = self._velocity_of(params)
         self._selection = ControllerSelection(
-            self, params, self.dynamics, self.answers, self._log, self.goals, self._late,
-            self._velocity,
+            self, params, self.dynamics, self.answers, self._log, self.goals,
+            self._lateness, self._velocity,
         )  # fmt: skip
         self.control = self._selection.control
         self.action = TrajectoryAction(
-            self, self.goals, model, limits, self._selection.obstacle, self.answers, self._late
+            self, self.goals, model, limits, self._selection.obstacle, self.answers, self._lateness
         )
         fields = ("position",) if self._velocity else ("position", "velocity")
-        self._reader = JointStateReader(Expected(names, fields, extra=True))
+        self._reader = JointStateReader(JointStateFormat(names, fields, ignores_extra=True))
         source = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=source)
         self._command = np.zeros(self.dynamics.n)
@@ -191,19 +192,13 @@ class ControllerNode(Node):
 
     def _command_for(self, raw: bytes) -> bytes | None:
         """The command that answers a state, after it was published; None if there is none."""
-        if (command := self._log.again(raw)) is not None:
+        if (command := self._log.receive(raw)) is not None:
             self.send(command)
             return command
         if (read := self._read(raw)) is None:
             return None
-        stamp, numbers = read
-        q = np.array(numbers[0])
-        if self._velocity is None:
-            state = Checked(q, np.array(numbers[1]))
-            reference = self._reference(stamp, state)
-        else:
-            reference = self._reference(stamp, Checked(q, self._velocity.last))
-            state = Checked(q, self._velocity(stamp, q))
+        stamp, _ = read
+        state, reference = self._state_and_reference(read)
         if (tau := self._torque(state, reference)) is None:
             return None
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
@@ -218,13 +213,22 @@ class ControllerNode(Node):
         try:
             read = self._reader.read(raw)
         except InvalidInput as error:
-            lacking = str(error).startswith("velocity")
-            way_out = "; 'velocities: positions' derives them" if lacking else ""
-            self._log.passed_over += 1
-            self._log.unusable = f"{plain(error)}{way_out}"
-            self._throttled.warning(f"joint state ignored: {self._log.unusable}")
+            lacks_velocities = isinstance(error, MissingNumbers) and error.field == "velocity"
+            way_out = "; 'velocities: positions' derives them" if lacks_velocities else ""
+            self._log.ignore(complaint := f"{plain(error)}{way_out}")
+            self._throttled.warning(f"joint state ignored: {complaint}")
             return None
         return read if self._source.accept(self._reader.sender) else None
+
+    def _state_and_reference(self, read: Read) -> tuple[Measured, Reference]:
+        """The state from what was read, and the reference at its stamp, which a jump restarts."""
+        stamp, (positions, *velocities) = read
+        q = np.array(positions)
+        if self._velocity is None:
+            state = Checked(q, np.array(velocities[0]))
+            return state, self._reference(stamp, state)
+        reference = self._reference(stamp, Checked(q, self._velocity.last))
+        return Checked(q, self._velocity(stamp, q)), reference
 
     def _torque(self, state: Measured, reference: Reference) -> Array | None:
         """The controller's torque, shape (n,); None, with a message, if it computes none."""
@@ -232,7 +236,7 @@ class ControllerNode(Node):
             tau = self.control.torque(state, reference)
         except ControllerFailed as error:
             # No command is sent, so that the arm's stale-command policy stops it.
-            self._log.failure = (
+            self._log.fail(
                 f"{error}; no commands until it is tuned, another one is selected, or "
                 "the simulation is reset"
             )
@@ -241,10 +245,11 @@ class ControllerNode(Node):
             return None
         if not finite_numbers(tau.tolist()):
             self.control.restart()
-            self._throttled.warning(f"no command, the torque would not be finite: {tau}")
+            self._log.fail(f"no command, the torque would not be finite: {tau}")
+            self._throttled.warning(self._log.failure)
             return None
-        if cut := self._saturated_joints():
-            self._throttled.warning(f"torque clipped at the effort limit: {', '.join(cut)}")
+        if saturated := self._saturated_joints():
+            self._throttled.warning(f"torque clipped at the effort limit: {', '.join(saturated)}")
         return tau
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
@@ -252,12 +257,13 @@ class ControllerNode(Node):
         goals, params = self.goals, self.params
         jump = self._jumps.detect(stamp, state, params.gap_limit, params.jump_limit)
         if jump:
-            self._log.jumps += 1
+            self._log.count_jump()
             self.control.restart()
             if self._velocity is not None:
                 self._velocity.restart()
         if goals.follower is None or jump:
-            self._throttled.info(f"{jump and f'{jump}: '}holding the arm at its position")
+            prefix = f"{jump}: " if jump else ""
+            self._throttled.info(f"{prefix}holding the arm at its position")
             goals.hold(state.q, jump)
             self._report.restart()
         return goals.reference(stamp)
@@ -268,17 +274,17 @@ class ControllerNode(Node):
         if not (isinstance(active, Saturated) and active.saturated.any()):
             return []
         joints = zip(self.dynamics.joint_names, active.saturated, strict=True)
-        return [name for name, is_cut in joints if is_cut]
+        return [name for name, is_saturated in joints if is_saturated]
 
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
         with self.answers:
             goals = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
             answers = self.answers.summary()
-            answers["longest time between states [s]"] = self._late.longest
-            name, cut = self._selection.active_params.controller, self._saturated_joints()
-            finding = self._log.finding(name, cut, self.goals.refused, goals, answers)
-            finding.add(WARN, self._late.message)
+            answers["longest time between states [s]"] = self._lateness.longest
+            name, saturated = self._selection.active_params.controller, self._saturated_joints()
+            finding = self._log.finding(name, saturated, self.goals.refused, goals, answers)
+            finding.add(WARN, self._lateness.message)
             finding.add(WARN, self._selection.overreach)
             finding.add(ERROR, self._source.alarm.message)
             return [finding]

@@ -88,7 +88,6 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
 
 def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
     """Properties of the arm."""
-    del request  # empty
     model = dynamics.model
     response.joint_names = list(model.joint_names)
     response.joint_types = list(model.joint_types)

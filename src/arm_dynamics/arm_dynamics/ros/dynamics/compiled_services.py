@@ -34,21 +34,21 @@ from arm_dynamics.terms.compiled import rows
 from arm_dynamics.terms.table import FORWARD, INVERSE, OF_SERVICE, Entry
 
 
-class Compiled(NamedTuple):
+class Candidate(NamedTuple):
     """A service that C may answer: its terms, and the largest number of points of a request."""
 
     service: Service
     terms: tuple[Entry, ...]
-    most: int
+    max_points: int
 
 
 # In the order of services.c
-COMPILED = (
-    Compiled(interfaces.INVERSE_DYNAMICS, (INVERSE,), interfaces.MAX_POINTS),
-    Compiled(interfaces.FORWARD_DYNAMICS, (FORWARD,), interfaces.MAX_POINTS),
-    Compiled(interfaces.DYNAMICS_TERMS, OF_SERVICE, interfaces.MAX_TERMS_POINTS),
+CANDIDATES = (
+    Candidate(interfaces.INVERSE_DYNAMICS, (INVERSE,), interfaces.MAX_POINTS),
+    Candidate(interfaces.FORWARD_DYNAMICS, (FORWARD,), interfaces.MAX_POINTS),
+    Candidate(interfaces.DYNAMICS_TERMS, OF_SERVICE, interfaces.MAX_TERMS_POINTS),
 )
-WORTH = 20  # number of requests after which compiling a service is worth the time
+MIN_CALLS = 20  # of a service, after which compiling it is worth the time
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))
 _ENDED = HEADER.constants["ENDED"]
@@ -79,17 +79,16 @@ class _Answer:
         shared: ``answer_t`` of services.h, where the fields are explained.
     """
 
-    def __init__(self, compiled: Compiled, dynamics: Dynamics, rows: Any) -> None:
+    def __init__(self, candidate: Candidate, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
         self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
-        self._response = CMessage.of(
-            compiled.service.type.Response(success=True, joint_names=names)
-        )
+        response = candidate.service.type.Response(success=True, joint_names=names)
+        self._response = CMessage.of(response)
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.shared = _SharedAnswer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.address,
             names=ctypes.addressof(self._names),
-            joints=len(names), most=compiled.most,
+            joints=len(names), max_points=candidate.max_points,
             level=self._level.ctypes.data if friction.has_dry else None,
             zeros=self._zeros.ctypes.data,
         )  # fmt: skip
@@ -100,7 +99,7 @@ class _Answer:
 
 
 class CompiledServices:
-    """Offers the services of ``COMPILED`` for a node.
+    """Offers the services of ``CANDIDATES`` for a node.
 
     Args:
         node: The node.
@@ -119,21 +118,21 @@ class CompiledServices:
     ) -> None:  # fmt: skip
         self._log, self._native, self._answer = Throttled(node.get_logger()), library, answer
         self._dynamics, self._lock = dynamics, lock
-        self._running: dict[int, _Answer] = {}  # by index of the service, as all below
-        self._requested, self._tried = Counter[int](), set[int]()
+        self._answers: dict[int, _Answer] = {}  # by index of the service, as all below
+        self._calls, self._tries = Counter[int](), set[int]()
         self._builder = Background("builder")
         self._handles = []
         profile = qos_profile_services_default.get_c_qos_profile()
-        for service, *_ in COMPILED:  # which no executor handles
+        for service, *_ in CANDIDATES:  # which no executor handles
             check_for_type_support(service.type)
             with node.handle:
                 self._handles.append(
                     rclpy_implementation.Service(node.handle, service.type, service.name, profile)
                 )
-        self._requests = [CMessage(service.type.Request) for service, *_ in COMPILED]
+        self._requests = [CMessage(service.type.Request) for service, *_ in CANDIDATES]
         pointers = [handle.pointer for handle in self._handles]
         requests = [message.address.value for message in self._requests]
-        table = c_void_p * len(COMPILED)
+        table = c_void_p * len(CANDIDATES)
         self._server = c_void_p(library.server_create(table(*pointers), table(*requests)))
         if not self._server:
             self._release()
@@ -153,12 +152,12 @@ class CompiledServices:
     def forget(self) -> None:
         """Stop answering for the current arm, before another one is set."""
         with self._lock:
-            for k, answer in self._running.items():
+            for k, answer in self._answers.items():
                 self._native.server_set_answer(self._server, k, ctypes.byref(_SharedAnswer()))
                 answer.close()
-            self._running.clear()
-            self._requested.clear()
-            self._tried.clear()
+            self._answers.clear()
+            self._calls.clear()
+            self._tries.clear()
 
     def close(self) -> None:
         """End the thread and the services; before the node is destroyed."""
@@ -185,7 +184,7 @@ class CompiledServices:
     def _serve(self) -> None:
         """Answer requests that C passes on, until the end."""
         while (k := self._native.server_serve(self._server)) != _ENDED:
-            service = COMPILED[k].service
+            service = CANDIDATES[k].service
             try:
                 request = self._requests[k].read()
                 response = CMessage.of(self._answer(service, request, service.type.Response()))
@@ -201,17 +200,17 @@ class CompiledServices:
     def _compile(self, k: int) -> None:
         """Start compiling the answer to a service, once that is worth it."""
         current = self._dynamics()
-        self._requested[k] += 1
-        if current is None or self._requested[k] < WORTH or k in self._tried or self._builder.busy:
+        self._calls[k] += 1
+        if current is None or self._calls[k] < MIN_CALLS or k in self._tries or self._builder.busy:
             return
-        self._tried.add(k)
+        self._tries.add(k)
         self._builder.start(
-            lambda: code_of(COMPILED[k].terms, Dynamics(current.model)),
+            lambda: code_of(CANDIDATES[k].terms, Dynamics(current.model)),
             lambda code: self._use(k, current, code()),
         )
 
     def _use(self, k: int, dynamics: Dynamics, rows: Any) -> None:
         if rows is None or dynamics is not self._dynamics():
             return
-        self._running[k] = answer = _Answer(COMPILED[k], dynamics, rows)
+        self._answers[k] = answer = _Answer(CANDIDATES[k], dynamics, rows)
         self._native.server_set_answer(self._server, k, ctypes.byref(answer.shared))

@@ -22,7 +22,7 @@ from arm_dynamics.ros.common.endpoints import answering, guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, warn_unused
 from arm_dynamics.ros.dynamics.answers import ANSWERS
-from arm_dynamics.ros.dynamics.compiled_services import COMPILED, CompiledServices, native
+from arm_dynamics.ros.dynamics.compiled_services import CANDIDATES, CompiledServices, native
 from arm_dynamics.ros.dynamics.request_counts import RequestCounts
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 
@@ -73,12 +73,12 @@ class DynamicsNode(Node):
             if params.robot_description:
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
-            watch(self, params, self._redescribe, renewed=["robot_description"])
+            watch(self, params, self._redescribe, always_apply=["robot_description"])
         with suppress(KernelError):  # without compiled code, Python answers all
             self._compiled = CompiledServices(
                 self, native(), self.answer, lambda: self._dynamics, self._lock
             )
-        in_c = {compiled.service for compiled in COMPILED} if self._compiled else set()
+        in_c = {candidate.service for candidate in CANDIDATES} if self._compiled else set()
         for service in ANSWERS:
             if service not in in_c:
                 self.create_service(service.type, service.name, partial(self.answer, service))

@@ -27,13 +27,13 @@ class Layout(NamedTuple):
 
     Attributes:
         offsets: Of the numbers of position, velocity and effort.
-        fixed: 1 for every constant bit, up to the last number.
-        expected: Values of these bits; the others are 0.
+        mask: 1 for every constant bit, up to the last number.
+        bits: Values of the constant bits; the others are 0.
     """
 
     offsets: tuple[int, ...]
-    fixed: bytes
-    expected: bytes
+    mask: bytes
+    bits: bytes
 
 
 class _Template(CdrWriter):
@@ -41,12 +41,12 @@ class _Template(CdrWriter):
 
     def __init__(self) -> None:
         super().__init__()
-        self.fixed = bytearray(b"\xff" * HEADER)
+        self.mask = bytearray(b"\xff" * HEADER)
 
     def put(self, piece: bytes, align: int) -> int:
         """Append padding and bytes; return the offset of the latter."""
         offset = super().put(piece, align)
-        self.fixed += bytes(offset - len(self.fixed)) + b"\xff" * len(piece)
+        self.mask += bytes(offset - len(self.mask)) + b"\xff" * len(piece)
         return offset
 
 
@@ -59,8 +59,8 @@ def layout_of(frame_id: str, names: Sequence[str], lengths: Sequence[int]) -> La
     offsets = tuple(template.doubles(np.zeros(length)) for length in lengths)
     sizes = (8 * length for length in lengths)
     for offset, size in ((stamp, TIME.size), *zip(offsets, sizes, strict=True)):
-        template.fixed[offset : offset + size] = bytes(size)
-    return Layout(offsets, bytes(template.fixed), bytes(template.raw))
+        template.mask[offset : offset + size] = bytes(size)
+    return Layout(offsets, bytes(template.mask), bytes(template.raw))
 
 
 class JointStateWriter:
@@ -83,7 +83,7 @@ class JointStateWriter:
         self.names = tuple(names)
         lengths = [len(names) if field in fields else 0 for field in FIELDS]
         layout = layout_of(frame_id, names, lengths)
-        self.raw = bytearray(layout.expected)
+        self.raw = bytearray(layout.bits)
         self.offsets = [layout.offsets[FIELDS.index(field)] for field in fields]
         raw, size = memoryview(self.raw), 8 * len(names)
         self._numbers = [raw[k : k + size].cast("d") for k in self.offsets]

@@ -52,18 +52,18 @@ class Arbiter(Structure):
     @property
     def leader(self) -> tuple[str, frozenset[int]] | None:
         """The only source that is remembered, and the joints that it commanded last."""
-        if not self.alone:
+        if not self.has_one_source:
             return None
         ((name, stream),) = self._streams.items()
         return name, stream.joints
 
     @property
-    def alone(self) -> bool:
+    def has_one_source(self) -> bool:
         """Whether only one source is remembered."""
         return len(self._streams) == 1
 
     @property
-    def conflict(self) -> bool:
+    def has_conflict(self) -> bool:
         """Whether a command was refused within the last ``patience`` ticks."""
         return self.refused > 0 and self.now - self._refused_at <= self.patience
 
@@ -73,8 +73,8 @@ class Arbiter(Structure):
         Raises:
             InvalidInput: If the stream of another source commands one of these joints.
         """
-        if not self.alone or source not in self._streams:
-            self._streams = {s: one for s, one in self._streams.items() if self._is_recent(one)}
+        if not self.has_one_source or source not in self._streams:
+            self._streams = {name: s for name, s in self._streams.items() if self._is_recent(s)}
             self._share_only()  # also where the command is refused
             for other, stream in self._streams.items():
                 if other != source and stream.count >= STREAM and stream.joints & joints:
@@ -93,6 +93,10 @@ class Arbiter(Structure):
     def _is_recent(self, stream: Source) -> bool:
         return bool(library().stream_is_remembered(byref(stream), self.now, self.patience))
 
+    def reset_counters(self) -> None:
+        """Reset the counter."""
+        self.refused = 0
+
     def forget(self) -> None:
         """Forget all sources."""
         self._streams.clear()
@@ -100,4 +104,4 @@ class Arbiter(Structure):
 
     def _share_only(self) -> None:
         """Let C know the only source."""
-        self.only = addressof(next(iter(self._streams.values()))) if self.alone else None
+        self.only = addressof(next(iter(self._streams.values()))) if self.has_one_source else None

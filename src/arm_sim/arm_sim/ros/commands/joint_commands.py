@@ -50,12 +50,12 @@ class JointCommands:
 
     def __init__(self, model: ArmModel, admit: Callable[[str, frozenset[int]], None]) -> None:
         self._model, self._admit = model, admit
-        self.forget()
+        self._last: JointCommand | None = None
+        self._efforts: Numbers | None = None
 
     def forget(self) -> None:
         """Discard all commands."""
-        self._last: JointCommand | None = None
-        self._efforts: Numbers | None = None
+        self._last = self._efforts = None
 
     def follow(self, efforts: Numbers) -> None:
         """Register efforts of all joints that were read elsewhere."""

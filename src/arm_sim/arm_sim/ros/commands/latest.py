@@ -53,7 +53,7 @@ class LatestCommand(Structure):
         self.dynamics, self.line = dynamics, line
         self.joints: JointCommand | None = None
         self._sent: Command | None = None
-        self._arrived: tuple[Command] | None = None
+        self._last_delivery: tuple[Command] | None = None
         self.configure(0, ZERO)
 
     def configure(self, timeout: int, policy: str) -> None:
@@ -66,13 +66,13 @@ class LatestCommand(Structure):
 
     def put(self, command: Command) -> None:
         """Make ``command`` the newest one; it must not be changed afterwards."""
-        self.any = True
+        self.was_sent = True
         if self.line is None:
-            self._use(command)
+            self._make_newest(command)
         else:
             self._sent = command
 
-    def arrive(self, tick: int) -> None:
+    def deliver(self, tick: int) -> None:
         """If commands are delayed, make the one that arrived by this tick the newest."""
         if self.line is None:
             return
@@ -80,44 +80,48 @@ class LatestCommand(Structure):
             self.line.send(tick, (self._sent,))  # a new object, also for an equal command
             self._sent = None
         message = self.line.receive(tick)
-        if message is not None and message is not self._arrived:
-            self._arrived = message
-            self._use(*message)
+        if message is not None and message is not self._last_delivery:
+            self._last_delivery = message
+            self._make_newest(*message)
 
-    def _use(self, command: Command) -> None:
+    def _make_newest(self, command: Command) -> None:
         self.fresh, self.unread = True, False
         if isinstance(command, JointCommand):
             self.kind, self.joints, self.lasting = JOINTS, command, command.stays
         else:
             self.kind, self._efforts[:], self.lasting = EFFORTS, command, False
 
+    def reset_counters(self) -> None:
+        """Reset the counters."""
+        self.stale_count = self.extended = 0
+
     def clear(self) -> None:
         """Discard all commands."""
-        self.kind = self.fresh = self.stale = self.any = self.unread = 0
-        self.age, self._sent, self._arrived = 0.0, None, None
+        self.kind = self.fresh = self.stale = self.was_sent = self.unread = 0
+        self.age, self._sent, self._last_delivery = 0.0, None, None
         if self.line is not None:
             self.line.restart()
 
-    def read(self) -> tuple[float, ...] | None:
+    def take_efforts(self) -> tuple[float, ...] | None:
         """Efforts that C has accepted since the last call; None if there are none."""
         if not self.unread:
             return None
         self.unread = False
         return tuple(self._efforts.tolist())
 
-    def command(self, acts: int, q: Array) -> str | Command:
-        """The command that acts at q, by a number of ticks.h, or the policy that stops the arm."""
-        if acts == JOINTS:
+    def command(self, actor: int, q: Array) -> str | Command:
+        """The command of an actor of ticks.h at q, or the policy that stops the arm."""
+        if actor == JOINTS:
             assert self.joints is not None
             return self.joints
-        if acts == EFFORTS:
+        if actor == EFFORTS:
             return self._efforts
-        policy = _POLICY_OF[acts]
+        policy = _POLICY_OF[actor]
         if policy == GRAVITY:
             return self.gravity(q)
         return np.zeros(len(q)) if policy == ZERO else policy
 
     def gravity(self, q: Array) -> Array:
         """Efforts that compensate gravity and springs at q, shape (n,) both."""
-        held = self.dynamics.gravity(q) + self.dynamics.spring(q)
-        return self.dynamics.command_map(q, np.zeros(len(q)), held)
+        tau = self.dynamics.gravity(q) + self.dynamics.spring(q)
+        return self.dynamics.command_map(q, np.zeros(len(q)), tau)

@@ -20,38 +20,38 @@ class Stopping:
     servo they stay on. Without servos (they take a moment to build) brakes hold immediately.
 
     Attributes:
-        acts: Whether the arm is being stopped or held.
-        locked: Whether brakes have closed.
+        is_active: Whether the arm is being stopped or held.
+        is_locked: Whether brakes have closed.
         servos: What stops the arm, and holds it with the policy ``servo``.
     """
 
     def __init__(self, arm: SimulatedArm, servos: Servos) -> None:
         self._arm, self.servos = arm, servos
-        self._still = JointCommand(velocity=[0.0] * arm.n)
+        self._zero_velocity = JointCommand(velocity=[0.0] * arm.n)
         self._hold_command: JointCommand | None = None
-        self._begun: int | None = None
-        self.hold()
+        self._first_step: int | None = None
+        self.is_active, self._is_holding, self.is_locked = True, True, False
 
     def release(self) -> None:
         """Release the arm for a command."""
-        self.acts = self._holds = self.locked = False
-        self._begun = self._hold_command = None
+        self.is_active = self._is_holding = self.is_locked = False
+        self._first_step = self._hold_command = None
 
     def hold(self) -> None:
         """Hold the arm at its position from now on."""
-        self.acts = self._holds = True
-        self.locked, self._hold_command = False, None
+        self.is_active = self._is_holding = True
+        self.is_locked, self._hold_command = False, None
 
     def stop(self, policy: str) -> JointCommand | None:
         """Stop or hold the arm in the next tick; return the servos' command, None for brakes."""
-        self.acts = True
-        if not self._holds:
+        self.is_active = True
+        if not self._is_holding:
             arm = self._arm
-            self._begun = arm.step_count if self._begun is None else self._begun
-            duration = (arm.step_count - self._begun) * arm.dt
+            self._first_step = arm.step_count if self._first_step is None else self._first_step
+            duration = (arm.step_count - self._first_step) * arm.dt
             speed = abs(arm.x[arm.n : 2 * arm.n]).max()
             if speed > SLOW and duration < LONGEST and self.servos.request():
-                return self._still
+                return self._zero_velocity
             self.hold()
         if policy == BRAKE or not self.servos.request():
             return None

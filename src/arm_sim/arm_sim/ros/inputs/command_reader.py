@@ -6,7 +6,7 @@ from math import copysign
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import any_beyond
-from arm_dynamics.ros.joint_state import Clip, Expected, JointStateReader, Numbers, parsed
+from arm_dynamics.ros.joint_state import Clip, JointStateFormat, JointStateReader, Numbers, parsed
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.joint_commands import JointMessage
 from arm_sim.simulation.saturation import clipping_message
@@ -22,13 +22,14 @@ class CommandReader:
 
     def __init__(self, model: ArmModel, arbiter: Arbiter, warn: Callable[[str], object]) -> None:
         self._model, self._arbiter, self._warn = model, arbiter, warn
-        self._note("", frozenset())
+        self._source, self._joints = "", frozenset[int]()
         self._limits = model.command_limit.tolist()
         names, clip = model.joint_names, Clip(self._limits, self.clip)
-        efforts = Expected(names, ("effort",), partial=True)
-        every = Expected(names, ("effort", "position", "velocity"), partial=True, gaps=True)
+        efforts = JointStateFormat(names, ("effort",), may_lack_joints=True)
+        fields = ("effort", "position", "velocity")
+        references = JointStateFormat(names, fields, may_lack_joints=True, may_have_gaps=True)
         self.efforts = JointStateReader(efforts, self._admit, clip)
-        self.references = JointStateReader(every, self._note, clip)
+        self.references = JointStateReader(references, self._note, clip)
 
     def read(self, raw: bytes) -> JointMessage:
         """The content of a serialized JointState.

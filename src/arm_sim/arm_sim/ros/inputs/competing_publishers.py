@@ -10,11 +10,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.conflicts import Alarm, publishers, two_publish
+from arm_dynamics.ros.common.conflicts import Alarm, complaint_of_publishers, publishers
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, NONE, Expected, JointStateReader, parsed
+from arm_dynamics.ros.joint_state import FAILED, NONE, JointStateFormat, JointStateReader, parsed
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.timing.round_trip import RoundTrip
 from arm_sim.ros.timing.stamps import ROS
@@ -51,8 +51,9 @@ class CompetingPublishers:
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
         self._ignored = {outputs.states.sender}  # this sim, and publishers of other joints
         self._competitor, self._latest = b"", 0.0  # the last publisher of a state, and when
-        self._reader = JointStateReader(Expected((), (), extra=True))
-        self._newest: PolledSubscription | None = None
+        self._reader = JointStateReader(JointStateFormat((), (), ignores_extra=True))
+        self._subscription: PolledSubscription | None = None
+        self._timer = None
         self.alarm, self._on_change = Alarm(node), on_change
 
     def refuse_if_any(self) -> None:
@@ -65,7 +66,7 @@ class CompetingPublishers:
             InvalidInput: If somebody does, and goes on for a while.
         """
         begin = time.monotonic()
-        while self._find_competitors() and time.monotonic() - max(begin, self._latest) < _SILENCE:
+        while self._hear_competitor(since=begin):
             if time.monotonic() - begin > _LEAVING:
                 raise InvalidInput(self._message())
             time.sleep(0.02)
@@ -74,7 +75,7 @@ class CompetingPublishers:
 
     def update(self) -> None:
         """Look whether others published within the last second."""
-        persists = self._find_competitors() and time.monotonic() - self._latest < _SILENCE
+        persists = self._hear_competitor()
         if persists != bool(self.alarm.message):
             self.alarm.set(self._message() if persists else "")
             self._on_change()
@@ -91,29 +92,37 @@ class CompetingPublishers:
 
     def close(self) -> None:
         """Stop listening."""
-        if self._newest is not None:
+        if self._subscription is not None:
             self._reader.close()
-            self._newest.close()
-            self._newest = None
+            self._subscription.close()
+            self._subscription = None
 
-    def _find_competitors(self) -> bool:
-        """Whether there are publishers that may be of this arm; if so, listen."""
+    def _hear_competitor(self, since: float = 0.0) -> bool:
+        """Listen while others may publish; return whether one did so within the last second.
+
+        Those that have not been heard yet count as heard at ``since`` in [s] of the monotonic
+        clock.
+        """
         node, topic = self._node, self._topic
         if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._ignored:
             self.close()
             return False
-        if self._newest is None:
-            self._newest = PolledSubscription(node, _EVERY_STATE)
-            self._reader.open(self._newest.pointer)
+        self._take_states()
+        return time.monotonic() - max(since, self._latest) < _SILENCE
+
+    def _take_states(self) -> None:
+        """Read what publishers have sent, and register them; the first time, subscribe."""
+        if self._subscription is None:
+            self._subscription = PolledSubscription(self._node, _EVERY_STATE)
+            self._reader.open(self._subscription.pointer)
         for _ in range(_DEPTH):
             if self._reader.take() in (NONE, FAILED):
                 break
             with suppress(InvalidInput):  # it is no JointState
-                self._note(self._reader.sender)
-        return True
+                self._register_sender(self._reader.sender)
 
-    def _note(self, sender: bytes) -> None:
-        """Note the publisher of the message that the reader has."""
+    def _register_sender(self, sender: bytes) -> None:
+        """Register the publisher of the message that the reader has."""
         if sender in self._ignored:
             return
         mine = set(self._outputs.states.names)
@@ -124,4 +133,4 @@ class CompetingPublishers:
 
     def _message(self) -> str:
         name = publishers(self._node, self._topic).get(self._competitor, "unknown")
-        return two_publish(self._topic, "this sim", f"'{name}'")
+        return complaint_of_publishers(self._topic, "this sim", f"'{name}'")

@@ -22,7 +22,7 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.tick_engine import TickEngine
 
 _UNNAMED = "~/commands"  # the source of commands without a header
-_NO_STAMP = -1  # of them
+_NO_STAMP = -1  # of commands without a header
 
 
 class Inputs:
@@ -39,13 +39,13 @@ class Inputs:
     def __init__(self, node: Node, engine: TickEngine, competitors: CompetingPublishers) -> None:
         """Prepare; ``competitors`` know whether commands may be for another sim."""
         self._log, self._engine = Throttled(node.get_logger()), engine
-        self._competitors = competitors
+        self._competitors, self._resolve = competitors, node.resolve_topic_name
         self._model = engine.simulator.model
         self._joints = JointCommands(self._model, engine.arbiter.admit)
         self.reader = CommandReader(self._model, engine.arbiter, self._log.warning)
-        self.reset_counters()
+        self.refused = self.refused_wrenches = 0
         self.tap: Callable[[Topic, Any], None] = lambda topic, message: None
-        self._explained = False
+        self._has_explained = False
         self.polled = PolledCommands(
             engine, self.reader.efforts, self.on_joint_commands,
             lambda: bool(competitors.alarm.message),
@@ -72,7 +72,7 @@ class Inputs:
             self._catch_up()
             message = self.reader.read(raw)
             self._competitors.check(message.stamp)
-            if first := not slot.any:
+            if is_first := not slot.was_sent:
                 self._joints.forget()
             command = self._joints.command(message)
         except InvalidInput as error:
@@ -80,34 +80,34 @@ class Inputs:
             return None
         if command is not None:
             slot.put(command)
-            if first:
-                self._warn_of_others(message.commanded)
-        self._engine.round_trip.answered(message.stamp, arrival)
+            if is_first:
+                self._warn_of_uncommanded(message.commanded)
+        self._engine.round_trip.register_answer(message.stamp, arrival)
         return message.stamp
 
-    def _warn_of_others(self, commanded: frozenset[int]) -> None:
+    def _warn_of_uncommanded(self, commanded: frozenset[int]) -> None:
         """Warn of the joints that a first command lacks."""
         names = self._model.joint_names
-        if others := [name for i, name in enumerate(names) if i not in commanded]:
+        if missing := [name for i, name in enumerate(names) if i not in commanded]:
             what = "have no command yet: the brakes are released, and no effort holds them"
-            self._log.warning(f"joints {known_names(others, 8)} {what}")
+            self._log.warning(f"joints {known_names(missing, 8)} {what}")
 
     def _catch_up(self) -> None:
         """Register efforts of all joints that C has read."""
-        if (efforts := self._engine.commands.read()) is not None:
+        if (efforts := self._engine.commands.take_efforts()) is not None:
             self._joints.follow(efforts)
-            self.reader.efforts.keep(efforts)
+            self.reader.efforts.store(efforts)
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
         self.tap(COMMANDS, message)
-        if not self._explained:  # once, since the type does not say what the numbers are
-            self._explained = True
+        if not self._has_explained:  # once, since the type does not say what the numbers are
+            self._has_explained = True
             units = zip(self._model.joint_names, self._model.command_unit, strict=True)
             efforts = ", ".join(f"{name} [{unit}]" for name, unit in units)
             self._log.info(
-                f"numbers on {_UNNAMED} are taken as efforts: {efforts}; positions and velocities "
-                f"are taken from {JOINT_COMMANDS.name}"
+                f"numbers on {self._resolve(_UNNAMED)} are taken as efforts: {efforts}; positions "
+                f"and velocities are taken from {self._resolve(JOINT_COMMANDS.name)}"
             )
         tau, n = np.array(message.data, float), self._model.n
         try:

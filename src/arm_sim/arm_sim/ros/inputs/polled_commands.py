@@ -12,7 +12,7 @@ from arm_sim.ros.tick_engine import TickEngine
 
 # A message and its arrival in [ns], if there is one
 Take = Callable[[], tuple[bytes, int] | None]
-AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
+MOST_MESSAGES = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
 class PolledCommands:
@@ -41,7 +41,7 @@ class PolledCommands:
         """Subscribe, for messages to be read before each tick."""
         self._subscription = subscription = PolledSubscription(node, JOINT_COMMANDS)
         self.read_from(subscription.pointer, subscription.take)
-        self._engine.ticks.at_once = AT_ONCE
+        self._engine.ticks.most_messages = MOST_MESSAGES
 
     def read_from(self, subscription: int, take_again: Take) -> None:
         """Let C read the messages of an ``rcl_subscription_t``.
@@ -55,7 +55,7 @@ class PolledCommands:
 
     def close(self) -> None:
         """End the subscription."""
-        self._engine.ticks.at_once = 0
+        self._engine.ticks.most_messages = 0
         self._reader.close()
         if self._subscription is not None:
             self._subscription.close()
@@ -68,7 +68,7 @@ class PolledCommands:
         if (leader := engine.arbiter.leader) and not (delayed or self._is_guarded()):
             source, joints = leader
             if len(joints) == engine.simulator.n:
-                kinds = self._reader.whole_from(source)
+                kinds = self._reader.complete_kinds(source)
         engine.ticks.accept(kinds)
 
     def _read(self) -> bool:
@@ -82,4 +82,4 @@ class PolledCommands:
         message = self._take_again() if failed else (reader.raw, reader.arrival)
         stamp = self._process(*(message or (None, 0)))
         engine.ticks.stamp = -1 if stamp is None else stamp
-        return bool(stamp) and stamp == engine.round_trip.newest and engine.arbiter.alone
+        return bool(stamp) and stamp == engine.round_trip.newest and engine.arbiter.has_one_source

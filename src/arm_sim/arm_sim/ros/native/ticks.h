@@ -16,11 +16,11 @@ enum {
   IDLE,    /* time stands still */
   PREPARE, /* put the delayed command that has arrived, set the torques of wrenches */
   EXPIRE,  /* a command becomes stale: whether it goes on acting, since the next one may be arriving */
-  MOVE,    /* a tick under `acts`, other than efforts; whether it can be computed */
+  MOVE,    /* a tick under `actor`, other than efforts; whether it can be computed */
   SENSE,   /* after a tick that C made: sample the sensors, notice a clipped command */
   FILL,    /* fill the arrays of the joint state that C does not compute */
   UNSENT,  /* the joint state could not be published */
-  SPACE,   /* make space in the recording for `needs` bytes; whether there is any */
+  SPACE,   /* make space in the recording for `needed_space` bytes; whether there is any */
   TICKED   /* notify listeners of the tick */
 };
 
@@ -31,12 +31,12 @@ enum { NOTHING, EFFORTS, JOINTS, BRAKE, SERVO, ZERO, HOLD, GRAVITY };
 
 /* The newest command. */
 typedef struct {
-  int64_t kind;    /* of the newest command; NOTHING: none has arrived */
-  int64_t fresh;   /* whether it has not acted yet */
-  int64_t lasting; /* whether it never becomes stale */
-  int64_t any;     /* whether a command was sent since the last reset */
-  int64_t unread;  /* whether Python has not read its efforts yet */
-  double age;      /* ticks since it was first used */
+  int64_t kind;     /* what it is for; NOTHING: none has arrived */
+  int64_t fresh;    /* whether it has not acted yet */
+  int64_t lasting;  /* whether it never becomes stale */
+  int64_t was_sent; /* whether a command was sent since the last reset */
+  int64_t unread;   /* whether Python has not read its efforts yet */
+  double age;       /* ticks since it was first used */
   int64_t timeout, policy;
   int64_t stale, stale_count; /* whether the policy acts because commands have stopped, and how often it began to */
   int64_t extended;           /* ticks for which commands acted beyond their time */
@@ -44,7 +44,7 @@ typedef struct {
 } slot_t;
 
 /* What acts in a tick that does not make the command older. */
-QUICK int64_t slot_acting(const slot_t* s);
+QUICK int64_t slot_actor(const slot_t* s);
 
 /* Whether the command that acts is too old for a tick, or the part of one, that makes it older. */
 QUICK int64_t slot_expires(const slot_t* s, double share);
@@ -94,48 +94,50 @@ typedef struct {
   int64_t (*ask)(int64_t what);
   int64_t* bell;         /* nonzero: there is something in the queue */
   int64_t broken;        /* nonzero: return to Python, as it has raised an exception, or a tick cannot be computed */
-  int64_t paused, waits; /* whether time stands still, and whether it waits for the first command */
+  int64_t paused, waits_for_command; /* whether time stands still, and whether it does until the first command */
   double share;          /* part of a tick by which the next one makes commands older */
-  /* Commands: their source, and the kinds of messages that Python need not see: their source commands all joints, alone.
-   * Of a message that Python must process, the outcome of reading it; of the last one, the stamp, -1: it was refused. */
+  /* Commands: where they come from, and the kinds of messages that Python need not see, as their source commands all joints
+   * and is the only one; the outcome of reading a message that Python must process; the stamp of the last message, -1: it was
+   * refused. */
   int64_t (*take)(source_t*, joint_state_t*);
   source_t* source;
   joint_state_t* reader;
-  int64_t at_once; /* largest number of messages that are read before a tick */
-  int64_t leads[KINDS];
+  int64_t most_messages; /* largest number of messages that are read before a tick */
+  int64_t trusted_kinds[KINDS];
   int64_t outcome, stamp;
   arbiter_t* arbiter;
   slot_t* slot;
   int64_t was_stale;
-  int64_t prepares; /* whether commands are delayed, or wrenches act */
+  int64_t needs_preparation; /* whether commands are delayed, or wrenches act */
   /* The arm. */
   arm_t* arm; /* NULL: Python advances it */
   const double *x, *effort;
   int64_t step_count, hold; /* ticks since the last reset; in the last one FREE, BRAKES or SERVOS */
   double dt;
   int64_t joints, states;   /* lengths of efforts, and of x */
-  int64_t acts;             /* what acts in a tick that Python makes */
+  int64_t actor;            /* what acts in a tick that Python makes */
   int64_t stopping, locked; /* whether the arm is being stopped or held, and whether brakes have closed */
-  int64_t notices, senses;  /* whether a clipped command must be noticed, and whether there are sensors */
-  /* States for the energy account, which other threads read: the last ones, their ticks (negative: brakes held the arm),
-   * the number of ticks kept so far, and of those already noted by Python. Without room they are not kept. */
-  double *trail, *acted;
-  int64_t *ticks, room, kept, noted;
-  /* Outputs; NULL: there is none. */
-  int64_t every, seldom, listens; /* ticks between joint states, and between infrequent topics; whether Python listens */
+  int64_t needs_cut_notice, has_sensors; /* whether a clipped command must be noticed, and whether there are sensors */
+  /* Ring buffers for the energy account, which other threads read: states, efforts, and numbers of the ticks (negative: brakes
+   * held the arm); their length in rows, 0: nothing is kept; the number of ticks kept so far, and of those that Python has noted. */
+  double *state_trail, *effort_trail;
+  int64_t *ticks, rows, kept_count, noted_count;
+  /* Outputs: ticks between joint states, and between infrequent topics; whether Python is told of every tick; where they go,
+   * NULL: nowhere. */
+  int64_t state_period, slow_period, has_listeners;
   sink_t *joint_states, *ground_truth, *clock;
   entry_t* drives; /* computes the efforts of joint states; NULL: these are the commands */
-  int64_t fills;   /* whether Python fills arrays */
-  times_t* times;  /* NULL: stamps are simulated time */
+  int64_t needs_filling; /* whether Python fills arrays */
+  times_t* times; /* NULL: stamps are simulated time */
   trip_t* trip;
-  int64_t published; /* stamp of the last joint state ... */
-  double idle;       /* ... and time in [s] for which time stands still since then */
+  int64_t state_stamp; /* stamp of the last joint state */
+  double idle_time; /* real time in [s] since the last joint state, while simulated time stands still */
   /* The recording; NULL: there is none, or no space in it. */
   chunk_t* chunk;
   tick_t* copy;
-  int64_t commands;   /* number of the channel of commands */
-  int64_t recorded;   /* ticks in it so far */
-  int64_t log, needs; /* time of what is written next, and bytes for which Python must make space */
+  int64_t commands; /* number of the channel of commands */
+  int64_t recorded_count; /* ticks in it so far */
+  int64_t log_time, needed_space; /* time of what is written next, and bytes for which Python must make space */
 } ticks_t;
 
 /* Read the messages that have arrived. */

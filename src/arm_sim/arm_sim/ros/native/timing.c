@@ -9,7 +9,7 @@
 int64_t time_of(clockid_t clock) {
   struct timespec now;
   clock_gettime(clock, &now);
-  return SECOND * now.tv_sec + now.tv_nsec;
+  return GIGA * now.tv_sec + now.tv_nsec;
 }
 
 /* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
@@ -19,28 +19,28 @@ static void store(int64_t* number, int64_t value) { __atomic_store_n(number, val
 
 void histogram_count(histogram_t* h, int64_t duration) {
   int64_t bin = duration > 0 ? duration / 1000 : 0;
-  if (bin >= FINE) {
-    bin = (int64_t)(STEPS * log2((double)bin / FINE));
-    bin = FINE + (bin < COARSE - 1 ? bin : COARSE - 1);
+  if (bin >= FINE_BINS) {
+    bin = (int64_t)(BINS_PER_OCTAVE * log2((double)bin / FINE_BINS));
+    bin = FINE_BINS + (bin < COARSE_BINS - 1 ? bin : COARSE_BINS - 1);
   }
   store(h->bins + bin, h->bins[bin] + 1);
   if (duration > h->longest) store(&h->longest, duration);
 }
 
-void trip_sent(trip_t* t, int64_t stamp) {
+void trip_register_state(trip_t* t, int64_t stamp) {
   t->newest = stamp;
   t->stamps[t->next] = stamp;
   t->times[t->next] = time_of(CLOCK_REALTIME);
-  t->next = (t->next + 1) % SENT;
+  t->next = (t->next + 1) % SENT_STATES;
 }
 
 /* Searches from the newest state, which is usually the answered one; of those with the same stamp, it counts: time may
  * have been reset. */
-int64_t trip_answered(trip_t* t, int64_t stamp, int64_t arrival) {
+int64_t trip_register_answer(trip_t* t, int64_t stamp, int64_t arrival) {
   const int64_t age = t->acting && t->acting < stamp ? t->newest - t->acting : 0;
   t->acting = 0;
-  for (int64_t i = 1; i <= SENT; ++i) {
-    const int64_t k = (t->next + SENT - i) % SENT;
+  for (int64_t i = 1; i <= SENT_STATES; ++i) {
+    const int64_t k = (t->next + SENT_STATES - i) % SENT_STATES;
     if (t->stamps[k] != stamp) continue;
     t->stamps[k] = -1;
     histogram_count(t->trips, arrival - t->times[k]);
@@ -57,11 +57,11 @@ int64_t trip_answered(trip_t* t, int64_t stamp, int64_t arrival) {
 static void watch_lag(times_t* t, int64_t now, int64_t lag) {
   if (lag < t->min_lag) t->min_lag = lag;
   if (now < t->next_check) return;
-  const int64_t behind = t->tick < t->min_lag && t->min_lag < NEVER ? t->min_lag : 0, jumps = behind > SECOND;
+  const int64_t behind = t->tick < t->min_lag && t->min_lag < NEVER ? t->min_lag : 0, jumps = behind > GIGA;
   if (jumps) t->offset += behind;
   t->owed = jumps ? 0 : behind;
   t->min_lag = NEVER;
-  t->next_check = now + SECOND;
+  t->next_check = now + GIGA;
 }
 
 /* The stamp after another one, ahead by a part of what is owed. */
@@ -82,7 +82,7 @@ int64_t times_stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t stead
   /* After time stood still or began anew, the stamp is the time when the tick is due; of a state before its tick, a tick less. */
   if (t->even && is_free) stamp = due - (passed > 0 ? 0 : t->tick);
   else if (t->even) stamp = next_stamp(t, simulated, now);
-  if (t->even && stamp < t->last && t->last < stamp + SECOND) stamp = t->last; /* else the clock was set back */
+  if (t->even && stamp < t->last && t->last < stamp + GIGA) stamp = t->last; /* else the clock was set back */
   t->last = stamp;
   t->simulated = simulated;
   t->offset = stamp - simulated;
@@ -118,7 +118,7 @@ void due_begin_tick(due_t* d, int64_t now) {
 
 void due_await_tick(due_t* d) {
   const int64_t start = due_next_start(d);
-  const struct timespec at = {start / SECOND, start % SECOND};
+  const struct timespec at = {start / GIGA, start % GIGA};
   int64_t now;
   while ((now = time_of(CLOCK_MONOTONIC)) < start) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
   due_begin_tick(d, now);

@@ -10,15 +10,15 @@
 
 #include "entry.h"
 
-#define SECOND 1000000000LL
+#define GIGA 1000000000LL /* nanoseconds in a second, as in joint_state.h */
 
 /* --- histogram.Histogram, round_trip.RoundTrip ------------------------------------------------------------------------- */
 
 enum {
-  FINE = 20000, /* bins of a microsecond */
-  COARSE = 512, /* bins beyond, of increasing width */
-  STEPS = 32,   /* of them per factor of two */
-  SENT = 256    /* number of states whose answers are awaited; answers to older ones are not counted */
+  FINE_BINS = 20000, /* bins of a microsecond */
+  COARSE_BINS = 512, /* bins beyond, of increasing width */
+  BINS_PER_OCTAVE = 32,   /* of them per factor of two */
+  SENT_STATES = 256    /* number of states whose answers are awaited; answers to older ones are not counted */
 };
 
 /* Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes. */
@@ -27,8 +27,8 @@ typedef struct {
   int64_t longest;
 } histogram_t;
 
-/* Time from a joint state to the command with its stamp. `newest`: stamp of the state published last; `acting`: of that
- * whose answer acts, 0: none; `oldest`: oldest age at which an answer acted, in [ns]. */
+/* Time from a joint state to the command with its stamp. `newest`: stamp of the state published last; `acting`: stamp of the
+ * state whose answer acts, 0: none; `oldest`: oldest age at which an answer acted, in [ns]. */
 typedef struct {
   int64_t newest, acting, oldest, next; /* index of the next state in the ring buffer */
   int64_t *stamps, *times; /* stamps, -1: answered; system times of publication */
@@ -38,11 +38,11 @@ typedef struct {
 QUICK void histogram_count(histogram_t* h, int64_t duration);
 
 /* Register that the state of this stamp is published now. */
-QUICK void trip_sent(trip_t* t, int64_t stamp);
+QUICK void trip_register_state(trip_t* t, int64_t stamp);
 
 /* Register that a command for the state of this stamp arrived at this time of the system; only the first one counts. The
- * command before it has acted until the newest state. Returns whether the state of this stamp is that. */
-QUICK int64_t trip_answered(trip_t* t, int64_t stamp, int64_t arrival);
+ * command before it has acted until the newest state. Returns whether the stamp is that of the newest state. */
+QUICK int64_t trip_register_answer(trip_t* t, int64_t stamp, int64_t arrival);
 
 /* --- stamps.NodeTime, where the rules are explained --------------------------------------------------------------- */
 
@@ -81,8 +81,8 @@ typedef struct {
   int64_t dropped;   /* deadlines that were dropped, skipped or shifted */
   int64_t ended;     /* nonzero: no more ticks */
   int64_t current;   /* deadline of the tick that was begun last; 0: there is none */
-  int64_t began;     /* when it began */
-  double share;      /* part of a period by which it made time pass */
+  int64_t began;     /* time at which the last tick began */
+  double share;      /* part of a period by which the last tick made time pass */
   histogram_t* lateness; /* delays of ticks after their deadlines */
 } due_t;
 

@@ -43,9 +43,9 @@ class ChunkThread:
         self.mcap, self._on_failure = mcap, on_failure
         self.lost, self.trouble, self.failure = 0, "the disk is slow", ""
         self._closed = False
-        self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
+        self._free_chunks, self._full_chunks = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
         for _ in range(COUNT - 1):
-            self._free.put(Chunk(SIZE))
+            self._free_chunks.put(Chunk(SIZE))
         self.chunk, self.lock, self._writing = Chunk(SIZE), threading.RLock(), threading.Lock()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self.written, self.processor_time = 0, 0.0
@@ -95,10 +95,10 @@ class ChunkThread:
             self.chunk.clear()
             return False
         try:
-            free = self._free.get(timeout=patience)
+            free = self._free_chunks.get(timeout=patience)
         except Empty:
             return False
-        self._full.put(self.chunk)
+        self._full_chunks.put(self.chunk)
         self.chunk = free if size <= free.size else Chunk(size)
         return True
 
@@ -108,8 +108,8 @@ class ChunkThread:
             if self._closed:
                 return
             self._closed = True
-            self._full.put(self.chunk)
-            self._full.put(None)
+            self._full_chunks.put(self.chunk)
+            self._full_chunks.put(None)
             self.chunk = Chunk(HEAD)
 
     def close(self) -> None:
@@ -124,7 +124,7 @@ class ChunkThread:
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while True:
             try:
-                chunk = self._full.get(timeout=PERIOD)
+                chunk = self._full_chunks.get(timeout=PERIOD)
             except Empty:
                 self._write_idle()
                 continue
@@ -132,7 +132,7 @@ class ChunkThread:
                 break
             self._write(chunk)
             self.processor_time = time.thread_time()
-            self._free.put(chunk if chunk.size == SIZE else Chunk(SIZE))
+            self._free_chunks.put(chunk if chunk.size == SIZE else Chunk(SIZE))
         self._end()
 
     def _write_idle(self) -> None:

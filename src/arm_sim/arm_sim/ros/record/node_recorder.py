@@ -44,9 +44,9 @@ def attach_recorder(
 
     def record(topic: Topic, message: Any, stamp: int = 0) -> None:
         if topic is JOINT_STATES:
-            recorder.published(stamp, message)
+            recorder.add_state(stamp, message)
         else:
-            recorder.message(names[topic.name], stamp, as_bytes(message))
+            recorder.add_message(names[topic.name], stamp, as_bytes(message))
 
     engine.ticks.commands = recorder.channels[names[JOINT_COMMANDS.name]]  # C records them
     inputs.tap = outputs.tap = record

@@ -22,10 +22,10 @@ _STATES = "/joint_states"
 
 
 # Times in [ns] and messages, serialized, by topic and type
-Played = dict[tuple[str, str], list[tuple[int, bytes]]]
+Content = dict[tuple[str, str], list[tuple[int, bytes]]]
 
 
-def _messages(path: Path, topics: tuple[str, ...]) -> Played:
+def _messages(path: Path, topics: tuple[str, ...]) -> Content:
     """The messages of a bag on some topics, on all if none is named."""
     bag = read_bag(path, lambda topic, kind: topic in topics if topics else kind not in _OURS)
     if unknown := [topic for topic in topics if topic not in bag.topics]:
@@ -39,7 +39,7 @@ def _messages(path: Path, topics: tuple[str, ...]) -> Played:
     }
 
 
-def _joint_states(path: Path) -> Played:
+def _joint_states(path: Path) -> Content:
     """The joint states of a recording that has no messages."""
     recording = Recording.load(path)
     stamps = np.round(1e9 * recording.time).astype(np.int64)
@@ -55,8 +55,8 @@ class Player(Node):
     """Publishes the messages of a recording.
 
     Attributes:
-        passed_over: Topics that are not played, and why.
-        published: Number of published messages.
+        obstacles: Why topics are not played, by topic.
+        count: Number of messages so far.
     """
 
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
@@ -69,28 +69,28 @@ class Player(Node):
             OSError: If it cannot be read.
         """
         super().__init__("player", **node_kwargs)
-        self.passed_over, self.published = dict[str, str](), 0
+        self.obstacles, self.count = dict[str, str](), 0
         self._stop = Event()
         self._thread: Thread | None = None
         if not path.exists():
             raise NoRecording(f"no recording '{path}'")
-        bag = path.suffix in BAGS or path.is_dir()
-        unknown = [] if bag else [topic for topic in topics if topic != _STATES]
+        is_bag = path.suffix in BAGS or path.is_dir()
+        unknown = [] if is_bag else [topic for topic in topics if topic != _STATES]
         if unknown:
             raise InvalidInput(f"'{path}' has no topic {known_names(unknown)}; it has '{_STATES}'")
-        read = _messages(path, topics) if bag else _joint_states(path)
+        content = _messages(path, topics) if is_bag else _joint_states(path)
         self._pending: list[tuple[int, Any, bytes]] = []
-        for (topic, kind), messages in read.items():
+        for (topic, kind), messages in content.items():
             type_ = type_of(kind)
             if type_ is None:
-                self.passed_over[topic] = f"type {kind} is not installed"
+                self.obstacles[topic] = f"type {kind} is not installed"
                 continue
             latched = topic.rpartition("/")[2] == ROBOT_DESCRIPTION.name
             publisher = self.create_publisher(type_, topic, LATCHED if latched else EVERY)
             self._pending += [(log, publisher, raw) for log, raw in messages]
         if not self._pending:
-            there = ", ".join(f"{topic}: {why}" for topic, why in self.passed_over.items())
-            raise InvalidInput(f"'{path}' contains nothing to play; {there or 'it is empty'}")
+            obstacles = ", ".join(f"{topic}: {why}" for topic, why in self.obstacles.items())
+            raise InvalidInput(f"'{path}' contains nothing to play; {obstacles or 'it is empty'}")
         self._pending.sort(key=lambda item: item[0])
 
     @property
@@ -128,4 +128,4 @@ class Player(Node):
             if self._stop.wait(max(0.0, due - time.monotonic())):
                 return
             publisher.publish(raw)
-            self.published += 1
+            self.count += 1

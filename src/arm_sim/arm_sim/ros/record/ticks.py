@@ -55,18 +55,14 @@ class TickRecorder:
     """
 
     def __init__(
-        self,
-        path: Path,
-        engine: TickEngine,
-        prefix: str = "/sim",
-        states: str = "/joint_states",
+        self, path: Path, engine: TickEngine, prefix: str = "/sim", states: str = "/joint_states",
         topics: Mapping[str, tuple[str, str]] = MappingProxyType({}),
         on_failure: Callable[[str], None] = lambda text: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Create the file, ``.mcap`` or a bag's folder, and attach to the engine.
 
         ``prefix`` is that of the suite's topics, ``topics`` are types and definitions of those
-        passed to ``message``; another thread calls ``on_failure`` with the message of a failure.
+        passed to ``add_message``; another thread calls ``on_failure`` with why writing stopped.
 
         Raises:
             InvalidInput: If the path has another suffix, or exists already.
@@ -81,10 +77,11 @@ class TickRecorder:
         self.channels[states] = self.file.states
         self.thread = ChunkThread(self.file, on_failure)
         self._copy = TickCopy(arm, self.file.ticks, self.file.states)
-        self._published = deque[tuple[int, bytes]](maxlen=1)
-        self._waiting = deque[tuple[int, int, bytes]]()
-        self._continuous = True  # whether every tick since the last complete state is in the file
-        self._plant, self._p = arm.plant, b""
+        self._pending_states = deque[tuple[int, bytes]](maxlen=1)
+        self._pending_messages = deque[tuple[int, int, bytes]]()
+        # Whether every tick since the last complete state is in the file
+        self._is_continuous = True
+        self._plant, self._parameters = arm.plant, b""
         self.lost = 0
         self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
         self._begin("start")
@@ -96,31 +93,32 @@ class TickRecorder:
         engine.on.idle.append(self._write_idle)
         engine.on.jump.append(lambda: self._begin("changed"))
         engine.on.failure.append(lambda: self.note(engine.failure, ERROR))
-        engine.on.staleness.append(self._staleness)
+        engine.on.staleness.append(self._note_staleness)
         engine.on.pause.append(lambda: self.note("paused" if engine.paused else "continues"))
 
     @property
     def ticks(self) -> int:
         """Number of ticks in the file or in its buffers."""
-        return int(self._engine.ticks.recorded)
+        return int(self._engine.ticks.recorded_count)
 
     def _refresh(self) -> None:
         """Write what comes before the next tick, and let C know where to copy that."""
         arm = self._arm
-        if arm.plant is not self._plant or (self._p and arm.parameters.tobytes() != self._p):
-            self._change("tuned", 0.0 if arm.plant is not self._plant else UNCHANGED)
+        has_new_plant = arm.plant is not self._plant
+        if has_new_plant or (self._parameters and arm.parameters.tobytes() != self._parameters):
+            self._write_change("tuned", 0.0 if has_new_plant else UNCHANGED)
         self._flush()
-        self._engine.ticks.chunk = self.thread.chunk.address if self._continuous else None
+        self._engine.ticks.chunk = self.thread.chunk.address if self._is_continuous else None
 
     def _make_space(self) -> bool:
         """Make space for a tick; if the disk is too slow, lose it, and begin again after it."""
         # Steps by request go as fast as possible: to wait for the disk delays nothing else.
-        needs, patience = self._engine.ticks.needs, 1.0 if self._engine.paused else 0.0
-        if self._continuous and self.thread.room(time.time_ns(), needs, 1, patience):
+        needs, patience = self._engine.ticks.needed_space, 1.0 if self._engine.paused else 0.0
+        if self._is_continuous and self.thread.room(time.time_ns(), needs, 1, patience):
             return True
         self.lost += 1
-        if self._continuous:
-            self._continuous = False
+        if self._is_continuous:
+            self._is_continuous = False
         else:
             self._begin("gap")
         return False
@@ -131,17 +129,17 @@ class TickRecorder:
         with self.thread.lock:
             self.thread.room(time.time_ns(), 0, 0)
 
-    def published(self, stamp: int, message: bytearray) -> None:
+    def add_state(self, stamp: int, message: bytearray) -> None:
         """Record a joint state between ticks, with its stamp in [ns]."""
-        self._published.append((stamp, bytes(message)))  # other threads write it
+        self._pending_states.append((stamp, bytes(message)))  # other threads write it
 
-    def message(self, topic: str, stamp: int, data: bytes) -> None:
+    def add_message(self, topic: str, stamp: int, data: bytes) -> None:
         """Record another message, with its stamp in [ns] (0: now); may be called from any thread.
 
         It is written with the next tick, so the loop locks and reads the clock only once.
         """
-        self._waiting.append((self.channels[topic], stamp, data))
-        if len(self._waiting) > _MANY:  # without ticks
+        self._pending_messages.append((self.channels[topic], stamp, data))
+        if len(self._pending_messages) > _MANY:  # without ticks
             self._flush(wait=False)
 
     def _flush(self, wait: bool = True) -> None:
@@ -153,11 +151,11 @@ class TickRecorder:
             return
         try:
             now, messages = time.time_ns(), list[tuple[int, int, bytes]]()
-            while self._waiting:  # others only append
-                channel, stamp, data = self._waiting.popleft()
+            while self._pending_messages:  # others only append
+                channel, stamp, data = self._pending_messages.popleft()
                 messages.append((channel, stamp or now, data))
-            while self._published:
-                messages.append((self.file.states, *self._published.popleft()))
+            while self._pending_states:
+                messages.append((self.file.states, *self._pending_states.popleft()))
             if messages:
                 self.thread.add_all(now, messages)
         finally:
@@ -167,22 +165,22 @@ class TickRecorder:
         """Record an event; may be called from any thread."""
         stamp = self._engine.stamp
         message = log_message(stamp, level, self._name, text)
-        self._waiting.append((self.file.log, stamp, message))
+        self._pending_messages.append((self.file.log, stamp, message))
         self._flush(wait=False)
 
-    def _staleness(self) -> None:
+    def _note_staleness(self) -> None:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
         self.note(f"no command: {in_force(policy)}" if stale else "commands have resumed")
 
     def _begin(self, why: str) -> None:
         """Write the complete current state."""
         self._flush()
-        self._continuous = self._change(why, self._arm.substep)
+        self._is_continuous = self._write_change(why, self._arm.substep)
 
-    def _change(self, why: str, substep: float) -> bool:
+    def _write_change(self, why: str, substep: float) -> bool:
         arm, stamp = self._arm, self._engine.stamp
         self._plant, p = arm.plant, arm.parameters
-        tunable, self._p = self._plant.parameters.names, p.tobytes()
+        tunable, self._parameters = self._plant.parameters.names, p.tobytes()
         error, stepped = arm.notes.tolist()
         change = written(
             CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,

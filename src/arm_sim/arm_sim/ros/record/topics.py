@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
-from arm_dynamics.cdr import HEADER
+from arm_dynamics.cdr import GIGA, HEADER
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files import McapWriter, new_file
 from arm_sim.recording.files.messages import JOINT_STATE, LATCHED
@@ -31,7 +31,7 @@ class TopicRecorder(Node):
 
     Attributes:
         count: Number of messages so far, by topic.
-        passed_over: Topics that are not recorded, and why.
+        obstacles: Why topics are not recorded, by topic.
         path: The file or folder.
         thread: The writing thread.
     """
@@ -50,7 +50,7 @@ class TopicRecorder(Node):
         self._requested = {self._resolved(topic) for topic in topics}
         self.path = path
         self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
-        self.count, self.passed_over = dict[str, int](), dict[str, str]()
+        self.count, self.obstacles = dict[str, int](), dict[str, str]()
         self._stamps = defaultdict[str, array[int]](lambda: array("q"))
         self._complete = True
         self.discover()
@@ -69,22 +69,22 @@ class TopicRecorder(Node):
     def discover(self) -> None:
         """Subscribe to topics that are new."""
         for topic, kinds in self.get_topic_names_and_types():
-            hidden = "/_" in topic  # as those of actions, which are recorded by name only
-            passed_over = topic not in self._requested if self._requested else hidden
-            if passed_over or topic in self.count or topic in self.passed_over:
+            is_hidden = "/_" in topic  # as those of actions, which are recorded by name only
+            is_wanted = topic in self._requested if self._requested else not is_hidden
+            if not is_wanted or topic in self.count or topic in self.obstacles:
                 continue
             if not (publishers := self.get_publishers_info_by_topic(topic)):
                 continue
             try:
                 self._subscribe(topic, kinds[0], [info.qos_profile for info in publishers])
             except InvalidInput as error:
-                self.passed_over[topic] = str(error)
+                self.obstacles[topic] = str(error)
                 self.get_logger().warning(f"'{topic}' is not recorded: {error}")
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Requested topics that do not exist yet."""
-        return tuple(sorted(self._requested - set(self.count) - set(self.passed_over)))
+        return tuple(sorted(self._requested - set(self.count) - set(self.obstacles)))
 
     @property
     def gaps(self) -> dict[str, int]:
@@ -115,7 +115,7 @@ class TopicRecorder(Node):
         self.count[topic] += self.thread.add(channel, now, now, raw)
         if stamped:
             seconds, nanoseconds = unpack_from("<iI", raw, HEADER)
-            self._stamps[topic].append(10**9 * seconds + nanoseconds)
+            self._stamps[topic].append(GIGA * seconds + nanoseconds)
 
     def destroy_node(self) -> None:
         """Write the remaining messages, and destroy the node."""

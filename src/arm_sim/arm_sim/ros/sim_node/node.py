@@ -50,7 +50,7 @@ class SimNode(Node):
         outputs: Messages in the course of ticks.
         lockstep: Waits for answers, or None.
         competitors: Others who publish joint states of this arm.
-        display: Publishes all joints and frames for visualization.
+        display: Publishes all joints and frames for visualization, or None.
         loop: Ticks in real time, and measures its timing.
         requests: The services.
         standard: The standard services of simulators.
@@ -88,7 +88,8 @@ class SimNode(Node):
         self.inputs = inputs = Inputs(self, engine, self.competitors)
         if params.tick_source != HAND:
             self.competitors.refuse_if_any()
-        self.display = Display(self, engine, params, outputs.reported, outputs.stamp)
+        arrays, rate = outputs.reported, params.display_rate
+        self.display = Display(self, engine, params, arrays, outputs.stamp) if rate else None
         self.loop = self._loop_of(params)
         outputs.stamps.follow(self.loop.current)
         self.lockstep = (
@@ -111,14 +112,11 @@ class SimNode(Node):
 
     def _engine_of(self, params: SimParams) -> TickEngine:
         engine = TickEngine(
-            self.simulator,
-            wrench_timeout=params.wrench_timeout,
-            wrench_reference=params.wrench_reference,
-            paused=params.paused,
-            self_running=params.tick_source != HAND,
+            self.simulator, background=self._background,
+            wrench_timeout=params.wrench_timeout, wrench_reference=params.wrench_reference,
+            paused=params.paused, self_running=params.tick_source != HAND,
             wait_for_command=params.wait_for_command,
-            background=self._background,
-        )
+        )  # fmt: skip
         engine.configure(params.command_timeout, params.stale_policy)
         engine.on.failure.append(self._report_failure)
         engine.on.staleness.append(self._report_staleness)
@@ -130,9 +128,8 @@ class SimNode(Node):
         return RealtimeLoop(
             lambda due: self.engine.run(library().ticks_by_the_clock, byref(due)),
             self.simulator.dt / factor if factor else 0.0,
-            overrun=params.overrun,
-            prepare=self._claim_privileges,
-        )
+            overrun=params.overrun, prepare=self._claim_privileges,
+        )  # fmt: skip
 
     def _recorder_of(self, params: SimParams) -> TickRecorder | None:
         if not params.record:
@@ -155,11 +152,11 @@ class SimNode(Node):
         self.outputs.stamps.release()  # building took time
         if self.lockstep is not None:
             self._claim_privileges()
-            self.lockstep.wait()
+            self.lockstep.await_answer()
         elif params.realtime:
             middleware = MiddlewareThreads()
             self.engine.arriving = lambda: middleware.busy
-            self.engine.queue.served = True
+            self.engine.queue.is_served = True
             self.outputs.energy.watch(params.energy_period / (params.realtime_factor or 1.0))
             self.loop.start()
 
@@ -177,8 +174,8 @@ class SimNode(Node):
 
     def _reset_counters(self) -> None:
         self.loop.reset()
-        commands = self.engine.commands
-        commands.stale_count = commands.extended = self.engine.arbiter.refused = 0
+        self.engine.commands.reset_counters()
+        self.engine.arbiter.reset_counters()
         self.engine.round_trip.reset()
         self.inputs.reset_counters()
         if self.lockstep is not None:
@@ -217,7 +214,7 @@ class SimNode(Node):
 
     def _end(self) -> None:
         self.loop.stop()
-        self.engine.queue.served = False
+        self.engine.queue.is_served = False
         self.outputs.energy.close()
         self.inputs.polled.close()
         self.competitors.close()

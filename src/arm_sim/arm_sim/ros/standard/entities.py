@@ -98,7 +98,7 @@ class Entities:
         return pin.SE3ToXYZQUAT(self._data.oMf[entity.frame]).tolist()
 
     def twist(self, entity: Entity) -> list[float]:
-        """Velocity of the origin [m/s] and angular velocity [rad/s] likewise, in its axes."""
+        """Velocity of the origin [m/s] and angular velocity [rad/s] in the axes of the world."""
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         velocity = pin.getFrameVelocity(self._model.pin, self._data, entity.frame, axes)
         return velocity.vector.tolist()

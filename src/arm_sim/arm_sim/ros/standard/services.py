@@ -50,13 +50,16 @@ class StandardServices:
         self._engine, self._scene, self._stamp = engine, params.scene, stamp
         self.offered: list[str] = []
         self._steps: SimulateSteps | None = None
-        if not params.standard_services:
-            return
+        self._entities = Entities(engine.simulator)
+        if params.standard_services:
+            self._offer(node)
+
+    def _offer(self, node: Node) -> None:
+        """Offer the services of the package, and the action, where it is installed."""
         try:
             from simulation_interfaces import action, srv
         except ImportError:
             return
-        self._entities = Entities(engine.simulator)
         log = Throttled(node.get_logger())
         node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
         for name in (*FEATURES, "get_entities_states"):
@@ -66,7 +69,7 @@ class StandardServices:
                 node.create_service(kind, f"~/{name}", service_callback(answer, log))
                 self.offered.append(name)
         if hasattr(action, "SimulateSteps"):
-            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
+            self._steps = SimulateSteps(node, self._engine, action.SimulateSteps)
             self.offered.append("simulate_steps")
         self.offered.append("get_simulator_features")
 
@@ -121,9 +124,9 @@ class StandardServices:
         if not scope & (TIME | STATE):
             allowed = "a sum of 1 (time) and 2 (state), or 0 (all)"
             raise Refusal(results.UNSUPPORTED, f"scope {scope}; allowed: {allowed}")
-        self._engine.queue.run(lambda: self._back(scope & (TIME | STATE)))
+        self._engine.queue.run(lambda: self._reset(scope & (TIME | STATE)))
 
-    def _back(self, scope: int) -> None:
+    def _reset(self, scope: int) -> None:
         """Reset time, state, or both."""
         engine, simulator = self._engine, self._engine.simulator
         if scope == TIME | STATE:

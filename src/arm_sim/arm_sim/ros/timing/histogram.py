@@ -8,7 +8,8 @@ import numpy as np
 
 from arm_sim.ros.node_library import TIMING
 
-_FINE, _COARSE, _STEPS = (TIMING.constants[name] for name in ("FINE", "COARSE", "STEPS"))
+_FINE, _COARSE = TIMING.constants["FINE_BINS"], TIMING.constants["COARSE_BINS"]
+_PER_OCTAVE = TIMING.constants["BINS_PER_OCTAVE"]
 
 
 @dataclass(frozen=True)
@@ -58,4 +59,4 @@ class Histogram(Structure):
 def _seconds(bin_: int) -> float:
     if bin_ < _FINE:
         return 1e-6 * bin_
-    return float(1e-6 * _FINE * 2.0 ** ((bin_ - _FINE) / _STEPS))
+    return float(1e-6 * _FINE * 2.0 ** ((bin_ - _FINE) / _PER_OCTAVE))

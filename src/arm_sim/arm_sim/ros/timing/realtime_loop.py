@@ -70,23 +70,23 @@ class RealtimeLoop:
         current: Deadline of the tick that was begun last, in [ns] of the clock; 0: none.
     """
 
-    _until: int | None
-
     def __init__(
         self, run: Callable[[Any], None], period: float, *, overrun: str = CATCH_UP,
         closest: float = 0.1, give_up: float = 1.0, prepare: Callable[[], None] = lambda: None,
         clock: Any = time,
     ) -> None:  # fmt: skip
         self._execute, self._prepare, self._clock = run, prepare, clock
-        nanoseconds = round(1e9 * period)
-        closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
-        give_up = round(1e9 * give_up) if overrun == CATCH_UP else nanoseconds
+        period_ns = round(1e9 * period)
+        spacing_ns = round(1e9 * period * closest) if overrun == CATCH_UP else 0
+        # Without catching up, a tick that begins after the next deadline is late beyond recovery.
+        longest_lag_ns = round(1e9 * give_up) if overrun == CATCH_UP else period_ns
         self._due = Due(
-            period=nanoseconds, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN,
-            share=1.0,
+            period=period_ns, closest=spacing_ns, give_up=longest_lag_ns,
+            slow_down=overrun == SLOW_DOWN, share=1.0,
         )  # fmt: skip
         self.current = c_int64.from_buffer(self._due, Due.current.offset)
         self._thread: threading.Thread | None = None
+        self._until: int | None = None
         self.reset()
 
     def start(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from arm_sim.ros.node_library import TIMING, library
 from arm_sim.ros.timing.histogram import Histogram
 
-_SENT = TIMING.constants["SENT"]
+_SENT = TIMING.constants["SENT_STATES"]
 
 
 class RoundTrip(Structure):
@@ -32,13 +32,13 @@ class RoundTrip(Structure):
         self.histogram = Histogram()
         self.trips = addressof(self.histogram)
 
-    def answered(self, stamp: int, arrival: int) -> bool:
+    def register_answer(self, stamp: int, arrival: int) -> bool:
         """Register when, in [ns] of the system, a command for a state arrived: the first counts.
 
         Returns:
             Whether that state is the newest.
         """
-        return bool(library().trip_answered(byref(self), stamp, arrival))
+        return bool(library().trip_register_answer(byref(self), stamp, arrival))
 
     def awaits(self, stamp: int) -> bool:
         """Whether a state of ``stamp`` in [ns] was published lately and has no answer yet."""

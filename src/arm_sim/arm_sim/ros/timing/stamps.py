@@ -29,7 +29,7 @@ class SimulatedTime:
     def release(self) -> None:
         """Nothing to do: simulated time never lags."""
 
-    def follow(self, due: c_int64) -> None:
+    def follow(self, deadline: c_int64) -> None:
         """Nothing to do: it does not matter when ticks are due."""
 
 
@@ -72,12 +72,12 @@ class NodeTime(Structure):
         self.follow(c_int64())
         self.update_source()
 
-    def follow(self, due: c_int64) -> None:
-        """Read in ``due`` from now on when the current tick was due, in [ns] of the steady clock.
+    def follow(self, deadline: c_int64) -> None:
+        """Read there from now on when the current tick was due, in [ns] of the steady clock.
 
         Zero: this is unknown, and ticks are not late.
         """
-        self._due, self.due = due, addressof(due)
+        self._deadline, self.due = deadline, addressof(deadline)  # kept alive, for C
 
     def release(self) -> None:
         """After time stood still, the next stamp is that of the clock."""

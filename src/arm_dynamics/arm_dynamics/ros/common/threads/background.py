@@ -22,15 +22,15 @@ class Background:
         >>> background.deliver()  # in every tick: calls the function above once the plan is ready
     """
 
-    def __init__(self, name: str, done: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, name: str, on_finish: Callable[[], None] = lambda: None) -> None:
         """Name the thread and start it.
 
-        ``done`` is called on that thread when a job is finished.
+        ``on_finish`` is called on that thread when a job is finished.
 
         The thread starts now and not with the first job, because it would inherit the priority of
         the thread that submits the job, and compete with a real-time loop.
         """
-        self._pool, self._done = ThreadPoolExecutor(1, thread_name_prefix=name), done
+        self._pool, self._on_finish = ThreadPoolExecutor(1, thread_name_prefix=name), on_finish
         self._pool.submit(lambda: None)
         self._waiting: _Waiting | None = None
 
@@ -59,7 +59,7 @@ class Background:
         pending = [job]
         future = self._pool.submit(lambda: pending.pop()())
         self._waiting = _Waiting(future, then, pending)
-        future.add_done_callback(lambda _: self._done())
+        future.add_done_callback(lambda _: self._on_finish())
         return replaces
 
     def give_up(self) -> bool:

@@ -26,10 +26,9 @@ class ThreadParams:
     cpus: str = parameter("", "Processors that the loop may run on, such as '0, 2'; empty: all")
     lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
     freeze_garbage: bool = parameter(
-        True,
-        "Exclude objects that exist at the start from garbage collection, where the node has "
-        "a process of its own",
-    )
+        True, "Exclude objects that exist at the start from garbage collection, where the node "
+        "has a process of its own",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Refuse processors that cannot be read."""

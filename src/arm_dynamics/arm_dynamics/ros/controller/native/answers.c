@@ -35,16 +35,16 @@ static int64_t now(void) {
   return GIGA * t.tv_sec + t.tv_nsec;
 }
 
-int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length) {
+int64_t is_repeated(const last_message_t* last, const uint8_t* raw, int64_t length) {
   return length && length == last->length && !memcmp(raw, last->raw, length);
 }
 
-void remember_state(last_t* last, const uint8_t* raw, int64_t length) {
+void remember_state(last_message_t* last, const uint8_t* raw, int64_t length) {
   memcpy(last->raw, raw, length);
   last->length = length;
 }
 
-int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far) {
+int64_t find_jump(const state_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far) {
   if (!b->valid) return STEADY;
   const double passed = 1e-9 * (double)(stamp - b->stamp);
   if (passed < 0.0) return BACKWARDS;
@@ -54,7 +54,7 @@ int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, 
   return STEADY;
 }
 
-void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v) {
+void note_state(state_t* b, int64_t n, int64_t stamp, const double* q, const double* v) {
   if (b->valid && stamp - b->stamp > b->longest) b->longest = stamp - b->stamp;
   b->valid = 1;
   b->stamp = stamp;
@@ -119,14 +119,14 @@ int64_t report_publish(report_t* r, int64_t stamp, int64_t n, const double* moti
 /* Register the answer to a state. */
 static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
   const int64_t n = a->joints;
-  note_state(a->before, n, stamp, a->input, a->input + n);
+  note_state(a->previous, n, stamp, a->input, a->input + n);
   memcpy(a->tau, a->torque, 8 * n);
-  memcpy(a->memory, a->next_memory, 8 * a->remembered);
-  remember_state(a->last, s->raw, s->length);
+  memcpy(a->memory, a->next_memory, 8 * a->memory_size);
+  remember_state(a->last_message, s->raw, s->length);
   a->last_time = now();
   const int64_t duration = a->last_time - began;
-  a->busy += duration;
-  if (duration > a->longest) a->longest = duration;
+  a->total_time += duration;
+  if (duration > a->longest_time) a->longest_time = duration;
   ++a->count;
 }
 
@@ -136,13 +136,13 @@ static int answer(answers_t* a, int64_t began) {
   const int64_t n = a->joints, stamp = s->stamp;
   if (!a->active || __atomic_load_n(&a->interrupt, __ATOMIC_ACQUIRE)) return 0;
   memcpy(a->input, s->numbers, 16 * n);
-  if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
-  if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
+  if (stamp >= a->until || s->length > a->last_message->room || is_repeated(a->last_message, s->raw, s->length)) return 0;
+  if (find_jump(a->previous, n, stamp, a->input, a->input + n, a->gap_limit, a->jump_limit) != STEADY) return 0;
   const double t = 1e-9 * (double)(stamp - a->start);
   trajectory_sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
-  if ((a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) || !compute(a)) return 0;
+  if ((a->path && stamp >= a->path_begin && !is_within(a->input, n, a->path)) || !compute(a)) return 0;
   if (joint_state_send(a->sink, stamp)) {
-    a->last->length = 0; /* the sink no longer holds its answer */
+    a->last_message->length = 0; /* the sink no longer holds its answer */
     return 0;
   }
   /* Python tries again, and says why, if it fails. */
@@ -156,10 +156,10 @@ void receiver_lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
 void receiver_unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Whether a state is of another publisher than the one that is followed, which was heard lately. */
-static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
-  const int same = !memcmp(f->sender, sender, GID);
-  if (same) f->last_time = now;
-  if (same || now - f->last_time >= LATELY) return 0;
+static int is_of_another(publishers_t* f, const uint8_t* sender, int64_t now) {
+  const int is_same = !memcmp(f->sender, sender, GID);
+  if (is_same) f->last_time = now;
+  if (is_same || now - f->last_time >= LATELY) return 0;
   f->other_time = now;
   memcpy(f->other, sender, GID);
   return 1;
@@ -168,7 +168,7 @@ static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
 /* Take a state and answer it; the outcome of `joint_state_take` if Python must answer it, else NONE. */
 static int64_t take_and_answer(answers_t* a) {
   const int64_t began = now(), outcome = joint_state_take(a->source, a->reader);
-  return outcome == KNOWN && (is_strange(a->followed, a->reader->sender, began) || answer(a, began)) ? NONE : outcome;
+  return outcome == KNOWN && (is_of_another(a->publishers, a->reader->sender, began) || answer(a, began)) ? NONE : outcome;
 }
 
 int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct) {
@@ -188,15 +188,15 @@ int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct) {
 /* Answer a new state unless someone else uses the parts; 0: it is left to `receiver_serve`. */
 static int answer_at_once(receiver_t* r) {
   if (pthread_mutex_trylock(&r->lock)) return 0;
-  const int mine = r->at_once && !r->ended && r->left == NONE;
-  if (mine) r->left = take_and_answer(r->at_once);
-  const int answered = mine && r->left == NONE;
+  const int is_ready = r->at_once && !r->ended && r->left == NONE;
+  if (is_ready) r->left = take_and_answer(r->at_once);
+  const int is_answered = is_ready && r->left == NONE;
   receiver_unlock(r);
-  return answered;
+  return is_answered;
 }
 
 /* Called by ROS when states arrive, on a thread of the middleware. */
-static void note(const void* receiver, size_t count) {
+static void on_new_state(const void* receiver, size_t count) {
   receiver_t* r = (receiver_t*)receiver;
   (void)count;
   if (!answer_at_once(r)) sem_post(&r->calls);
@@ -225,7 +225,7 @@ receiver_t* receiver_create(const rcl_subscription_t* subscription) {
   pthread_mutexattr_setprotocol(&kind, PTHREAD_PRIO_INHERIT); /* the states' thread may have real-time priority */
   pthread_mutex_init(&r->lock, &kind);
   pthread_mutexattr_destroy(&kind);
-  if (rcl_subscription_set_on_new_message_callback(subscription, note, r) == RCL_RET_OK) return r;
+  if (rcl_subscription_set_on_new_message_callback(subscription, on_new_state, r) == RCL_RET_OK) return r;
   rcutils_reset_error();
   receiver_free(r);
   return NULL;

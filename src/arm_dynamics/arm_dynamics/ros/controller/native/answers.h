@@ -8,40 +8,40 @@
 
 enum { ENDED = -1 }; /* else `receiver_serve` returns the outcome of `joint_state_take` for a state that Python must answer */
 
-/* The publisher of states that is followed, another one, and times in [ns] of their last states; 0: none. */
+/* Publishers of states: the one that is followed, another one, and times in [ns] of their last states; 0: none. */
 typedef struct {
   uint8_t sender[GID], other[GID];
   int64_t last_time, other_time;
-} followed_t;
+} publishers_t;
 
-/* The last state; `valid` 0: there is none. `longest`: time between two states since Python looked, in [ns]. */
+/* The previous state; `valid` 0: there is none. `longest`: longest time in [ns] between two states since Python looked. */
 typedef struct {
   int64_t valid, stamp, longest;
   double *q, *v;
-} before_t;
+} state_t;
 
 /* What happened between two states: time or the arm moved on, or jumped. */
 enum { STEADY, BACKWARDS, PAUSED, MOVED };
 
-/* Compare a state of n joints with the last one. A jump is time that goes backwards, or advances by more than `gap` in
+/* Compare a state of n joints with the previous one. A jump is time that goes backwards, or advances by more than `gap` in
  * [s] (PAUSED), or a joint that moves farther than `far` beyond twice the distance that its speeds explain; 0: any time,
  * any distance. Returns one of these, or MOVED plus the index of the joint. */
-QUICK int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far);
+QUICK int64_t find_jump(const state_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far);
 
-/* Make a state the last one. */
-QUICK void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v);
+/* Make a state the previous one. */
+QUICK void note_state(state_t* b, int64_t n, int64_t stamp, const double* q, const double* v);
 
 /* The state that was answered last, byte for byte; length 0: its answer cannot be repeated. */
 typedef struct {
   uint8_t* raw;
   int64_t length, room;
-} last_t;
+} last_message_t;
 
-/* Whether a state is that one. */
-QUICK int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length);
+/* Whether a state repeats the one that was answered last. */
+QUICK int64_t is_repeated(const last_message_t* last, const uint8_t* raw, int64_t length);
 
 /* Remember a state, for which there is room. */
-QUICK void remember_state(last_t* last, const uint8_t* raw, int64_t length);
+QUICK void remember_state(last_message_t* last, const uint8_t* raw, int64_t length);
 
 /* Largest errors of the joints. */
 typedef struct {
@@ -52,7 +52,7 @@ typedef struct {
 /* Errors of n positions and n velocities, reference less measured. `motion`: q and v, and the reference's q and v (4n). */
 QUICK void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors);
 
-/* Whether these errors are within tolerances. */
+/* Whether the errors of a motion, as of `find_errors`, are within tolerances. */
 QUICK int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed);
 
 /* The tracking state, a message in which only the stamp and the numbers change. */
@@ -77,7 +77,7 @@ typedef struct {
   int64_t interrupt; /* nonzero: Python answers the next state */
   source_t* source;
   joint_state_t* reader;
-  followed_t* followed;
+  publishers_t* publishers;
   sink_t* sink;
   int64_t joints;
   int64_t until; /* stamp from which Python answers states */
@@ -86,10 +86,10 @@ typedef struct {
   const entry_t* law;
   double* input;
   const double *torque, *limit;
-  /* What it remembers: before and after a call, and how many numbers. */
+  /* The memory of the controller: before and after a call, and how many numbers. */
   double* memory;
   const double* next_memory;
-  int64_t remembered;
+  int64_t memory_size;
   /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
   const double *gain, *back_emf;
   double* command;
@@ -97,16 +97,16 @@ typedef struct {
   int64_t start, segments;
   const double *knots, *polynomials, *ends, *torques;
   /* Path tolerances and the stamp from which they apply; NULL: none. */
-  int64_t begin;
+  int64_t path_begin;
   const tolerance_t* path;
   /* Largest time [s] and distance from one state to the next; 0: any. */
-  double gap, far;
-  /* The last state, its torque, and its bytes. */
-  before_t* before;
+  double gap_limit, jump_limit;
+  /* The previous state, its torque, and its bytes. */
+  state_t* previous;
   double* tau;
-  last_t* last;
+  last_message_t* last_message;
   /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
-  int64_t count, last_time, busy, longest;
+  int64_t count, last_time, total_time, longest_time;
 } answers_t;
 
 /* Passes states from ROS to the thread that answers them. */
@@ -116,9 +116,8 @@ typedef struct receiver receiver_t;
 EXPORT receiver_t* receiver_create(const rcl_subscription_t* subscription);
 
 /* Answer states until Python must answer one; returns the outcome of `joint_state_take` for it, or ENDED after
- * `receiver_end`. Called by one
- * thread, which holds the lock before and after, but not while it waits. With `direct`, the thread of the middleware
- * that brings a state answers it at once where possible. */
+ * `receiver_end`. Called by one thread, which holds the lock before and after, but not while it waits. With `direct`, the
+ * thread of the middleware that brings a state answers it at once where possible. */
 EXPORT int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct);
 
 /* Let `receiver_serve` return. */

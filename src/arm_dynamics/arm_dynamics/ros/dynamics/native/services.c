@@ -87,7 +87,7 @@ struct server {
 };
 
 /* The vector of a message at an offset. */
-static doubles_t* of(void* message, size_t offset) { return (doubles_t*)((char*)message + offset); }
+static doubles_t* vector_at(void* message, size_t offset) { return (doubles_t*)((char*)message + offset); }
 
 static int64_t now(void) {
   struct timespec t;
@@ -133,10 +133,10 @@ static int64_t points_of(service_t* s, const double* inputs[INPUTS]) {
   const layout_t* layout = LAYOUTS + s->kind;
   const answer_t* answer = &s->answer;
   if (!in_order((const strings_t*)((char*)s->request + NAMES[s->kind]), answer)) return 0;
-  size_t size = of(s->request, layout->from[0])->size, n = answer->joints;
-  if (size == 0 || size % n || size / n > (size_t)answer->most) return 0;
+  size_t size = vector_at(s->request, layout->from[0])->size, n = answer->joints;
+  if (size == 0 || size % n || size / n > (size_t)answer->max_points) return 0;
   for (int i = 0; i < layout->inputs; ++i) {
-    const doubles_t* x = of(s->request, layout->from[i]);
+    const doubles_t* x = vector_at(s->request, layout->from[i]);
     if (x->size != size && (i == 0 || x->size)) return 0;
     if (!all_within(x->data, x->size, LARGE)) return 0;
     inputs[i] = x->size ? x->data : answer->zeros;
@@ -145,7 +145,7 @@ static int64_t points_of(service_t* s, const double* inputs[INPUTS]) {
 }
 
 /* Whether a joint that may stick is at rest; Python decides which ones stick. */
-static bool rests(const answer_t* answer, const double* v, long long step, int64_t points) {
+static bool has_joint_at_rest(const answer_t* answer, const double* v, long long step, int64_t points) {
   if (!answer->level) return false;
   for (int64_t k = 0; k < points; ++k)
     for (int64_t i = 0; i < answer->joints; ++i)
@@ -164,12 +164,12 @@ static bool compute_response(service_t* s) {
   int64_t points = points_of(s, inputs), sizes[OUTPUTS];
   if (!points) return false;
   for (int i = 0; i < layout->inputs; ++i) steps[i] = inputs[i] == answer->zeros ? 0 : answer->joints;
-  if (s->kind == FORWARD && rests(answer, inputs[1], steps[1], points)) return false;
+  if (s->kind == FORWARD && has_joint_at_rest(answer, inputs[1], steps[1], points)) return false;
   for (int i = 0; i < layout->outputs; ++i) {
     sizes[i] = points;
     for (int power = 0; power < layout->power[i]; ++power) sizes[i] *= answer->joints;
-    if (!stretch(of(answer->response, layout->to[i]), sizes[i])) return false;
-    outputs[i] = of(answer->response, layout->to[i])->data;
+    if (!stretch(vector_at(answer->response, layout->to[i]), sizes[i])) return false;
+    outputs[i] = vector_at(answer->response, layout->to[i])->data;
   }
   if (s->kind == INVERSE) {
     uint8_t terms = ((arm_msgs__srv__InverseDynamics_Request*)s->request)->terms;
@@ -179,7 +179,7 @@ static bool compute_response(service_t* s) {
   }
   answer->rows(inputs, steps, points, outputs);
   for (int i = 0; i < layout->outputs; ++i)
-    if (!all_within(of(answer->response, layout->to[i])->data, sizes[i], DBL_MAX)) return false;
+    if (!all_within(vector_at(answer->response, layout->to[i])->data, sizes[i], DBL_MAX)) return false;
   return true;
 }
 
@@ -201,14 +201,14 @@ static int attend(service_t* s) {
   if (!compute_response(s)) return FOR_PYTHON;
   ++s->answered;
   send_response(s, s->answer.response);
-  for (int i = 0; i < layout->inputs; ++i) shrink(of(s->request, layout->from[i]));
-  for (int i = 0; i < layout->outputs; ++i) shrink(of(s->answer.response, layout->to[i]));
+  for (int i = 0; i < layout->inputs; ++i) shrink(vector_at(s->request, layout->from[i]));
+  for (int i = 0; i < layout->outputs; ++i) shrink(vector_at(s->answer.response, layout->to[i]));
   s->busy += now() - began;
   return ANSWERED;
 }
 
 /* Record that a service was called; ROS calls this on a thread that must not be blocked. */
-static void note(const void* called, size_t count) {
+static void register_call(const void* called, size_t count) {
   service_t* s = (service_t*)called;
   (void)count;
   pthread_mutex_lock(&s->server->calls);
@@ -218,7 +218,7 @@ static void note(const void* called, size_t count) {
 }
 
 /* Wait for the next called service, in round-robin order after `last`; ENDED at the end. */
-static int64_t next(server_t* s, int64_t last) {
+static int64_t await_call(server_t* s, int64_t last) {
   int64_t called = ENDED;
   pthread_mutex_lock(&s->calls);
   while (!s->ended && called == ENDED) {
@@ -233,11 +233,11 @@ static int64_t next(server_t* s, int64_t last) {
 }
 
 int64_t server_serve(server_t* s) {
-  for (int64_t k = SERVICES - 1; (k = next(s, k)) != ENDED;) {
+  for (int64_t k = SERVICES - 1; (k = await_call(s, k)) != ENDED;) {
     pthread_mutex_lock(&s->lock);
     int outcome = attend(s->services + k);
     pthread_mutex_unlock(&s->lock);
-    if (outcome != NONE) note(s->services + k, 1); /* there may be further requests */
+    if (outcome != NONE) register_call(s->services + k, 1); /* there may be further requests */
     if (outcome == FOR_PYTHON) return k;
   }
   return ENDED;
@@ -285,7 +285,7 @@ server_t* server_create(const rcl_service_t* const* services, void* const* reque
   for (int k = 0; k < SERVICES; ++k)
     s->services[k] = (service_t){.service = services[k], .request = requests[k], .kind = k, .server = s};
   for (int k = 0; k < SERVICES; ++k)
-    if (rcl_service_set_on_new_request_callback(services[k], note, s->services + k) != RCL_RET_OK) {
+    if (rcl_service_set_on_new_request_callback(services[k], register_call, s->services + k) != RCL_RET_OK) {
       rcutils_reset_error();
       server_free(s);
       return NULL;

@@ -19,7 +19,7 @@ typedef struct {
   rows_t rows;           /* NULL: none; Python answers */
   void* response;        /* with all fields that are constant across requests */
   const char* const* names;
-  int64_t joints, most;  /* largest number of points of a request */
+  int64_t joints, max_points; /* number of joints, and largest number of points of a request */
   const double* level;   /* positive for joints that may stick at rest; NULL: none may */
   const double* zeros;   /* in place of absent vectors */
 } answer_t;

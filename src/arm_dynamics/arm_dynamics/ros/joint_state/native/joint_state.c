@@ -24,20 +24,20 @@ struct source {
 static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   uint8_t differs = 0;
   if (!kind->size || length < kind->size) return 0;
-  for (int64_t i = 0; i < kind->size; ++i) differs |= (raw[i] ^ kind->expected[i]) & kind->fixed[i];
+  for (int64_t i = 0; i < kind->size; ++i) differs |= (raw[i] ^ kind->bits[i]) & kind->mask[i];
   return !differs;
 }
 
 /* Whether the numbers of a message's followers agree with their leaders', or are missing. */
-static int agree(const joint_state_t* s, const kind_t* kind, const uint8_t* raw) {
-  for (const follower_t* one = kind->followers; one < kind->followers + kind->follower_count; ++one)
+static int followers_agree(const joint_state_t* s, const kind_t* kind, const uint8_t* raw) {
+  for (const follower_t* follower = kind->followers; follower < kind->followers + kind->follower_count; ++follower)
     for (int64_t f = 0; f < s->fields; ++f) {
-      double own, leads;
+      double own, leader;
       if (kind->at[f] < 0) continue;
-      memcpy(&own, raw + kind->at[f] + 8 * one->index, 8);
-      memcpy(&leads, raw + kind->at[f] + 8 * one->leader, 8);
-      double due = one->offset[f] + (one->factor[f] != 0.0 ? one->factor[f] * leads : 0.0);
-      if (!isnan(own) && !(fabs(own - due) <= one->within * fmax(1.0, fabs(due)))) return 0;
+      memcpy(&own, raw + kind->at[f] + 8 * follower->index, 8);
+      memcpy(&leader, raw + kind->at[f] + 8 * follower->leader, 8);
+      double expected = follower->offset[f] + (follower->factor[f] != 0.0 ? follower->factor[f] * leader : 0.0);
+      if (!isnan(own) && !(fabs(own - expected) <= follower->within * fmax(1.0, fabs(expected)))) return 0;
     }
   return 1;
 }
@@ -52,7 +52,7 @@ int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length) {
   memcpy(&seconds, raw + STAMP, 4);
   memcpy(&nanoseconds, raw + STAMP + 4, 4);
   s->stamp = GIGA * seconds + nanoseconds;
-  int beyond = 0;
+  int is_beyond = 0;
   for (int64_t f = 0; f < s->fields; ++f)
     for (int64_t i = 0; i < s->joints; ++i) {
       double number = NAN;
@@ -60,10 +60,10 @@ int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length) {
       if (kind->at[f] >= 0) memcpy(&number, raw + kind->at[f] + 8 * kind->index[i], 8);
       if (!isfinite(number) && !(s->gaps && isnan(number))) return OTHER;
       s->numbers[f * s->joints + i] = number;
-      beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
+      is_beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
     }
-  if (kind->follower_count && !agree(s, kind, raw)) return OTHER;
-  return beyond ? BEYOND : KNOWN;
+  if (kind->follower_count && !followers_agree(s, kind, raw)) return OTHER;
+  return is_beyond ? BEYOND : KNOWN;
 }
 
 source_t* joint_state_source(const rcl_subscription_t* subscription) {

@@ -30,7 +30,7 @@ typedef struct {
 
 /* A kind of message: those of one sender that name the same joints. */
 typedef struct {
-  const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */
+  const uint8_t *mask, *bits;       /* mask of the bits that are constant in this kind, and their values */
   int64_t size;                    /* bytes up to the last number; 0: unused */
   int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
   const int64_t* index;            /* of each joint in them; negative: absent */
