@@ -9,7 +9,7 @@ from samples import covering
 
 from arm_sim import Simulator
 from arm_sim.integrators import METHODS
-from arm_sim.integrators.response import Response
+from arm_sim.integrators.linear_response import LinearResponse
 from arm_sim.integrators.stability import GROWTH, longest_step
 from models.rotor import rotor
 
@@ -41,7 +41,7 @@ def grows(scene: dict[str, Any], method: str) -> bool:
 def interval(name: str, J: list[list[float]]) -> float:
     """Largest stable step of x' = J x, for rates of 1/s."""
     J_ = np.array(J)
-    return longest_step(METHODS[name], Response(J_, {"": J_[1:]}, begins=True), 100.0)
+    return longest_step(METHODS[name], LinearResponse(J_, {"": J_[1:]}, initial=True), 100.0)
 
 
 @pytest.mark.parametrize(("name", "scene"), covering(EXPLICIT, [decay, swing]))

@@ -17,7 +17,7 @@ from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.tangents import Arms
 from arm_sim.inputs import one_side, row, rows, torque, whole
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.placing import packed
+from arm_sim.plant.admissible_states import pack_state
 from arm_sim.plant.plant import Plant
 from arm_sim.state import State
 from arm_sim.stepping.rollouts.batch import Batch, by_tick, states
@@ -41,19 +41,19 @@ class Derivatives:
         self._plant, self._choice, self._stepper, self._backend = plant, choice, stepper, backend
         self._linearizers = dict[tuple[int, ...], Linearizer]()
 
-    def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
+    def linearizer(self, p_indices: tuple[int, ...] = ()) -> Linearizer:
         """Derivatives of ticks, those by some entries of p included; kept for the next time.
 
         It takes arrays that are not checked: for other code of the suite.
 
         Args:
-            tuned: Indices in p.
+            p_indices: Indices in p.
         """
-        if tuned not in self._linearizers:
-            self._linearizers[tuned] = Linearizer(
-                self._plant, self._choice, self._stepper, self._backend, tuned
+        if p_indices not in self._linearizers:
+            self._linearizers[p_indices] = Linearizer(
+                self._plant, self._choice, self._stepper, self._backend, p_indices
             )
-        return self._linearizers[tuned]
+        return self._linearizers[p_indices]
 
     @built_once
     def gradients(self) -> Gradients:
@@ -69,24 +69,14 @@ class Derivatives:
 
     @overload
     def linearize(
-        self,
-        state: State,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str],
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str],
         side: int | None = None,
-    ) -> tuple[Array, Array, dict[str, Array]]: ...
+    ) -> tuple[Array, Array, dict[str, Array]]: ...  # fmt: skip
 
     def linearize(
-        self,
-        state: State,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str] | None = None,
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str] | None = None,
         side: int | None = None,
-    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:  # fmt: skip
         """Exact derivatives of the state after a tick (or several, torque held).
 
         Across events, which move with the state: see ``docs/concepts/derivatives.md``. Under error
@@ -127,15 +117,9 @@ class Derivatives:
         return self._split(slope, by, places)
 
     def jvp(
-        self,
-        state: State,
-        tau: ArrayLike,
-        dx: ArrayLike,
-        dtau: ArrayLike,
-        ticks: int = 1,
-        *,
+        self, state: State, tau: ArrayLike, dx: ArrayLike, dtau: ArrayLike, ticks: int = 1, *,
         side: int | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """A dx + B dτ of ``linearize``: first-order change of the state after a tick.
 
         A and B are not formed where the tick is smooth.
@@ -161,14 +145,9 @@ class Derivatives:
         return self.linearizer().jvp(x, command, ticks, dx, dtau, one_side(side))
 
     def vjp(
-        self,
-        state: State,
-        tau: ArrayLike,
-        weights: ArrayLike,
-        ticks: int = 1,
-        *,
+        self, state: State, tau: ArrayLike, weights: ArrayLike, ticks: int = 1, *,
         side: int | None = None,
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Aᵀ w and Bᵀ w of ``linearize``: the gradient of w · x⁺ by the state and the torque.
 
         A and B are not formed where the tick is smooth.
@@ -195,43 +174,21 @@ class Derivatives:
 
     @overload
     def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array]: ...
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, ticks: int = 1, *,
+        side: int | None = None, threads: int | None = None, lanes: int | None = None,
+    ) -> tuple[Array, Array]: ...  # fmt: skip
 
     @overload
     def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str],
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array, dict[str, Array]]: ...
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str],
+        side: int | None = None, threads: int | None = None, lanes: int | None = None,
+    ) -> tuple[Array, Array, dict[str, Array]]: ...  # fmt: skip
 
     def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, ticks: int = 1, *,
+        by: Sequence[str] | None = None, side: int | None = None, threads: int | None = None,
         lanes: int | None = None,
-    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:  # fmt: skip
         """As ``linearize``, at many states on all cores; smooth scenes in vector registers.
 
         Args:
@@ -260,24 +217,14 @@ class Derivatives:
         commands = by_tick("tau", tau, len(x), 1, self._plant.model.n)[:, 0]
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
-        slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
+        slopes = linearizer.differentiate_arms(x, commands, ticks, threads, lanes, one_side(side))
         return self._split(slopes, by, places)
 
     def rollout_jvp(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        dq0: ArrayLike,
-        dv0: ArrayLike,
-        dtau: ArrayLike,
-        *,
-        parameters: dict[str, Any] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> Array:
+        self, q0: ArrayLike, v0: ArrayLike, tau: ArrayLike, steps: int, dq0: ArrayLike,
+        dv0: ArrayLike, dtau: ArrayLike, *, parameters: dict[str, Any] | None = None,
+        side: int | None = None, threads: int | None = None, lanes: int | None = None,
+    ) -> Array:  # fmt: skip
         """Directional derivative of the states of a rollout, with a direction for each arm.
 
         It is the product of the rollout's derivative with that direction; ``rollout_gradient`` is
@@ -320,18 +267,10 @@ class Derivatives:
         return np.concatenate([initial[:, None], moved], axis=1)[..., : 2 * n, 0]
 
     def rollout_gradient(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        g: ArrayLike,
-        *,
-        parameters: dict[str, Any] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> RolloutGradient:
+        self, q0: ArrayLike, v0: ArrayLike, tau: ArrayLike, steps: int, g: ArrayLike, *,
+        parameters: dict[str, Any] | None = None, side: int | None = None,
+        threads: int | None = None, lanes: int | None = None,
+    ) -> RolloutGradient:  # fmt: skip
         """Gradient of a function L of the states of a rollout, by all its arguments.
 
         It costs about as much as four rollouts. It stores the motion of the arms that are advanced
@@ -374,7 +313,7 @@ class Derivatives:
         if not isinstance(state, State):
             kind = type(state).__name__
             raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
-        x = packed(self._plant, state.q, state.v, state.z)
+        x = pack_state(self._plant, state.q, state.v, state.z)
         return x, np.array(torque(tau, self._plant.model.joint_names))
 
     def _places(self, by: Sequence[str] | None) -> dict[str, tuple[int, ...]]:

@@ -38,7 +38,7 @@ class Tableau:
     positions: tuple[tuple[float, ...], ...] = ()
 
 
-def weighed_sum(
+def weighted_sum(
     weights: Sequence[float], slopes: Sequence[ca.MX] | Mapping[int, ca.SX], like: ca.MX | ca.SX
 ) -> ca.MX | ca.SX:
     """Σ w_i k_i over the stages that a method uses; zeros of the size of ``like`` if none."""

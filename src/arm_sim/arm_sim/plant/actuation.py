@@ -18,6 +18,7 @@ from arm_dynamics.control.computed_torque import ComputedTorque
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.symbols import dense_function
 
 
 @frozen
@@ -94,6 +95,14 @@ def actuation(
         for i in range(n)
     ]
     return ca.Function("actuate", [x, r], [ca.vertcat(*bounded)], {"cse": True})
+
+
+def actuation_slopes(plant: Plant) -> ca.Function:
+    """CasADi function ``acting`` (x, r) -> effective command, and its derivatives by x and r."""
+    actuate = actuation(plant)
+    x, r = (ca.SX.sym(name, actuate.size1_in(i)) for i, name in enumerate("xr"))
+    u = actuate(x, r)
+    return dense_function("acting", [x, r], u, ca.jacobian(u, x), ca.jacobian(u, r))
 
 
 def _row(reference: Reference) -> Array:

@@ -68,7 +68,7 @@ def driver_of(arm: SimulatedArm, control: Any, reference: Motion | None, ticks: 
         InvalidInput: If an argument is not allowed.
     """
     if hasattr(control, "torque"):
-        dynamics = arm.compiled.present.tuned(arm.parameters)
+        dynamics = arm.compiled.present.with_external(arm.parameters)
         control = _commands_of(control, reference, dynamics, arm.measured)
     elif reference is not None:
         raise InvalidInput("a reference is for a controller with torque(state, reference)")

@@ -88,6 +88,6 @@ def _demand(simulator: Simulator, name: str) -> None:
 
 def _change(simulator: Simulator, name: str, value: Array) -> Change:
     present, p = simulator.arm.compiled, simulator.arm.parameters
-    present.present.at(present.plant.parameters.merged({name: value}, p))
+    present.present.without_external(present.plant.parameters.merged({name: value}, p))
     present.energy_account.prepare()
     return lambda: simulator.set_parameter(name, value)

@@ -18,7 +18,7 @@ from arm_dynamics.scene import Scene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, command_line, sensors_of
 from arm_sim.inputs import row, torque, whole
-from arm_sim.plant.placing import constraint_hint, holding
+from arm_sim.plant.admissible_states import active_constraints, constraint_hint
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.origin import Origin
@@ -148,7 +148,7 @@ class SimulatedArm:
     @property
     def held_constraints(self) -> tuple[str, ...]:
         """Names of the active constraints."""
-        return holding(self.plant, self._stepper.p)
+        return active_constraints(self.plant, self._stepper.p)
 
     @property
     def substep(self) -> float:
@@ -230,22 +230,22 @@ class SimulatedArm:
         servo, rest = self.compiled.servo, self.compiled.rest
         x, p, n = self._x, self._stepper.p, self.n
         self._command[:] = servo.command(command, x, p, self.step_count)
-        if not (servo.at_rest and rest.slow(x)):
+        if not (servo.at_rest and rest.is_slow(x)):
             self._advance(self._servo_saturation)
             return
-        held, before = self.hold == SERVOS and rest.is_at(self._balance, x, p), x.copy()
+        held, before = self.hold == SERVOS and rest.is_balance_at(self._balance, x, p), x.copy()
         balance = self._balance if held else self._balance_under(command)
         self._advance(self._servo_saturation)
-        if balance and (rest.lasts(balance, before, x) if held else rest.slow(x)):
+        if balance and (rest.is_balance_kept(balance, before, x) if held else rest.is_slow(x)):
             x[:n], x[n : 2 * n] = before[:n], 0.0
             self._balance, self._now.hold = balance, SERVOS
 
     def _balance_under(self, command: JointCommand) -> Balance | None:
         """The balance of the arm where it is, at rest under its servos."""
         servo, rest, stepper = self.compiled.servo, self.compiled.rest, self._stepper
-        stopped = rest.stopped(self._x)
-        torques = servo.command(command, stopped, stepper.p, self.step_count)
-        return rest.balance(stopped, torques, stepper.p, stepper.slope)
+        x = rest.rest_state(self._x)
+        torques = servo.command(command, x, stepper.p, self.step_count)
+        return rest.balance(x, torques, stepper.p, stepper.slope)
 
     def _advance(self, notice: SaturationNotice) -> None:
         if self._tick() != 1:

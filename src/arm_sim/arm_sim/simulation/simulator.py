@@ -28,14 +28,14 @@ from arm_sim.imperfections import delivered
 from arm_sim.inputs import named, tick_count
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
-from arm_sim.plant.placing import (
-    closed,
-    placed,
+from arm_sim.plant.admissible_states import (
+    admissible_state,
+    close_loops,
     warn_of_closing,
     warn_of_degrees,
     warn_of_speeds,
 )
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.progress import Progress
 from arm_sim.recording.recording import Recording
@@ -113,13 +113,9 @@ class Simulator:
 
     @one_at_a_time
     def __init__(
-        self,
-        scene: SceneSource | ArmModel,
-        integrator: str | None = None,
-        dt: float | None = None,
-        tolerance: float | None = None,
-        backend: str = "auto",
-    ) -> None:
+        self, scene: SceneSource | ArmModel, integrator: str | None = None,
+        dt: float | None = None, tolerance: float | None = None, backend: str = "auto",
+    ) -> None:  # fmt: skip
         model = arm_model(scene)
         with naming(scene):
             plant = Plant(model)
@@ -204,7 +200,7 @@ class Simulator:
 
         Under its current gravity, payloads, viscous friction, external torques and constraints.
         """
-        return self.arm.compiled.present.tuned(self._stepper.p)
+        return self.arm.compiled.present.with_external(self._stepper.p)
 
     @property
     def plan(self) -> Plan:
@@ -355,7 +351,7 @@ class Simulator:
 
     def _placed(self, q: Any, v: Any, z: Any, names: Any, hold: Sequence[int] = ()) -> Array:
         """As the function of that name; it warns of what is unlikely to be meant."""
-        x = placed(self.arm.plant, q, v, z, names, hold)
+        x = admissible_state(self.arm.plant, q, v, z, names, hold)
         warn_of_closing(self.arm.plant, q, x[: self.n])
         warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
         warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
@@ -370,17 +366,10 @@ class Simulator:
 
     @with_arguments
     def rollout(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        *,
-        parameters: dict[str, Any] | None = None,
-        last_only: bool = False,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> Array:
+        self, q0: ArrayLike, v0: ArrayLike, tau: ArrayLike, steps: int, *,
+        parameters: dict[str, Any] | None = None, last_only: bool = False,
+        threads: int | None = None, lanes: int | None = None,
+    ) -> Array:  # fmt: skip
         """Simulate many arms at once; the simulator's own state does not change.
 
         Args:
@@ -451,7 +440,7 @@ class Simulator:
                 f"constraint '{name}' cannot be switched; switchable: {choices(name, places)}"
             )
         names = {*self.held_constraints, name} if on else {*self.held_constraints} - {name}
-        n, x = self.n, closed(self.arm.plant, self.arm.x, names)
+        n, x = self.n, close_loops(self.arm.plant, self.arm.x, names)
         x = self._placed(x[:n], x[n : 2 * n], x[2 * n :], names)
         self.set_parameter(CONSTRAINTS, [float(place in names) for place in places])
         self.arm.place(x)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of ticks of scenes with events, in compiled code; see ``linearization``.
+"""Derivatives of ticks with events, in compiled code; see ``linearization``.
 
 Each event's own functions are generated here, and ``eventful_derivatives.c`` combines them.
 """
@@ -22,74 +22,34 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.guards import guard_functions, guard_names
 from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
-from arm_sim.derivatives.resting import resting_functions
+from arm_sim.derivatives.refusals import JOINT_REASONS, REASONS, divergence, refusal_message
+from arm_sim.derivatives.rest_stability import rest_functions
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.derivatives.tangents.rest_projection import RestProjection
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.actuation import actuation
+from arm_sim.plant.actuation import actuation_slopes
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.plant.symbols import dense_function, expanded_function
+from arm_sim.plant.symbols import expanded_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollouts.lanes import ADDRESS, built_of_lanes, lanes_source
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
 ROUNDING = 1e-12
-# Segments of a tick, and steps of all of them, for which there is room.
-MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
-# Functions of the engine that derivatives need as well.
-ENGINE = ("loads", "statics", "contact_geometry")
+# Largest number of segments of a tick, and of steps of all of them
+MAX_SEGMENTS, MAX_STEPS = 1000, 200_000
+# Functions of the engine that derivatives need as well
+ENGINE_FUNCTIONS = ("loads", "statics", "contact_geometry")
 
 _DERIVATIVES = NATIVE / "derivatives"
-# Names of ``enum refusal`` by their values
-REFUSALS = {value: name for name, value in Header(
-    _DERIVATIVES / "sensitivities.h", only="refusal").constants.items()}  # fmt: skip
-MESSAGES = {
-    "ACCUMULATE": "events accumulate in the time step: it has no derivative",
-    "BEGINS_WITH_IMPACT": "the time step begins with an impact",
-    "BEGINS_ON_BOUNDARY": (
-        "{} is on the boundary between two modes at its beginning, as at rest and about to slide"
-    ),
-    "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at its end",
-    "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
-    "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
-    "UNLOADED_GEAR": "{} is at rest without load, where its gear's friction vanishes",
-    "JOINT_WOULD_GO_ON": (
-        "{} is held at rest by a load between its sliding and its static level: if it moved, it "
-        "would go on"
-    ),
-    "CONTACT_WOULD_GO_ON": (
-        "{} is held by a load between its sliding and its static level: if it moved, it would "
-        "go on"
-    ),
-    "STARTS_TO_SLIDE": (
-        "{} starts to slide, where its direction of sliding is not differentiable"
-    ),
-    "STOPS_STRAIGHT": (
-        "{} comes to rest in a straight line, where its direction of sliding is not differentiable"
-    ),
-    "SAME_INSTANT": "two events occur at the same instant, or one at the start of the time step",
-    "COINCIDE": "{}: events at the same instant",
-    "GRAZES": "{} is grazed",
-}
-# Where a guard grazes that is not known
-UNKNOWN = "an event is grazed, or joints and contacts that held together let go"
-# Refusals that name a joint by its index, not by that of its guard
-OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
-
-
-# Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``
+# Functions that derivatives call back: ``helpers_t`` of ``eventful_derivatives.c``
 Helpers = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").structure("helpers_t")
 # A traced tick: ``trace_t`` of ``native/modes/tick_record.h``
 TickTrace = Header(NATIVE / "modes/tick_record.h", only="trace_t").structure("trace_t")
+# The two callbacks to Python among them
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)
 CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
-
-
-def diverged(choice: Choice) -> SimulationDiverged:
-    """The error of a tick that cannot be computed."""
-    return SimulationDiverged(f"linearize: the time step cannot be computed{choice.remark}")
 
 
 class EventfulTicks:
@@ -100,7 +60,7 @@ class EventfulTicks:
         choice: Method, tick and tolerance.
         engine: Its compiled engine.
         tangents: Derivatives of its steps.
-        tuned: Places in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Raises:
         CompilerMissing: Without compiled code.
@@ -109,10 +69,10 @@ class EventfulTicks:
     @one_at_a_time
     def __init__(
         self, plant: Plant, choice: Choice, engine: Compiled, tangents: Tangents,
-        tuned: Sequence[int] = (),
+        p_indices: Sequence[int] = (),
     ) -> None:  # fmt: skip
-        self._plant, self._choice, self._tuned = plant, choice, tuned
-        self._rest, self._tangents = RestProjection(plant, tuned), tangents
+        self._plant, self._choice, self._p_indices = plant, choice, p_indices
+        self._rest, self._tangents = RestProjection(plant, p_indices), tangents
         four, flags = [ADDRESS] * 4, [ctypes.c_int] * 2
         types = [*four, ctypes.c_double, ADDRESS, *flags, *four]
         code = built_of_lanes(self._source, 1, "differentiate", types)
@@ -121,22 +81,25 @@ class EventfulTicks:
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"
             )
         self._error: BaseException | None = None
-        self._code, self._helpers = code, self._callbacks(engine)
+        self._callbacks_alive = (  # must live as long as their addresses
+            STEP(self._raising_later(self._step)), CLOSE(self._raising_later(self._close))
+        )  # fmt: skip
+        self._code, self._helpers = code, self._helper_functions(engine)
         sizes = code.engine.bytes_of_record, code.engine.numbers_recorded
         for size in sizes:
             size.restype = ctypes.c_longlong
-        self._records = np.empty((MOST_SEGMENTS, sizes[0]()), np.uint8)
-        self._numbers = np.empty((MOST_SEGMENTS, sizes[1](code.scene)))
-        self._steps = np.empty(MOST_STEPS)
-        rooms = address(self._records), address(self._numbers), address(self._steps)
-        self._trace = TickTrace(*rooms, len(self._records), len(self._steps))
+        self._records = np.empty((MAX_SEGMENTS, sizes[0]()), np.uint8)
+        self._numbers = np.empty((MAX_SEGMENTS, sizes[1](code.scene)))
+        self._steps = np.empty(MAX_STEPS)
+        buffers = address(self._records), address(self._numbers), address(self._steps)
+        self._trace = TickTrace(*buffers, len(self._records), len(self._steps))
         self._guards = guard_names(plant)
         # The number of guards for which a tick is refused, and which they are.
         self._refused = np.zeros(1 + len(self._guards), np.int64)
-        self._memory = Lock()
+        self._lock = Lock()
 
     def tick(
-        self, point: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
+        self, point: TickPoint, control: SubstepControl | None, *, strict: bool, is_first: bool
     ) -> tuple[Array, Array]:
         """State after a tick, shape (nx,), and its derivatives, shape (nx, nx + n + nt).
 
@@ -144,57 +107,54 @@ class EventfulTicks:
             point: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
-            begins: Whether the state is varied, see ``native/derivatives/rest_stability.h``.
+            is_first: Whether it is the first tick of a motion, see ``is_unstable_at_rest``.
 
         Raises:
             SimulationDiverged: If the tick cannot be computed.
             NotDifferentiable: If it has no derivative.
         """
         nx = self._plant.nx
-        slope = np.empty((nx, nx + self._plant.model.n + len(self._tuned)))
-        return self._differentiate(point, control, strict, begins, address(slope)), slope
+        slope = np.empty((nx, nx + self._plant.model.n + len(self._p_indices)))
+        after = self._run(point, control, address(slope), strict=strict, is_first=is_first)
+        return after, slope
 
     def after(self, point: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
-        return self._differentiate(point, control, False, False, None)
+        return self._run(point, control, None, strict=False, is_first=False)
 
-    def _differentiate(
-        self, point: TickPoint, control: SubstepControl | None, strict: bool, begins: bool,
-        slope: int | None,
+    def _run(
+        self, point: TickPoint, control: SubstepControl | None, slope: int | None, *, strict: bool,
+        is_first: bool,
     ) -> Array:  # fmt: skip
+        """State after a tick, whose derivatives are written to the address ``slope``, if any."""
         after = np.empty(self._plant.nx)
         x, r, p = (np.ascontiguousarray(array) for array in (point.x, point.r, point.p))
-        with self._memory:  # of one tick at a time
+        with self._lock:  # the memory is that of one tick
             refusal = self._code.engine.differentiate(
                 self._code.scene, ctypes.byref(self._helpers), address(x), address(r), address(p),
                 self._choice.dt,
-                None if control is None else ctypes.byref(control), strict, begins,
+                None if control is None else ctypes.byref(control), strict, is_first,
                 ctypes.byref(self._trace), address(self._refused), address(after), slope,
             )  # fmt: skip
             error, self._error = self._error, None
             if error is not None:
                 raise error
             if refusal:
-                self._refuse(REFUSALS[refusal])
+                raise self._error_of(REASONS[refusal])
         return after
 
-    def _refuse(self, reason: str) -> None:
-        """Raise the error of a refusal, by its name in C."""
+    def _error_of(self, reason: str) -> SimulationDiverged | NotDifferentiable:
+        """The error of a refused tick, by the name of the reason in C."""
         if reason == "DIVERGES":
-            raise diverged(self._choice)
+            return divergence(self._choice)
         names, (count, *places) = self._guards, self._refused.tolist()
-        if reason in OF_JOINTS:
+        if reason in JOINT_REASONS:  # guards of joints follow two of each contact
             names = names[2 * len(self._plant.points) :]
-        guards = ", ".join(names[i] for i in places[:count])
-        message = UNKNOWN if reason == "GRAZES" and not guards else MESSAGES[reason].format(guards)
-        raise NotDifferentiable(f"linearize: {message}; side=1 or side=-1 takes one side of it")
+        return NotDifferentiable(refusal_message(reason, names, places[:count]))
 
-    def _callbacks(self, engine: Compiled) -> ctypes.Structure:
+    def _helper_functions(self, engine: Compiled) -> ctypes.Structure:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
-        self._kept = (  # must live as long as their addresses
-            STEP(self._raising_later(self._step)), CLOSE(self._raising_later(self._close))
-        )  # fmt: skip
-        step, close = (ctypes.cast(function, ADDRESS).value for function in self._kept)
+        step, close = (ctypes.cast(callback, ADDRESS).value for callback in self._callbacks_alive)
         steps = self._tangents.library(1)
         if steps is None or self._choice.tolerance is not None:
             return Helpers(engine.scene.value, 0, 0, step, close)
@@ -203,24 +163,24 @@ class EventfulTicks:
         return Helpers(engine.scene.value, steps.scene.value, tangents, step, close)
 
     def _raising_later(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """The callback for C, through which no exception passes: ``_differentiate`` raises it."""
+        """The callback for C, through which no exception passes: ``_run`` raises it."""
 
-        def called(*arguments: int) -> None:
+        def call(*arguments: int) -> None:
             try:
                 callback(*arguments)
             except BaseException as error:
                 self._error = self._error or error
 
-        return called
+        return call
 
     def _step(
         self, _: int, __: int, x: int, u: int, p: int, h: int, columns: int, count: int,
         after: int, moved: int,
     ) -> None:  # fmt: skip
-        """A step whose derivative is too long to be compiled, or taken in parts."""
+        """Step with a derivative that is too long to be compiled, or is taken in parts."""
         plant = self._plant
         nx, n = plant.nx, plant.model.n
-        rows = nx + n + len(self._tuned) + 1
+        rows = nx + n + len(self._p_indices) + 1
         state, changes = self._tangents.step(
             _numbers(x, nx), _numbers(u, n), _numbers(p, plant.rhs.size1_in(2)),
             float(_numbers(h, 1)[0]), _numbers(columns, rows, count),
@@ -235,26 +195,20 @@ class EventfulTicks:
         _numbers(slopes, matrix.size)[:] = matrix.ravel(order="F")
 
     def _source(self, width: int) -> str:
-        plant, tuned = self._plant, self._tuned
-        functions = [acting(plant), slope_of_loads(plant), *guard_functions(plant, tuned)]
-        functions += [function for name, function in plant.events.items() if name in ENGINE]
-        functions += resting_functions(plant)
+        plant, p_indices = self._plant, self._p_indices
+        functions = [actuation_slopes(plant), slope_of_loads(plant)]
+        functions += [
+            function for name, function in plant.events.items() if name in ENGINE_FUNCTIONS
+        ]
+        functions += [*guard_functions(plant, p_indices), *rest_functions(plant)]
         if plant.layout.directions or plant.points:
             functions += self._rest.matrices()
         if plant.points:
             functions.append(mobility_across(plant))
         if plant.points or plant.model.stops.rigid.any():
-            functions.append(impact_function(plant, tuned))
-        sizes = {"nt": len(tuned), "ng": len(guard_names(plant))}
+            functions.append(impact_function(plant, p_indices))
+        sizes = {"nt": len(p_indices), "ng": len(guard_names(plant))}
         return lanes_source(plant, self._choice, functions, width, sizes)
-
-
-def acting(plant: Plant) -> ca.Function:
-    """CasADi function (x, r) -> command that acts, and its derivatives by x and r."""
-    act = actuation(plant)
-    x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
-    u = act(x, r)
-    return dense_function("acting", [x, r], u, ca.jacobian(u, x), ca.jacobian(u, r))
 
 
 def mobility_across(plant: Plant) -> ca.Function:
