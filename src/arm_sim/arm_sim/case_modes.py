@@ -46,36 +46,36 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
     symbols = ca.symvar(ca.veccat(*results))
     constant = ca.vertcat(*(s for s in symbols if s.element_hash() not in of_state))
     function = ca.Function("f", [state, constant], list(results), {"cse": True})
-    plain, moded = _Graph(function, state, constant), _Graph(function, state, constant)
+    original, modal = _Graph(function, state, constant), _Graph(function, state, constant)
     modes, values, sizes = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
-        plain.run(k)
-        moded.run(k)
-        if operation not in _FACTORS or not plain.varies:
+        original.run(k)
+        modal.run(k)
+        if operation not in _FACTORS or not original.varies:
             continue
-        a, b = plain.operands
+        a, b = original.operands
         if ca.is_equal(b, -a, 1):  # an absolute value, which has powers: it must stay positive
             continue
-        holds = ca.SX.sym(f"holds{len(modes)}")
-        modes.append(holds)
+        mode = ca.SX.sym(f"holds{len(modes)}")
+        modes.append(mode)
         values.append(_FACTORS[operation] * (a - b))
         sizes.append(ca.fabs(a) + ca.fabs(b))
         if operation in (ca.OP_FMIN, ca.OP_FMAX):
-            a, b = moded.operands
-            moded.put(k, holds * a + (1.0 - holds) * b)
+            a, b = modal.operands
+            modal.put(k, mode * a + (1.0 - mode) * b)
         else:
-            moded.put(k, 1.0 - holds if operation == ca.OP_LT else holds)
+            modal.put(k, 1.0 - mode if operation == ca.OP_LT else mode)
     columns = (ca.vertcat(ca.SX(0, 1), *parts) for parts in (modes, values, sizes))
-    return Switches(moded.outputs, *columns)
+    return Switches(modal.outputs, *columns)
 
 
 class _Graph:
     """Evaluation of a function's instructions, one after the other, as expressions.
 
     Attributes:
-        operands: Those of the operation that was evaluated last.
-        varies: Whether it depends on the state.
+        operands: Operands of the last operation.
+        varies: Whether the last operation depends on the state.
         outputs: Expressions of the results.
     """
 

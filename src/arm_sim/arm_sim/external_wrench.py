@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Push:
+    """A wrench on a frame, and the last tick in which it acts."""
+
     task: TaskSpace
     wrench: Array
     until: int

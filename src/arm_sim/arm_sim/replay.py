@@ -26,7 +26,7 @@ class Difference:
     """The first value that differs.
 
     Attributes:
-        tick: Its tick, counted from the beginning of the recording.
+        tick: Tick at whose end it is, counted from the beginning of the recording.
         time: Time at the end of the tick in [s].
         what: The joint and quantity, or the internal state.
         recorded: The recorded value.
@@ -78,11 +78,9 @@ class Replay:
 
 
 def replay(
-    recording: Recording,
-    scene: Any = None,
-    integrator: str | None = None,
+    recording: Recording, scene: Any = None, integrator: str | None = None,
     tolerance: float | None = None,
-) -> Replay:
+) -> Replay:  # fmt: skip
     """Run the scene of a recording again with its commands, changes and external forces.
 
     Args:
@@ -149,6 +147,11 @@ def _first_difference(
 class _Rerun:
     """Makes the ticks of a recording again.
 
+    Args:
+        recording: The recording.
+        sim: The simulator that makes the ticks.
+        same: Whether its scene is the recorded one.
+
     Attributes:
         ended: States at the end of each tick, shape (k+1, nx); NaN from a failure on. The motion
             has those at the beginning of each: others where something else has changed the state.
@@ -159,7 +162,7 @@ class _Rerun:
         self._x, self._ended = recording.x, recording.ended
         self._jumps = {jump.row: jump for jump in recording.jumps}
         self._layout = Parameters(recording.plant.model)  # of the recorded quantities
-        self._begun, self.ended = np.full((2, len(recording), sim.arm.plant.nx), np.nan)
+        self._states_before, self.ended = np.full((2, len(recording), sim.arm.plant.nx), np.nan)
         self._tuned = list[str]()  # what comes from the recording; another scene has its own
         for name in self._layout.names:
             column = recording.p[:, self._layout.place(name)]
@@ -172,7 +175,7 @@ class _Rerun:
             self._tuned.append(name)
 
     def run(self) -> str:
-        """Make all ticks, or return why not."""
+        """Make all ticks; return why that failed, if it did."""
         edges = self._recording.edges
         for row, end in zip(edges, [*edges[1:], None], strict=True):
             self._begin(row)
@@ -196,7 +199,7 @@ class _Rerun:
             self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
         elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):
             self._place(sim.arm.x, row, sim.arm.substep)
-        self._begun[row] = sim.arm.x
+        self._states_before[row] = sim.arm.x
 
     def _place(self, x: Array, row: int, substep: float) -> None:
         """Set the state, with the quantities tuned at a time."""
@@ -231,15 +234,16 @@ class _Rerun:
             self._keep(k, sim.arm.x[None])
 
     def _keep(self, row: int, x: Array) -> None:
-        self._begun[row + 1 : row + 1 + len(x)] = self.ended[row + 1 : row + 1 + len(x)] = x
+        """Record states after the ticks from a row on."""
+        rows = slice(row + 1, row + 1 + len(x))
+        self._states_before[rows] = self.ended[rows] = x
 
     def motion(self) -> Recording:
         """The replayed motion, up to a failure."""
-        recording, sim = self._recording, self._sim
-        origin = recording.origin
+        recording, sim, origin = self._recording, self._sim, self._recording.origin
         assert origin is not None
-        rows = int(np.flatnonzero(~np.isnan(self._begun[:, 0]))[-1]) + 1
-        q, v, z = map(read_only, np.split(self._begun[:rows], (sim.n, 2 * sim.n), axis=1))
+        rows = int(np.flatnonzero(~np.isnan(self._states_before[:, 0]))[-1]) + 1
+        q, v, z = map(read_only, np.split(self._states_before[:rows], (sim.n, 2 * sim.n), axis=1))
         arrays = {
             name: getattr(recording, name)[:rows]
             for name in ("time", "command", "local_error", "time_stepped")

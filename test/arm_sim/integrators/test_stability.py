@@ -10,7 +10,7 @@ from samples import covering
 from arm_sim import Simulator
 from arm_sim.integrators import METHODS
 from arm_sim.integrators.linear_response import LinearResponse
-from arm_sim.integrators.stability import GROWTH, longest_step
+from arm_sim.integrators.stability import GROWTH_TOLERANCE, longest_step
 from models.rotor import rotor
 
 EXPLICIT = [name for name in METHODS if name != "implicit"]
@@ -35,7 +35,7 @@ def grows(scene: dict[str, Any], method: str) -> bool:
         sim.reset(start[:1], start[1:])
         end = sim.step([0.0])
         rows.append([*end.q, *end.v])
-    return bool(abs(np.linalg.eigvals(rows)).max() > 1.0 + GROWTH)
+    return bool(abs(np.linalg.eigvals(rows)).max() > 1.0 + GROWTH_TOLERANCE)
 
 
 def interval(name: str, J: list[list[float]]) -> float:

@@ -39,7 +39,7 @@ class TickPart:
     """One tick, by its derivatives.
 
     Attributes:
-        tick: Its number.
+        tick: Number of the tick.
         slope: Derivatives by state, command and all parameters, shape (nx, nx + n + np).
     """
 
@@ -50,9 +50,9 @@ class TickPart:
         """Gradient by the state at the beginning of the part.
 
         Args:
-            weight: That by the state at its end, shape (nx,).
+            weight: Gradient by the state at the end of the part, shape (nx,).
             tau: Commands of the whole motion, shape (ticks, n).
-            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
+            g: Gradients by all states of the function of them, shape (ticks + 1, nx).
             by_tau: Receives gradients by commands, shape (ticks, n).
             by_p: Gradients by parameters, which are added to, shape (np,).
         """

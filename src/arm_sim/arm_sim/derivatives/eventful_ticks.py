@@ -56,10 +56,10 @@ class EventfulTicks:
     """Derivatives of the ticks of a scene with events.
 
     Args:
-        plant: Its equations.
+        plant: The scene's equations.
         choice: Method, tick and tolerance.
-        engine: Its compiled engine.
-        tangents: Derivatives of its steps.
+        engine: The scene's compiled engine.
+        tangents: Derivatives of the scene's steps.
         p_indices: Indices in p of the quantities to differentiate by.
 
     Raises:
@@ -94,8 +94,8 @@ class EventfulTicks:
         buffers = address(self._records), address(self._numbers), address(self._steps)
         self._trace = TickTrace(*buffers, len(self._records), len(self._steps))
         self._guards = guard_names(plant)
-        # The number of guards for which a tick is refused, and which they are.
-        self._refused = np.zeros(1 + len(self._guards), np.int64)
+        # How many guards or joints a refusal concerns, and their indices
+        self._subjects = np.zeros(1 + len(self._guards), np.int64)
         self._lock = Lock()
 
     def tick(
@@ -118,7 +118,7 @@ class EventfulTicks:
         after = self._run(point, control, address(slope), strict=strict, is_first=is_first)
         return after, slope
 
-    def after(self, point: TickPoint, control: SubstepControl | None) -> Array:
+    def advance(self, point: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
         return self._run(point, control, None, strict=False, is_first=False)
 
@@ -134,7 +134,7 @@ class EventfulTicks:
                 self._code.scene, ctypes.byref(self._helpers), address(x), address(r), address(p),
                 self._choice.dt,
                 None if control is None else ctypes.byref(control), strict, is_first,
-                ctypes.byref(self._trace), address(self._refused), address(after), slope,
+                ctypes.byref(self._trace), address(self._subjects), address(after), slope,
             )  # fmt: skip
             error, self._error = self._error, None
             if error is not None:
@@ -147,10 +147,10 @@ class EventfulTicks:
         """The error of a refused tick, by the name of the reason in C."""
         if reason == "DIVERGES":
             return divergence(self._choice)
-        names, (count, *places) = self._guards, self._refused.tolist()
+        names, (count, *indices) = self._guards, self._subjects.tolist()
         if reason in JOINT_REASONS:  # guards of joints follow two of each contact
             names = names[2 * len(self._plant.points) :]
-        return NotDifferentiable(refusal_message(reason, names, places[:count]))
+        return NotDifferentiable(refusal_message(reason, names, indices[:count]))
 
     def _helper_functions(self, engine: Compiled) -> ctypes.Structure:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
@@ -175,17 +175,17 @@ class EventfulTicks:
 
     def _step(
         self, _: int, __: int, x: int, u: int, p: int, h: int, columns: int, count: int,
-        after: int, moved: int,
+        after: int, columns_after: int,
     ) -> None:  # fmt: skip
         """Step with a derivative that is too long to be compiled, or is taken in parts."""
         plant = self._plant
         nx, n = plant.nx, plant.model.n
         rows = nx + n + len(self._p_indices) + 1
-        state, changes = self._tangents.step(
+        x_after, changes = self._tangents.step(
             _numbers(x, nx), _numbers(u, n), _numbers(p, plant.rhs.size1_in(2)),
             float(_numbers(h, 1)[0]), _numbers(columns, rows, count),
         )  # fmt: skip
-        _numbers(after, nx)[:], _numbers(moved, nx, count)[:] = state, changes
+        _numbers(after, nx)[:], _numbers(columns_after, nx, count)[:] = x_after, changes
 
     def _close(self, end: int, p: int, begin: int, slopes: int) -> None:
         """Derivatives of the closing of contacts that a coarse step has left open."""

@@ -76,9 +76,9 @@ class ArgumentGradients:
     """Gradients of a batch by initial states, torques and parameters.
 
     Attributes:
-        by_x: By initial states (q, v, z), shape (b, nx).
-        by_tau: By the torques of all ticks, shape (b, ticks, n).
-        by_p: By parameters, shape (b, np).
+        by_x: Gradients by initial states (q, v, z), shape (b, nx).
+        by_tau: Gradients by the torques of all ticks, shape (b, ticks, n).
+        by_p: Gradients by parameters, shape (b, np).
     """
 
     by_x: Array
@@ -94,7 +94,7 @@ def gradient_of(
     Args:
         plant: The scene's equations.
         batch: The arms.
-        gradients: By initial states and all torques.
+        gradients: Gradients by initial states and all torques.
         shape: Shape of the torques in the arguments.
     """
     n, by_x = plant.model.n, gradients.by_x

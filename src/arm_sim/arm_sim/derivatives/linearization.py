@@ -72,9 +72,8 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        return np.asarray(
-            self.differentiate_arms(x[None], r[None], ticks, threads=1, lanes=1, side=side)[0]
-        )
+        slopes = self.differentiate_arms(x[None], r[None], ticks, threads=1, lanes=1, side=side)
+        return np.asarray(slopes[0])
 
     def differentiate_arms(
         self, x: Array, r: Array, ticks: int, threads: int | None, lanes: int | None,
@@ -91,20 +90,21 @@ class Linearizer:
             side: See ``Motion``.
 
         Returns:
-            As of one, for each arm, shape (b, nx, nx + n + nt).
+            Derivatives of each arm as of ``__call__``, shape (b, nx, nx + n + nt).
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
         self._coarse_steps.check(x)
+        p = self._stepper.p
         if compiled := self.ticks.compiled.smooth_ticks:
-            _, slopes, unfinished = compiled.slopes(x, r, self._stepper.p, ticks, threads, lanes)
+            _, slopes, unfinished = compiled.differentiate(x, r, p, ticks, threads, lanes)
             unfinished = self._unsmooth_arms(unfinished, x, r[:, None], ticks)
         else:
             check_lanes(lanes)
-            nx, unfinished = self._plant.nx, list(range(len(x)))
-            slopes = np.empty((len(x), nx, nx + self.ticks.held))
+            slopes = np.empty((len(x), self._plant.nx, self.ticks.column_count))
+            unfinished = list(range(len(x)))
         for arm in unfinished:
             with named_in_errors(arm, len(x)):
                 slopes[arm] = self._differentiate_arm(x[arm], r[arm], ticks, side)
@@ -114,7 +114,7 @@ class Linearizer:
         """Derivatives of ticks of one arm, through their events."""
         if ticks == 1:
             return Motion(self.ticks, x, self._stepper.p, side).differentiate_tick(r)
-        nx, unit = len(x), np.eye(len(x) + self.ticks.held)
+        nx, unit = len(x), np.eye(self.ticks.column_count)
         arm = self._held_arms(x[None], r[None], ticks, unit[:nx], unit[nx:])
         *_, slope = propagate_arm(self.ticks, arm, 0, side)
         return slope
@@ -141,15 +141,15 @@ class Linearizer:
         if not (compiled := self.ticks.compiled.smooth_ticks):
             return self.differentiate_arms(x, r, 1, threads, None)
         p = self._stepper.p
-        _, slopes, unfinished = compiled.slopes(x, r, p, 1, threads, None, is_first=False)
+        _, slopes, unfinished = compiled.differentiate(x, r, p, 1, threads, None, is_first=False)
         for arm in self._unsmooth_arms(unfinished, x, r[:, None], 1):
-            point = TickPoint(x[arm], r[arm], p)
+            point, control = TickPoint(x[arm], r[arm], p), self.ticks.new_control()
             with named_in_errors(arm, len(x)):
-                slopes[arm] = self.ticks.on_either_side(point, self.ticks.control(), False)
+                slopes[arm] = self.ticks.differentiate_either_side(point, control, is_first=False)
         return slopes
 
     def smoothed_jacobians(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
-        """As ``jacobians_along``, of the arm without stops, whose friction is smooth.
+        """Derivatives as ``jacobians_along``, of the arm without stops, whose friction is smooth.
 
         ``speed`` in [rad/s] or [m/s] regularizes dry friction, see ``Options``.
 
@@ -163,7 +163,7 @@ class Linearizer:
             self._smooth_tangents[speed] = tangents
         if not (compiled := self._smooth_tangents[speed]).native:
             raise CompilerMissing(f"smooth derivatives need compiled code: {HOW_TO_GET_CODE}")
-        after, slopes, marked = compiled.slopes(x, r, self._stepper.p, 1, threads, None)
+        after, slopes, marked = compiled.differentiate(x, r, self._stepper.p, 1, threads, None)
         for arm in marked:  # also those that pass a stop, which does not act
             with named_in_errors(arm, len(x)):
                 if not within_reach(after[arm]):
@@ -205,7 +205,7 @@ class Linearizer:
         return np.asarray(self.jvps(arm, threads=1, lanes=1, side=side)[0, 0, :, 0])
 
     def jvps(
-        self, arms: Arms, threads: int | None, lanes: int | None, every: bool = False,
+        self, arms: Arms, threads: int | None, lanes: int | None, *, every: bool = False,
         side: int | None = None,
     ) -> Array:  # fmt: skip
         """Products of derivatives of ticks with columns, for many arms.
@@ -214,7 +214,7 @@ class Linearizer:
             arms: Where they begin, and the columns.
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            every: Whether to return the columns after every tick, not only after the last.
+            every: Whether to return columns after every tick, not only after the last.
             side: See ``Motion``.
 
         Returns:
@@ -225,7 +225,7 @@ class Linearizer:
             NotDifferentiable: If a tick has no derivative.
         """
         if compiled := self.ticks.compiled.smooth_ticks:
-            columns, unfinished, *_ = compiled.columns(arms, every, threads, lanes)
+            columns, unfinished, *_ = compiled.propagate(arms, threads, lanes, every=every)
             unfinished = self._unsmooth_arms(unfinished, arms.x, arms.tau, arms.ticks)
         else:
             check_lanes(lanes)

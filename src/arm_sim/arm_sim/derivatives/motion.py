@@ -21,7 +21,7 @@ class Motion:
     """A motion of one arm that is differentiated tick by tick.
 
     Args:
-        derivatives: Of its ticks.
+        derivatives: Derivatives of single ticks.
         x: State at the beginning, shape (nx,).
         p: Tunable numbers.
         side: 1 or -1: ticks without a derivative are given their one-sided derivatives, see
@@ -36,7 +36,7 @@ class Motion:
     def __init__(self, derivatives: TickDerivatives, x: Array, p: Array, side: int | None) -> None:
         self.x, self.p, self.ticks = x, np.ascontiguousarray(p), 0
         self._derivatives, self._side = derivatives, side
-        self._control = derivatives.control()
+        self._control = derivatives.new_control()
 
     def continue_from(self, x: Array, ticks: int) -> None:
         """Continue from a state that other code has reached after some ticks."""
@@ -56,9 +56,9 @@ class Motion:
         except NotDifferentiable:
             if self._side is None:
                 raise
-            slope = derivatives.one_sided(point, self._control, is_first, self._side)
+            slope = derivatives.differentiate_one_side(point, self._control, is_first, self._side)
             control = copy_of(self._control)
-            x = derivatives.after(point, control)
+            x = derivatives.advance(point, control)
         self._control = control
         self.continue_from(x, 1)
         return slope
@@ -93,8 +93,9 @@ def _event_free_columns(
     arm = Arms(
         motion.x[None], tau[None], motion.p[None], np.ascontiguousarray(columns)[None], held[None]
     )
-    is_first = motion.ticks == 0
-    after_each, _, end, (ticks,) = event_free.columns(arm, True, 1, 1, is_first=is_first)
+    after_each, _, end, (ticks,) = event_free.propagate(
+        arm, threads=1, lanes=1, every=True, is_first=motion.ticks == 0
+    )
     motion.continue_from(end[0], int(ticks))
     return after_each[0, :ticks]
 

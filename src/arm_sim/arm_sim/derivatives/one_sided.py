@@ -61,11 +61,11 @@ def one_sided(
 
     Args:
         after: The tick.
-        slope: Its derivatives; between two modes, those of either.
-        point: Where.
+        slope: Derivatives of the tick; between two modes, those of either.
+        point: Where the tick is differentiated.
         side: 1 or -1.
         p_indices: Indices in p of the quantities to differentiate by.
-        names: Of the entries of (x, r, p[p_indices]), for messages.
+        names: Names of the entries of (x, r, p[p_indices]), for messages.
 
     Returns:
         Derivatives, shape (nx, nx + n + nt).

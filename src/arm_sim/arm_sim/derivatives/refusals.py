@@ -44,15 +44,15 @@ UNKNOWN_GRAZING = "an event is grazed, or joints and contacts that held together
 JOINT_REASONS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
 
-def refusal_message(reason: str, names: Sequence[str], places: Sequence[int]) -> str:
+def refusal_message(reason: str, names: Sequence[str], indices: Sequence[int]) -> str:
     """The message of a tick without a derivative.
 
     Args:
         reason: A key of ``MESSAGES``.
         names: Names of all joints for one of ``JOINT_REASONS``, else of all guards.
-        places: Indices of those that the reason concerns.
+        indices: Indices of the names that the reason concerns.
     """
-    subjects = ", ".join(names[i] for i in places)
+    subjects = ", ".join(names[i] for i in indices)
     grazing_unknown = reason == "GRAZES" and not subjects
     message = UNKNOWN_GRAZING if grazing_unknown else MESSAGES[reason].format(subjects)
     return f"linearize: {message}; side=1 or side=-1 takes one side of it"

@@ -34,17 +34,17 @@ class SteppedTicks:
         choice: Method, tick and tolerance.
         stepper: Determines the modes of joints and contacts.
         tangents: Derivatives of the scene's steps.
-        held: Number of commands and quantities.
+        column_count: Number of columns of derivatives: for state, command and quantities.
     """
 
     def __init__(
-        self, plant: Plant, choice: Choice, stepper: Stepper, tangents: Tangents, held: int
+        self, plant: Plant, choice: Choice, stepper: Stepper, tangents: Tangents, column_count: int
     ) -> None:
         self._plant, self._choice, self._stepper = plant, choice, stepper
-        self._tangents, self._held = tangents, held
+        self._tangents, self._column_count = tangents, column_count
 
     def tick(self, point: TickPoint, control: SubstepControl | None) -> tuple[Array, Array]:
-        """State after a tick, shape (nx,), and its derivatives, shape (nx, nx + held).
+        """State after a tick, shape (nx,), and its derivatives, shape (nx, column_count).
 
         Args:
             point: State, command and parameters.
@@ -61,8 +61,9 @@ class SteppedTicks:
             )
         u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
         modes, nx = self._stepper.reactions.modes_at(x, u, p).p, self._plant.nx
-        held = np.eye(self._held + 1, nx + self._held, nx)  # lengths are constant
-        slope, after = np.eye(nx, nx + self._held), x
+        columns = self._column_count
+        held = np.eye(columns - nx + 1, columns, nx)  # its last row: lengths are constant
+        slope, after = np.eye(nx, columns), x
         for h in self._step_lengths(x, u.ravel(), modes, control):
             after, slope = self._tangents.step(after, u, modes, h, np.vstack([slope, held]))
         if not within_reach(after):

@@ -61,9 +61,9 @@ class TickDerivatives:
         self.nonsmooth = NonsmoothPoints(plant)
 
     @property
-    def held(self) -> int:
-        """Number of commands and quantities, whose columns follow those for the state."""
-        return self._plant.model.n + len(self._p_indices)
+    def column_count(self) -> int:
+        """Number of columns: for state, command and quantities."""
+        return self._plant.nx + self._plant.model.n + len(self._p_indices)
 
     def prepare_events(self) -> None:
         """Compile what ticks with events need, unless that is done or there are none."""
@@ -90,7 +90,9 @@ class TickDerivatives:
         smooth = None if self.compiled.eventful else self.compiled.smooth_ticks
         if smooth:
             x, r = point.x[None], point.r[None]
-            after, slopes, invalid = smooth.slopes(x, r, point.p, 1, 1, 1, is_first)
+            after, slopes, invalid = smooth.differentiate(
+                x, r, point.p, ticks=1, threads=1, lanes=1, is_first=is_first
+            )
             if not invalid:
                 return after[0], slopes[0]
         if self.compiled.eventful:
@@ -101,7 +103,7 @@ class TickDerivatives:
             raise NotDifferentiable(f"linearize: {UNSETTLED}{self._choice.remark}")
         return state, slope
 
-    def on_either_side(
+    def differentiate_either_side(
         self, point: TickPoint, control: SubstepControl | None, is_first: bool
     ) -> Array:
         """Derivatives of one tick; on the boundary between two modes, those of either."""
@@ -110,24 +112,24 @@ class TickDerivatives:
         except NotDifferentiable:
             return self.differentiate(point, copy_of(control), strict=False, is_first=is_first)[1]
 
-    def after(self, point: TickPoint, control: SubstepControl | None) -> Array:
+    def advance(self, point: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
         if self.compiled.eventful:
-            return self._eventful.after(point, control)
+            return self._eventful.advance(point, control)
         return self.differentiate(point, control, strict=False, is_first=False)[0]
 
-    def control(self) -> SubstepControl | None:
+    def new_control(self) -> SubstepControl | None:
         """State of the error control at the beginning of a motion; None without."""
         order, tolerance = self._choice.method.order, self._choice.tolerance
         return None if tolerance is None else SubstepControl(tolerance, order)
 
-    def one_sided(
+    def differentiate_one_side(
         self, point: TickPoint, control: SubstepControl | None, is_first: bool, side: int
     ) -> Array:
         """One-sided derivatives of a tick, see ``one_sided``."""
         return one_sided(
-            lambda at: self.after(at, copy_of(control)),
-            lambda at: self.on_either_side(at, control, is_first),
+            lambda place: self.advance(place, copy_of(control)),
+            lambda place: self.differentiate_either_side(place, control, is_first),
             point, side, self._p_indices, self._entries,
         )  # fmt: skip
 
@@ -152,4 +154,4 @@ class TickDerivatives:
     @cached_property
     def _stepped(self) -> SteppedTicks:
         of_scene = self.compiled.of_scene
-        return SteppedTicks(self._plant, self._choice, self._stepper, of_scene, self.held)
+        return SteppedTicks(self._plant, self._choice, self._stepper, of_scene, self.column_count)

@@ -68,7 +68,7 @@ def tick_of(
     _refuse(model)
     simulator = Simulator(model)
     if pushable:
-        simulator.arm.use(simulator.arm.compiled.pushable())
+        simulator.arm.use(simulator.arm.compiled.with_external_torques())
     plant, choice, numbers = simulator.arm.plant, simulator.choice, _numbers(simulator.arm.plant)
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     tangents, members = None, dict[str, int]()

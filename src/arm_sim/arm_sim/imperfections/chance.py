@@ -35,8 +35,8 @@ class Chance:
 
     Args:
         seed: Seed of the scene.
-        channel: Their purpose.
-        draw: Their distribution.
+        channel: Purpose of the numbers.
+        draw: Draws numbers of their distribution.
         arm: Index of the arm in a batch; 0 is that of a simulator.
     """
 

@@ -50,7 +50,7 @@ class Sensors:
         """Prepare.
 
         Args:
-            scene: Their keys in the scene.
+            scene: Keys of the sensors in the scene.
             names: Joints.
             dt: Length of a tick in [s].
 

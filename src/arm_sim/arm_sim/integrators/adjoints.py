@@ -31,7 +31,7 @@ def build_adjoint(
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
-        pullback: Its transposed derivative, see ``plant.slopes.pullback``.
+        pullback: Transposed derivative of ``rhs``, see ``plant.slopes.pullback``.
         n: Degrees of freedom; x starts with q and v of n each.
         project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
         scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.

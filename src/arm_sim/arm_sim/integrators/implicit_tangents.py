@@ -44,7 +44,7 @@ def implicit_tangent(
 
     Args:
         rhs: Function (x, u, p) -> x'.
-        slopes: Its derivatives.
+        slopes: Derivatives of ``rhs``.
         n: Degrees of freedom.
         p_indices: Indices in p of the quantities to differentiate by, those of ``slopes``.
 

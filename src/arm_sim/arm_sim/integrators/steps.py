@@ -91,7 +91,7 @@ class _Stages:
         loads: See ``build_step``.
 
     Attributes:
-        arguments: Those of the step.
+        arguments: Symbols of the arguments of the step.
         loads: What ``loads`` gives besides x', by stage.
     """
 

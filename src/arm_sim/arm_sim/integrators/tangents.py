@@ -51,7 +51,7 @@ def build_tangent(
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
-        slopes: Its derivatives.
+        slopes: Derivatives of ``rhs``.
         n: Degrees of freedom; x starts with q and v of n each.
         project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
         scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
@@ -97,7 +97,7 @@ def _staged_advance(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> ca
     c: dict[int, ca.MX] = {}
 
     def state(i: int) -> ca.MX:
-        """That of stage i, and after the last one that at the end."""
+        """The state at stage i, or at the end of the step after the last stage."""
         if tableau.positions:
             return nystrom.stage(tableau, i, list(k.values()), x, h, n)
         return x + h * weighted_sum((*tableau.a, tableau.b)[i], k, x)
@@ -122,7 +122,7 @@ def _staged_propagation(tableau: Tableau, slopes: Slopes, n: int) -> ca.Function
     dk: dict[int, ca.SX] = {}
 
     def change(i: int) -> ca.SX:
-        """That of the state of stage i, and after the last one of that at the end."""
+        """Change of the state at stage i, or at the end of the step after the last stage."""
         weights = (*tableau.a, tableau.b)[i]
         if tableau.positions:
             return nystrom.tangent(weights, tableau.positions[i], dk, k, dx, h, dh, n)

@@ -35,12 +35,9 @@ class CompiledControl:
 
 
 def computed_torque(
-    model: ArmModel,
-    sample: Callable[[float], Reference],
-    bandwidth: float | Array = 20.0,
-    damping_ratio: float | Array = 1.0,
-    dt: float = 1e-3,
-) -> CompiledControl:
+    model: ArmModel, sample: Callable[[float], Reference], bandwidth: float | Array = 20.0,
+    damping_ratio: float | Array = 1.0, dt: float = 1e-3,
+) -> CompiledControl:  # fmt: skip
     """Computed torque as ``arm_dynamics.control.ComputedTorque``, compiled into the simulator.
 
     Args:
@@ -61,11 +58,11 @@ def computed_torque(
     law = ComputedTorque(Dynamics(model), bandwidth, damping_ratio, dt)
     numbers = np.concatenate(law.tuning)
 
-    def rows(times: Array) -> Array:
+    def reference_rows(times: Array) -> Array:
         motion = np.array([_row(sample(t)) for t in times]).reshape(len(times), 3 * model.n)
         return np.hstack([motion, np.tile(numbers, (len(times), 1))])
 
-    return CompiledControl(command_function(law, model), rows)
+    return CompiledControl(command_function(law, model), reference_rows)
 
 
 @one_at_a_time

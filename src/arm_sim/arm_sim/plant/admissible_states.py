@@ -11,7 +11,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.built import too_fast
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, degrees_meant
 from arm_dynamics.scene.constraint import Constraint, label, switchable
-from arm_sim.inputs import row
+from arm_sim.inputs import check_row
 from arm_sim.plant.plant import Plant
 
 # Constraints with residuals up to this, in [m] or [m/s], are treated as closed.
@@ -29,8 +29,9 @@ _log = logging.getLogger(__name__)
 def pack_state(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
     """Validate a state and stack it as x = (q, v, z), shape (nx,); z None for initial values."""
     joints = plant.model.joint_names
-    q, v = row("q", q, joints), row("v", v, joints)
-    return np.concatenate([q, v, plant.laws.initial(q, v) if z is None else row("z", z, plant.nz)])
+    q, v = check_row("q", q, joints), check_row("v", v, joints)
+    z = plant.laws.initial(q, v) if z is None else check_row("z", z, plant.nz)
+    return np.concatenate([q, v, z])
 
 
 def admissible_state(

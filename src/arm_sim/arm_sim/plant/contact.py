@@ -23,7 +23,7 @@ class ContactFunctions:
         model: The robot.
         s: Its symbols.
         joints: Modes of the joints.
-        response: Their response to forces.
+        response: Response of the joints to forces.
 
     Attributes:
         points: The contacts.
@@ -104,7 +104,7 @@ class ContactFunctions:
 
     @built_once
     def sites(self) -> ca.Function:
-        """Of q -> normal, two tangents and contact point of each contact in the world frame.
+        """Normal, two tangents and contact point of each contact in the world frame, by q.
 
         In [m], shape (3, 4 nc).
         """

@@ -28,7 +28,7 @@ class Mechanics:
     Args:
         model: The robot.
         symbols: Its symbols.
-        options: Those on stops, sliding and regularization are used.
+        options: Options, of which stops, sliding and regularization are used.
 
     Attributes:
         symbols: Symbols of the expressions.

@@ -97,15 +97,15 @@ class RecursiveResponse:
         self.load = s.tau - s.passive - joints.friction + joints.stop
 
     def accelerations(self, load: ca.SX) -> ca.SX:
-        """As ``Response``."""
+        """Accelerations as of ``Response``."""
         return self._motion(load)[0]
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
-        """As ``Response``; ``a`` follows from the load."""
+        """Reactions as of ``Response``; ``a`` follows from the load."""
         return self._motion(load)[1]
 
     def impact(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """As ``Response``: impulses change velocities as torques cause accelerations."""
+        """Impact as of ``Response``: impulses change velocities as torques cause accelerations."""
         s, zero = self._s, self._zero
         gain, reaction = hybrid(s.tree, s.q, zero, push, ca.SX(3, 1), self._sliding, change)
         return gain, -reaction

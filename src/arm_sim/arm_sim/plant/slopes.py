@@ -175,8 +175,8 @@ class ContactSlopes(NamedTuple):
 
     Attributes:
         torques: Derivatives of the torques of constant contact forces by q and v.
-        rates: Those of the accelerations of the active rows, at constant q̈.
-        rows: These rows.
+        rates: Derivatives of the accelerations of the active rows by q and v, at constant q̈.
+        rows: The active rows.
         mobility: Accelerations of the joints per unknown force.
         forces: Minus the unknown forces per acceleration of the rows.
     """

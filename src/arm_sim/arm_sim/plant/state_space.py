@@ -34,7 +34,7 @@ class StateSpace:
 
     @built_once
     def events(self) -> dict[str, ca.Function]:
-        """See ``Plant.events``."""
+        """Functions for events by name, see ``Plant.events``."""
         arm, contact = self._mechanics, self._mechanics.contact
         functions = [
             # The last result of ``loads`` is q̈.

@@ -67,11 +67,11 @@ class SwitchedLaw:
         self.joints = tuple(owner[k] for k in range(self.modes.numel()))
 
     def initial(self, q: Array, v: Array) -> Array:
-        """See ``StatefulLaw``."""
+        """Initial states, see ``StatefulLaw``."""
         return self._law.initial(q, v)
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """See ``StatefulLaw``; in terms of ``modes``."""
+        """Equations in terms of ``modes``, see ``StatefulLaw``."""
         return Flow(*(ca.sparsify(part) for part in self._flow(q, v, z, u, self.modes)))
 
     def switches(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -87,7 +87,7 @@ class Joints:
     Args:
         model: The robot.
         s: Its symbols.
-        options: Those on stops, sliding and regularization are used.
+        options: Options, of which stops, sliding and regularization are used.
 
     Attributes:
         direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;

@@ -143,7 +143,7 @@ class TickEngine:
         arm, ticks, stopping = self._arm, self.ticks, self.stopping
         ticks.arm = None if arm.pointers is None else addressof(arm.pointers)
         ticks.stopping, ticks.locked = stopping.acts, stopping.locked
-        ticks.notices, ticks.senses = arm.notices_cuts, arm.sensors is not None
+        ticks.notices, ticks.senses = arm.is_clipping_unreported, arm.sensors is not None
         ticks.prepares = self.wrenches.act or self.commands.line is not None
         ticks.listens = bool(self.on.tick)
 

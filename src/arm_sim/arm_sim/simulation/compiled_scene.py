@@ -39,14 +39,14 @@ class CompiledScene(Physics):
         self._controlled: tuple[CompiledControl, Stepper] | None = None
 
     @classmethod
-    def chosen(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
-        """By a choice, or by what replaces it where steps of fixed length are too inaccurate."""
+    def choose(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
+        """Compile for a choice, or for its ``instead`` where fixed steps are too inaccurate."""
         compiled = cls(plant, choice, backend)
         if choice.instead is None or keeps_accuracy(plant, compiled.stepper, choice):
             return compiled
         return cls(plant, choice.instead, backend)
 
-    def pushable(self) -> CompiledScene:
+    def with_external_torques(self) -> CompiledScene:
         """Copy with external joint torques, the quantity ``external``.
 
         Scenes without them compute nothing for them; the equations are rebuilt here.
@@ -64,7 +64,7 @@ class CompiledScene(Physics):
         if self.has_servo:
             self.servo.restart()
 
-    def controlled(self, control: CompiledControl) -> Stepper:
+    def stepper_with(self, control: CompiledControl) -> Stepper:
         """The stepper that has ``control`` compiled in; the last one is kept."""
         if self._controlled is None or self._controlled[0] is not control:
             stepper = Stepper(self.plant, self.choice, self.backend, control)

@@ -34,11 +34,11 @@ class TangentFunctions:
         plant: The equations.
         choice: Method and tick.
         p_indices: Indices in p of the quantities to differentiate by.
-        ticks: Whether ticks of a scene with events are differentiated, those without an event.
+        ticks: Whether ticks without events of a scene with events are differentiated.
 
     Attributes:
-        step: Of the step.
-        event_free: Of ticks without events, if they are differentiated.
+        step: Functions of the step.
+        event_free: Functions of ticks without events, if these are differentiated.
     """
 
     def __init__(

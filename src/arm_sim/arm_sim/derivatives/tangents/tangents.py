@@ -91,7 +91,7 @@ class Tangents:
         choice: Method and tick.
         backend: As for ``Kernel``.
         p_indices: Indices in p of the quantities to differentiate by.
-        engine: In a scene with events, what finds the modes of a tick; without it, only steps are
+        engine: What finds the modes of a tick in a scene with events; without it, only steps are
             differentiated.
 
     Attributes:
@@ -123,8 +123,8 @@ class Tangents:
             u: Command that acts, shape (n,).
             p: Tunable numbers and modes.
             h: Length of the step in [s].
-            columns: Of x, u, the quantities to differentiate by, and h: nx + n + nt + 1 rows, k
-                columns.
+            columns: Changes of x, u, the quantities to differentiate by, and h, shape
+                (nx + n + nt + 1, k).
 
         Returns:
             The state at the end, and columns of it, shape (nx, k); NaN if they do not settle.
@@ -175,8 +175,8 @@ class Tangents:
         )  # fmt: skip
         return after, moved
 
-    def slopes(
-        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None,
+    def differentiate(
+        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None, *,
         is_first: bool = True,
     ) -> tuple[Array, Array, list[int]]:  # fmt: skip
         """Differentiate ticks of many arms under held commands, on all cores.
@@ -204,24 +204,24 @@ class Tangents:
         invalid, _ = self._propagate(table, marks, columns, after, is_first, threads, lanes)
         return after, slopes, invalid
 
-    def columns(
-        self, arms: Arms, every: bool, threads: int | None, lanes: int | None,
+    def propagate(
+        self, arms: Arms, threads: int | None, lanes: int | None, *, every: bool,
         is_first: bool = True,
     ) -> tuple[Array, list[int], Array, Counts]:  # fmt: skip
         """Propagate columns through ticks of many arms, on all cores.
 
         Args:
             arms: Where they begin, and the columns.
-            every: Whether to return the columns after every tick, not only after the last.
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            is_first: As for ``slopes``.
+            every: Whether to return columns after every tick, not only after the last.
+            is_first: As for ``differentiate``.
 
         Returns:
             Columns of the states, shape (b, ticks, nx, k) or (b, 1, nx, k), the arms whose results
-            are invalid, as of ``slopes``, the states at the end, and with events the number of
-            ticks of each arm before one. Of an arm with an event, alone in its register, columns
-            and state are those before it.
+            are invalid, see ``differentiate``, the states at the end, and with events the number
+            of ticks of each arm before one. Of an arm with an event, alone in its register,
+            columns and state are those before it.
         """
         after, columns = np.empty(arms.x.shape), arms.empty_columns(every)
         marks = Marks(arms.count)
@@ -266,7 +266,7 @@ class Tangents:
 
     @cached_property
     def native(self) -> bool:
-        """Whether there is compiled code, which ``slopes`` and ``columns`` need."""
+        """Whether there is compiled code, which ``differentiate`` and ``propagate`` need."""
         return self.library(1) is not None
 
     def _build(self, lanes: int) -> Compiled | None:

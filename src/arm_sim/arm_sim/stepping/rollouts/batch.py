@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector
 from arm_dynamics.codegen.addresses import repeated
-from arm_sim.inputs import whole
+from arm_sim.inputs import check_whole
 from arm_sim.memory import refuse_beyond_memory
 from arm_sim.plant.admissible_states import clip_to_stops, close_loops_of_arms
 from arm_sim.plant.plant import Plant
@@ -43,7 +43,7 @@ class Batch:
         cls, plant: Plant, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool
     ) -> Self:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
-        whole("steps", steps, 0)
+        check_whole("steps", steps, 0)
         x0 = states(plant, p, q0, v0, ("q0", "v0"))
         arms, nx = x0.shape
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
