@@ -114,8 +114,8 @@ def legend_outside(figure: Any, below: bool = False) -> None:
         legend.remove()
 
 
-def shown_once(result: Any, figure: Any) -> Any:
-    """The result of a cell of a notebook, which also shows all open figures of pyplot."""
+def show_once(result: Any, figure: Any) -> Any:
+    """The result of a cell of a notebook, without the open figure that it would show again."""
     from matplotlib import pyplot
 
     if "inline" in pyplot.get_backend():
@@ -123,8 +123,8 @@ def shown_once(result: Any, figure: Any) -> Any:
     return result
 
 
-def most_moved(q: Array) -> list[int]:
-    """Columns of positions, shape (k, n), to draw: all, or as many as there are colours."""
+def widest_columns(q: Array) -> list[int]:
+    """Columns of positions, shape (k, n), with the widest ranges, as many as there are colours."""
     way = np.ptp(np.nan_to_num(q), axis=0)
     return sorted(np.argsort(-way, kind="stable")[: len(COLORS)].tolist())
 
@@ -213,11 +213,11 @@ def animation(
     film = FuncAnimation(fig, show, frames=rows, interval=interval)
     film._draw_was_started = True  # no warning if it stays unused, as in a script without a screen
     mpl.rcParams["animation.html"] = "jshtml"  # a notebook shows it as a film
-    return shown_once(film, fig)
+    return show_once(film, fig)
 
 
 def fill_with(axes: Any, points: Array) -> None:
-    """Limits around points, shape (k, 2), of one scale and such that the axes keep their size.
+    """Set limits around points, shape (k, 2), of one scale, such that the axes keep their size.
 
     NaN is ignored.
     """

@@ -47,7 +47,7 @@ class Sensors:
     """
 
     def __init__(self, scene: schema.Sensors, names: Sequence[str], dt: float) -> None:
-        """Prepare.
+        """Prepare measurements of zero.
 
         Args:
             scene: Keys of the sensors in the scene.
@@ -61,9 +61,9 @@ class Sensors:
         self._rate, self._step = 1.0 / dt, _steps(scene.position, names)
         is_rounded = self._step > 0.0
         self._is_rounded = is_rounded if is_rounded.any() else None
-        self._q_error = _disturbance(scene.position, names, scene.seed, Channel.POSITION)
-        self._v_error = _disturbance(velocity, names, scene.seed, Channel.VELOCITY)
-        self._effort_error = _disturbance(scene.effort, names, scene.seed, Channel.EFFORT)
+        self._q_disturbance = _disturbance(scene.position, names, scene.seed, Channel.POSITION)
+        self._v_disturbance = _disturbance(velocity, names, scene.seed, Channel.VELOCITY)
+        self._effort_disturbance = _disturbance(scene.effort, names, scene.seed, Channel.EFFORT)
         self._has_differences = velocity.source == "position"
         self._filter = _filter(velocity, names, dt)
         self._now, self._last_q, self._difference = (np.zeros(size) for size in (3 * n, n, n))
@@ -103,30 +103,31 @@ class Sensors:
             v *= self._rate
         else:
             self._measure_position(tick, q)
-        self._measure_velocity_and_effort(
-            tick, v if self._filter is None else self._filter.filtered(v), effort
-        )
+        if self._filter is not None:
+            v = self._filter.filtered(v)
+        self._measure_velocity_and_effort(tick, v, effort)
         if self._line is not None:
             self.measured[:] = self._line.carry(tick, self._now.copy())
 
     def _measure_position(self, tick: int, q: Array) -> None:
-        _write(self._q, q, self._q_error, tick)
+        _write(self._q, q, self._q_disturbance, tick)
         if self._is_rounded is not None:
             np.divide(self._q, self._step, self._q, where=self._is_rounded)
             np.rint(self._q, self._q, where=self._is_rounded)
             np.multiply(self._q, self._step, self._q, where=self._is_rounded)
 
     def _measure_velocity_and_effort(self, tick: int, v: Array, effort: Array) -> None:
-        _write(self._v, v, self._v_error, tick)
-        _write(self._effort, effort, self._effort_error, tick)
+        _write(self._v, v, self._v_disturbance, tick)
+        _write(self._effort, effort, self._effort_disturbance, tick)
 
 
-def _write(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
-    """Write a value with its error, shape (n,), to an array."""
-    if error is None:
+def _write(place: Array, value: Array, disturbance: Chance | Array | None, tick: int) -> None:
+    """Write a value with its disturbance, shape (n,), to an array."""
+    if disturbance is None:
         place[:] = value
     else:
-        np.add(value, error.at(tick) if isinstance(error, Chance) else error, place)
+        error = disturbance.at(tick) if isinstance(disturbance, Chance) else disturbance
+        np.add(value, error, place)
 
 
 def _disturbance(
@@ -135,7 +136,7 @@ def _disturbance(
     seed: int,
     channel: Channel,
 ) -> Chance | Array | None:
-    """Noise and offset of one quantity, the offset alone, or neither."""
+    """Noise around an offset for one quantity, the offset alone, or None."""
     offset, noise = (np.array(values(by_joint, names)) for by_joint in (part.offset, part.noise))
     if noise.any():
         return Chance(seed, channel, normal(offset, noise))

@@ -48,7 +48,7 @@ class _Moment(NamedTuple):
 
 
 class _Ticks(NamedTuple):
-    """Ticks: states after them, effective commands, and tunable quantities."""
+    """Ticks in a row: states after each, effective commands, and tunable quantities."""
 
     account: EnergyAccount
     x: Array
@@ -77,7 +77,7 @@ class EnergyMeter:
     def __init__(self, arm: SimulatedArm) -> None:
         """Open the account at the arm's current state."""
         self._arm, self.error = arm, 0.0
-        self._records, self._evaluating = deque[_Ticks | _Jump](), Lock()
+        self._records, self._evaluation_lock = deque[_Ticks | _Jump](), Lock()
         self._start: Array | None = None
         self._last = _Moment.of(arm)  # up to which the account is evaluated
         self._flows, self._changed, self._extremes = np.zeros(2), 0.0, np.zeros(3)
@@ -90,8 +90,8 @@ class EnergyMeter:
         """Record ticks.
 
         Args:
-            x: States after them, shape (k, nx).
-            u: Effective commands, shape (k, n).
+            x: States after the ticks, shape (k, nx).
+            u: Effective commands of the ticks, shape (k, n).
             step: Number of ticks since the last reset, these included.
         """
         arm = self._arm
@@ -106,7 +106,7 @@ class EnergyMeter:
 
     def account(self) -> Account:
         """The energies since the account was opened."""
-        with self._evaluating:
+        with self._evaluation_lock:
             if self._start is None:
                 self._start = self._last.energies()
             self._add_up()

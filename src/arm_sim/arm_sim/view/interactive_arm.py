@@ -113,7 +113,7 @@ class InteractiveArm:
     def external(self) -> Array:
         """Torques of pushes and the pull now, shape (n,)."""
         state = self.simulation.state
-        return self.wrenches.torque(state.q, state.step) + self.mouse.torque(state.q)
+        return self.wrenches.advance(state.q, state.step) + self.mouse.torque(state.q)
 
     def tick(self) -> None:
         """Make a tick."""

@@ -47,7 +47,7 @@ class AppliedWrenches(ExternalWrenches):
     def apply(self, before: Callable[[], None]) -> None:
         """Set the torques of the next tick; ``before`` is called while the last ones are set."""
         arm = self._simulator.arm
-        tau = self.torque(arm.x[: arm.n], arm.step_count)
+        tau = self.advance(arm.x[: arm.n], arm.step_count)
         before()
         self._simulator.set_parameter(EXTERNAL, tau)
         self._acted = bool(self.active)
