@@ -132,9 +132,9 @@ def widest_columns(q: Array) -> list[int]:
 def joint_words(names: Sequence[str]) -> list[str]:
     """Names in words, as "joint 1", without what all begin or end with up to "_" or "/"."""
     parts = [re.split("[_/]", name) for name in names]
-    kept = min(map(len, parts)) - 1
-    first = min(len(commonprefix(parts)), kept)
-    last = min(len(commonprefix([part[::-1] for part in parts])), kept - first)
+    length = min(map(len, parts)) - 1
+    first = min(len(commonprefix(parts)), length)
+    last = min(len(commonprefix([part[::-1] for part in parts])), length - first)
     words = [" ".join(part[first : len(part) - last]) for part in parts]
     return [re.sub(r"(?<=[a-z]{2})(?=\d)", " ", word) for word in words]
 

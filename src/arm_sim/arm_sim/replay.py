@@ -96,7 +96,7 @@ def replay(
         InvalidInput: If the recording cannot be replayed: it is of a robot, or the other scene has
             other joints or another length of ticks.
     """
-    origin, same = recording.origin, scene is None
+    origin, same_scene = recording.origin, scene is None
     if origin is None or recording.of_robot:
         raise InvalidInput(
             "the recording is of a robot, not of time steps of a simulation, as "
@@ -105,7 +105,7 @@ def replay(
     base = origin.scene if scene is None else load_scene(scene)
     # Imperfections between arm and controller have affected the commands already.
     plain: dict[str, Any] = {"sensors": None, "commands": None}
-    if same and recording.jumps:
+    if same_scene and recording.jumps:
         tunable = recording.jumps[0].tunable
         plain["tunable"] = tuple(name for name in base.tunable if name in tunable)
     if integrator is None and tolerance is None:
@@ -116,17 +116,17 @@ def replay(
             f"the scene has joints {', '.join(sim.joint_names)}; the recording has "
             f"{', '.join(recording.joint_names)}"
         )
-    rerun = _Rerun(recording, sim, same)
+    rerun = _Rerun(recording, sim, same_scene)
     failure = rerun.run()
-    columns = min(recording.ended.shape[1], rerun.ended.shape[1]) if same else 2 * sim.n
+    columns = min(recording.ended.shape[1], rerun.ended.shape[1]) if same_scene else 2 * sim.n
     recorded, replayed = (x[:, :columns].copy() for x in (recording.ended, rerun.ended))
     ticks = np.ones(len(recording), bool)
     ticks[[0, *recording.gaps]] = False
-    apart = np.where(ticks, abs(recorded - replayed)[:, : sim.n].max(axis=1), 0.0)
+    distance = np.where(ticks, abs(recorded - replayed)[:, : sim.n].max(axis=1), 0.0)
     first = _first_difference(recording.time, ticks, recorded, replayed, sim)
-    here = versions()
-    others = tuple(name for name, value in origin.versions.items() if here.get(name) != value)
-    return Replay(rerun.motion(), first, read_only(apart), others, failure)
+    installed = versions()
+    others = tuple(name for name, value in origin.versions.items() if installed.get(name) != value)
+    return Replay(rerun.motion(), first, read_only(distance), others, failure)
 
 
 def _first_difference(
@@ -194,8 +194,8 @@ class _Rerun:
         tunable = next(later, self._layout.names)
         if EXTERNAL in tunable and EXTERNAL not in sim.arm.plant.parameters.names:
             external_change(sim)()
-        moved = self._ended[row].tobytes() != self._x[row].tobytes()
-        if row == 0 or row in recording.gaps or moved:
+        is_changed = self._ended[row].tobytes() != self._x[row].tobytes()
+        if row == 0 or row in recording.gaps or is_changed:
             self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
         elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):
             self._place(sim.arm.x, row, sim.arm.substep)
@@ -203,13 +203,13 @@ class _Rerun:
 
     def _place(self, x: Array, row: int, substep: float) -> None:
         """Set the state, with the quantities tuned at a time."""
-        sim, here, p = self._sim, self._sim.arm.plant.parameters, self._recording.p[row]
-        values = {name: self._layout.of(name, p) for name in self._tuned if name in here.names}
+        sim, tunable, p = self._sim, self._sim.arm.plant.parameters, self._recording.p[row]
+        values = {name: self._layout.of(name, p) for name in self._tuned if name in tunable.names}
         if len(x) != sim.arm.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]
             x = np.concatenate([q, v, sim.arm.plant.laws.initial(q, v)])
         step = round(self._recording.time[row] / sim.dt)
-        sim.arm.restore(x.copy(), here.merged(values, here.nominal), step, substep)
+        sim.arm.restore(x.copy(), tunable.merged(values, tunable.nominal), step, substep)
 
     def _advance(self, row: int, end: int) -> None:
         """Run the ticks between two edges."""
@@ -225,12 +225,12 @@ class _Rerun:
             return
         for k in range(row, end):
             if hold == BRAKES:  # nothing is computed there: the state is the recorded one
-                stopped = self._ended[k + 1]
+                state = self._ended[k + 1]
             else:
                 q = sim.arm.x[:n].copy()
                 sim.arm.advance(recording.command[k].tolist())
-                stopped = np.concatenate([q, np.zeros(n), sim.arm.x[2 * n :]])
-            self._place(stopped, k, sim.arm.substep)
+                state = np.concatenate([q, np.zeros(n), sim.arm.x[2 * n :]])
+            self._place(state, k, sim.arm.substep)
             self._keep(k, sim.arm.x[None])
 
     def _keep(self, row: int, x: Array) -> None:

@@ -139,12 +139,12 @@ class EventFreeGradients:
         Returns:
             The ticks before the one with an event; None if there are none.
         """
-        first, ahead = motion.ticks, tau[motion.ticks :]
-        limit = min(STRETCH, self._nonsmooth.ticks_before_kink(motion.x, ahead))
+        first, commands = motion.ticks, tau[motion.ticks :]
+        limit = min(STRETCH, self._nonsmooth.ticks_before_kink(motion.x, commands))
         records, after = np.empty((limit, self._record_size)), np.empty(motion.x.shape)
         x = np.ascontiguousarray(motion.x)
         ticks = self.code.engine.event_free_motion(
-            self.code.scene, pointer(x), pointer(ahead), pointer(motion.p),
+            self.code.scene, pointer(x), pointer(commands), pointer(motion.p),
             ctypes.c_double(self.length), ctypes.c_longlong(limit), ctypes.byref(self._engine),
             ctypes.c_int(first == 0), pointer(records), pointer(after),
         )  # fmt: skip

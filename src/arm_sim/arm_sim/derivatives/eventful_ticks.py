@@ -220,10 +220,10 @@ def mobility_across(plant: Plant) -> ca.Function:
     x, u, p = mobility_of.mx_in()
     W, sliding = mobility_of(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
     for k in range(len(plant.points)):
-        own, along = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
-        lateral = ca.vertcat(0, -along[1], along[0])
-        mobility = ca.bilin(W[own, own], lateral, lateral)
-        across.append(mobility - ROUNDING * ca.trace(W[own, own]))
+        rows, direction = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
+        lateral = ca.vertcat(0, -direction[1], direction[0])
+        mobility = ca.bilin(W[rows, rows], lateral, lateral)
+        across.append(mobility - ROUNDING * ca.trace(W[rows, rows]))
     return expanded_function("across", [x, u, p], [ca.vertcat(*across)])
 
 

@@ -174,12 +174,12 @@ def _speed_scale(x: ca.MX, n: int) -> ca.MX:
 
 def _force_scales(force: ca.MX, W: ca.MX, _B: ca.MX, free: ca.MX) -> list[ca.MX]:
     """Size of the forces at each contact: of its own, and of those that would hold it alone."""
-    own, rows = [], [slice(3 * k, 3 * k + 3) for k in range(force.shape[0] // 3)]
+    scales, rows = [], [slice(3 * k, 3 * k + 3) for k in range(force.shape[0] // 3)]
     for k in rows:
         mobility = ca.trace(W[k, k])
-        alone = ca.if_else(mobility > 0, ca.norm_1(free[k]) / mobility, 0)
-        own.append(ca.norm_1(force[k]) + alone)
-    return own
+        holding_force = ca.if_else(mobility > 0, ca.norm_1(free[k]) / mobility, 0)
+        scales.append(ca.norm_1(force[k]) + holding_force)
+    return scales
 
 
 def _contact_guards(

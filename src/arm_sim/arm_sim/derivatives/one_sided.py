@@ -42,11 +42,11 @@ class TickPoint:
 
     def neighbour(self, entry: int, distance: float, p_indices: Sequence[int]) -> TickPoint:
         """Another point, at a distance in one entry of (x, r, p[p_indices])."""
-        nx, held = len(self.x), len(self.x) + len(self.r)
+        nx, p_start = len(self.x), len(self.x) + len(self.r)
         numbers = np.concatenate([self.x, self.r, self.p])
-        place = entry if entry < held else held + p_indices[entry - held]
+        place = entry if entry < p_start else p_start + p_indices[entry - p_start]
         numbers[place] += distance * max(1.0, abs(numbers[place]))
-        return TickPoint(*np.split(numbers, (nx, held)))
+        return TickPoint(*np.split(numbers, (nx, p_start)))
 
 
 # State at the end of a tick, shape (nx,), or its derivatives by (x, r, p[p_indices])

@@ -157,8 +157,8 @@ def _steps(position: schema.PositionSensor, names: Sequence[str]) -> Array:
     turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
     levels = [{schema.ALL: 0.0}, position.resolution, turns]
     common = next(steps[schema.ALL] for steps in reversed(levels) if schema.ALL in steps)
-    own = {**position.resolution, **turns, schema.ALL: common}
-    return np.array(values(own, names))
+    by_joint = {**position.resolution, **turns, schema.ALL: common}
+    return np.array(values(by_joint, names))
 
 
 def _filter(velocity: schema.VelocitySensor, names: Sequence[str], dt: float) -> LowPass | None:

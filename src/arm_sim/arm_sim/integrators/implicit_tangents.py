@@ -52,7 +52,7 @@ def implicit_tangent(
         As ``tangents.build_tangent``.
     """
     x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
-    h, bend = ca.MX.sym("h"), _bending(rhs, n, p_indices)
+    h, bend_of = ca.MX.sym("h"), _bending(rhs, n, p_indices)
     J_q, J_w = implicit.jacobian(rhs, n).call([x, u, p])
     factor = implicit.lu_function(n, J_w.sparsity(), J_q.sparsity())
     solve = implicit.euler_step(n, factor.sparsity_out(0), J_q.sparsity())
@@ -66,8 +66,8 @@ def implicit_tangent(
             slope, slope_coefficients = rhs(y, u, p), slopes.coefficients(y, u, p)[1]
             change = solve(LU, J_q, y, slope, length)
             by_length = slope[n:] + J_w @ change[n:] + 2.0 * (J_q @ change[:n])
-            bent = bend(x, u, p, change)
-            blocks.extend(_Part(slope_coefficients, bent, by_length, change[:n] / length))
+            bend = bend_of(x, u, p, change)
+            blocks.extend(_Part(slope_coefficients, bend, by_length, change[:n] / length))
             increment = increment + change
         increments = implicit.extrapolate_row(increments, increment, j)
     results = [x + increments[-1], ca.densify(ca.vertcat(*blocks))]
@@ -84,9 +84,9 @@ def _bending(rhs: ca.Function, n: int, p_indices: Sequence[int]) -> ca.Function:
     """Function (x, u, p, Δ) -> derivatives of J Δ by x and by what is held, at fixed Δ, dense."""
     x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
     d, held = ca.SX.sym("d", x.shape[0]), ca.vertcat(u, p[list(p_indices), :])
-    along = ca.jtimes(rhs(x, u, p)[n:], x, d)
-    bent = ca.vec(ca.densify(ca.jacobian(along, ca.vertcat(x, held))))
-    return ca.Function("bend", [x, u, p, d], [bent], {"cse": True})
+    derivative = ca.jtimes(rhs(x, u, p)[n:], x, d)
+    bend = ca.vec(ca.densify(ca.jacobian(derivative, ca.vertcat(x, held))))
+    return ca.Function("bend", [x, u, p, d], [bend], {"cse": True})
 
 
 def _propagation(
@@ -106,8 +106,8 @@ def _propagation(
         for _ in range(parts):
             part, dy = _Part(*islice(blocks, len(_Part._fields))), dx + increment
             dg = slopes.tangent(part.slopes, dy, dw)[n:]
-            bent = ca.reshape(part.bend, m, -1) @ ca.vertcat(dx, dw)
-            d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bent) + dlength * part.by_length
+            bend = ca.reshape(part.bend, m, -1) @ ca.vertcat(dx, dw)
+            d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bend) + dlength * part.by_length
             d = implicit.substitute(LU, d, order)
             dq = dlength * part.rate + length * (dy[n : 2 * n] + d[:n])
             increment = increment + ca.vertcat(dq, d)

@@ -56,8 +56,8 @@ def stage(tableau: Tableau, i: int, slopes: Sequence[ca.MX], x: ca.MX, h: ca.MX,
     x_, *rates = (ca.SX.sym(name, x.shape[0]) for name in ("x", *"k" * len(slopes)))
     h_ = ca.SX.sym("h")
     after = x_ + h_ * weighted_sum(rows[i], rates, x_)
-    pushed = weighted_sum(tableau.positions[i], rates, x_)[n : 2 * n]
-    q = x_[:n] + h_ * (sum(rows[i]) * x_[n : 2 * n] + h_ * pushed)
+    acceleration = weighted_sum(tableau.positions[i], rates, x_)[n : 2 * n]
+    q = x_[:n] + h_ * (sum(rows[i]) * x_[n : 2 * n] + h_ * acceleration)
     y = ca.vertcat(q, after[n:])
     return ca.Function(f"stage_{i}", [h_, x_, *rates], [y], {"cse": True})(h, x, *slopes)
 
@@ -68,9 +68,9 @@ def tangent(
 ) -> ca.SX:  # fmt: skip
     """Derivative of the state of a ``stage``, along dx, dh and the changes dk of the slopes."""
     dw = dx + h * weighted_sum(weights, changes, dx) + dh * weighted_sum(weights, slopes, dx)
-    pushed, push = (weighted_sum(positions, rates, dx)[n : 2 * n] for rates in (changes, slopes))
+    da, a = (weighted_sum(positions, rates, dx)[n : 2 * n] for rates in (changes, slopes))
     v = slopes[0][:n]
-    dq = dx[:n] + sum(weights) * (h * dx[n : 2 * n] + dh * v) + h * (h * pushed + 2 * dh * push)
+    dq = dx[:n] + sum(weights) * (h * dx[n : 2 * n] + dh * v) + h * (h * da + 2 * dh * a)
     return ca.vertcat(dq, dw[n:])
 
 

@@ -173,8 +173,8 @@ def _implicit(
 
 def _substep_tolerance(plant: Plant, share: float) -> float:
     """Tolerance that leaves a sub-step a share of the scene's accuracy."""
-    least, most = TOLERANCE_RANGE
-    return min(max(share * plant.model.scene.sim.accuracy, 10.0 * least), most)
+    lower, upper = TOLERANCE_RANGE
+    return min(max(share * plant.model.scene.sim.accuracy, 10.0 * lower), upper)
 
 
 def _variation(plant: Plant, dt: float) -> str:

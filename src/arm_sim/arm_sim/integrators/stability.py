@@ -87,11 +87,11 @@ def _growth(method: Method, response: LinearResponse, h: float) -> Array:
         factors = np.polynomial.polynomial.polyval(h * rates, polynomial(tableau))
         return np.where(grows_itself, 0.0, abs(factors) - 1.0)
     with np.errstate(over="ignore"):  # a mode that grows beyond all numbers is its own
-        own = np.exp(h * np.where(grows_itself, rates.real, 0.0))
+        natural_growth = np.exp(h * np.where(grows_itself, rates.real, 0.0))
     J = response.J
     step = _linear_step(method, len(J), response.n)
     matrix = np.array(step(np.eye(len(J)), 0.0, J.T.ravel(), h))
-    return np.asarray(abs(np.linalg.eigvals(matrix)) - own.max(initial=1.0))
+    return np.asarray(abs(np.linalg.eigvals(matrix)) - natural_growth.max(initial=1.0))
 
 
 @cache

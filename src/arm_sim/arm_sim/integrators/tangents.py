@@ -151,9 +151,9 @@ def _semi_implicit(slopes: Slopes, n: int) -> Tangent:
     """
     x, u, p, h = _arguments(slopes)
     k, c = slopes.coefficients(x, u, p)
-    moved = x + h * k
-    v = moved[n : 2 * n]
-    results = [ca.vertcat(x[:n] + h * v, moved[n:]), ca.vertcat(h, k, v, c)]
+    x_new = x + h * k
+    v = x_new[n : 2 * n]
+    results = [ca.vertcat(x[:n] + h * v, x_new[n:]), ca.vertcat(h, k, v, c)]
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
     return Tangent(advance, _semi_implicit_propagation(slopes, n))
 
@@ -162,8 +162,8 @@ def _semi_implicit_propagation(slopes: Slopes, n: int) -> ca.Function:
     dx, dw, dh = _changes(slopes)
     h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
     v, c = ca.SX.sym("v", n), ca.SX.sym("c", slopes.coefficients.size1_out(1))
-    moved = dx + h * slopes.tangent(c, dx, dw) + dh * k
-    after = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
+    dx_new = dx + h * slopes.tangent(c, dx, dw) + dh * k
+    after = ca.vertcat(dx[:n] + h * dx_new[n : 2 * n] + dh * v, dx_new[n:])
     arguments = [ca.vertcat(h, k, v, c), dx, dw, dh]
     return ca.Function("propagate", arguments, [after], {"cse": True})
 

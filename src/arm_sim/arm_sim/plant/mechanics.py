@@ -97,8 +97,8 @@ class Mechanics:
         These torques include what friction alone may hold. Code that does not use them does not
         compute them.
         """
-        stopped = self.joints.stop - reactions.held if self._has_stops else ca.SX(0, 1)
-        results = *reactions.loads, stopped, reactions.a
+        stop_torques = self.joints.stop - reactions.held if self._has_stops else ca.SX(0, 1)
+        results = *reactions.loads, stop_torques, reactions.a
         return dense_function("loads", self._arguments, *results)
 
     def _bilateral_torques(self, reactions: Reactions, bilateral: Bilateral) -> ca.Function:
@@ -108,8 +108,8 @@ class Mechanics:
         of contacts and static friction besides them.
         """
         starting = ca.if_else(self.symbols.v == 0, self.joints.friction, 0)
-        others = reactions.push - reactions.held - starting
-        return dense_function("bilateral", self._arguments, bilateral.rank, others)
+        torques = reactions.push - reactions.held - starting
+        return dense_function("bilateral", self._arguments, bilateral.rank, torques)
 
     def _statics(self, reactions: Reactions) -> ca.Function:
         """The balance of forces, from which follows what holds together.

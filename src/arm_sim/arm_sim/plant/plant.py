@@ -79,8 +79,8 @@ class Plant:
         self._scene_plant = shared = self if options == of_scene else self._variant_of(of_scene)
         self._drives: SwitchedDrives | None = None  # away from stops drives do not switch
         if options.stops:
-            own = laws, model.n, model.friction.gears
-            self._drives = SwitchedDrives(*own) if shared is self else shared._drives
+            arguments = laws, model.n, model.friction.gears
+            self._drives = SwitchedDrives(*arguments) if shared is self else shared._drives
         self.constrained = bool(model.scene.bilateral)
         self.has_sliding_modes = model.has_dry_friction or bool(model.scene.contacts)
         events = (

@@ -61,9 +61,9 @@ class PresentDynamics:
             p: Tunable quantities, shape (k, np).
             *others: Names of further quantities that are the same in a run.
         """
-        own = p[:, self._columns_of((*ARM_QUANTITIES, *others))]
-        ends = np.flatnonzero((own[1:] != own[:-1]).any(axis=1)) + 1
-        return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(own)]) if a < b]
+        quantities = p[:, self._columns_of((*ARM_QUANTITIES, *others))]
+        ends = np.flatnonzero((quantities[1:] != quantities[:-1]).any(axis=1)) + 1
+        return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(quantities)]) if a < b]
 
     def _columns_of(self, names: tuple[str, ...]) -> NDArray[np.intp]:
         places = (self._plant.parameters.place(name) for name in names)

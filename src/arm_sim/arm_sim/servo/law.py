@@ -149,8 +149,8 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
 
     bias = command_for(zero)
     acceleration = command_for(constant(gains.velocity) * speed_error) - bias
-    least, extra = bias + commands.compensation(q), tracks_velocity * acceleration
-    fraction = _unsaturated_fraction(least, extra, model)
+    base, extra = bias + commands.compensation(q), tracks_velocity * acceleration
+    fraction = _unsaturated_fraction(base, extra, model)
     command = bias + fraction * acceleration + effort
     acts = [ca.if_else(tracks_velocity[i] > 0, command[i], effort[i]) for i in range(n)]
     return dense_function("servo", [x, r, s.p], ca.vertcat(*acts))

@@ -89,8 +89,8 @@ class Rest:
 
     def is_balance_kept(self, balance: Balance, before: Array, after: Array) -> bool:
         """Whether an arm stayed balanced in a tick, by the states before and after it."""
-        gained = abs(self._speeds(after) - self._speeds(before))
-        return bool((gained <= self._dt * balance.rounding).all())
+        change = abs(self._speeds(after) - self._speeds(before))
+        return bool((change <= self._dt * balance.rounding).all())
 
     def _place(self, x: Array, p: Array) -> bytes:
         return x[: self._n].tobytes() + p.tobytes()

@@ -60,5 +60,5 @@ def _error_transition(gains: Gains, mobility: Array, h: float) -> Array:
     n = len(mobility)
     unit, push = np.eye(n), np.diag(gains.velocity) + mobility * gains.damping
     a = -np.hstack([push * gains.position, push])
-    held = np.block([[unit, h * unit], [0.0 * unit, unit]])
-    return np.asarray(held + np.vstack([0.5 * h**2 * a, h * a]))
+    drift = np.block([[unit, h * unit], [0.0 * unit, unit]])
+    return np.asarray(drift + np.vstack([0.5 * h**2 * a, h * a]))

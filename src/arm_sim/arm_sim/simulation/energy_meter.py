@@ -114,8 +114,8 @@ class EnergyMeter:
             total = float(sum(energies))
             balance = total - float(sum(self._start)) - supplied - self._changed + lost
             self._extremes = np.maximum(self._extremes, abs(energies - self._start))
-            moved = self._extremes.sum() + abs(supplied) + lost + abs(self._changed)
-            self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
+            turnover = self._extremes.sum() + abs(supplied) + lost + abs(self._changed)
+            self.error = relative_error(balance, turnover, max(abs(total), abs(energies[1])))
             kinetic, potential, _ = energies.tolist()
             step = self._last.step
             return Account(kinetic, potential, total, supplied, lost, self._changed, balance, step)

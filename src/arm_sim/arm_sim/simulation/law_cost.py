@@ -46,13 +46,13 @@ def measure_law(law: StatefulLaw, n: int, backend: str) -> LawCost:
     symbols = [ca.SX.sym(name, size) for name, size in sizes.items()]
     flow = law.equations(*symbols)
     results = [ca.densify(flow.torque), ca.densify(flow.slope)]
-    once = ca.Function("law", symbols, results, {"cse": True})
-    many = once.map("laws", "serial", EVALUATIONS, [], [], {})
-    call, fastest = Kernel([many], backend).call("laws"), np.inf
+    f = ca.Function("law", symbols, results, {"cse": True})
+    batch = f.map("laws", "serial", EVALUATIONS, [], [], {})
+    call, fastest = Kernel([batch], backend).call("laws"), np.inf
     for place in call.inputs:
         place[...] = INPUT
     for _ in range(RUNS):
         start = time.perf_counter_ns()
         call.run()
         fastest = min(fastest, (time.perf_counter_ns() - start) / EVALUATIONS)
-    return LawCost(law.title, tuple(state.name for state in law.states), operations(once), fastest)
+    return LawCost(law.title, tuple(state.name for state in law.states), operations(f), fastest)

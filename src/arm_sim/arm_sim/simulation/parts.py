@@ -44,7 +44,7 @@ def parts_of(plant: Plant) -> tuple[Part, ...]:
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
     free = model.n - rows
-    held = f"{counted(rows, 'row')}, {counted(free, 'degree')} of freedom"
+    freedom = f"{counted(rows, 'row')}, {counted(free, 'degree')} of freedom"
     states = sum(len(law.states) for law in plant.laws.laws if law.replaces_command.any())
     driven = f"{_at(model.drives)}, {counted(states, 'state')}"
     gears = f"{counted(len(model.friction.gears), 'joint')}, load-dependent friction, by events"
@@ -67,7 +67,7 @@ def parts_of(plant: Plant) -> tuple[Part, ...]:
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
-        _part("constraints", rows, held, "none"),
+        _part("constraints", rows, freedom, "none"),
         _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, counted(limited, "joint"), "no joint has one"),
         _part("sensors", scene.sensors, _sensors(scene), "measurements are exact and immediate"),
@@ -116,9 +116,9 @@ def _late(scene: Scene) -> str:
 
 def _line(line: Line) -> list[str]:
     latest = f" to {1e3 * (line.delay + line.jitter):g}" if line.jitter else ""
-    late = [f"{1e3 * line.delay:g}{latest} ms late"]
-    lost = [f"{100.0 * line.loss:g} % lost"]
-    return (late if line.delay or line.jitter else []) + (lost if line.loss else [])
+    delay = [f"{1e3 * line.delay:g}{latest} ms late"]
+    loss = [f"{100.0 * line.loss:g} % lost"]
+    return (delay if line.delay or line.jitter else []) + (loss if line.loss else [])
 
 
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:

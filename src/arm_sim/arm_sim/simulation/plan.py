@@ -77,8 +77,8 @@ class Plan:
         control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
         per = "sub-step" if choice.tolerance is not None else "time step"
         method = f"{self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}"
-        apart = f" ({self.apart} in free motion)" if self.apart < self.operations else ""
-        cost = f"{self.operations} operations per {per}{apart}, {self.evaluation} per evaluation"
+        free = f" ({self.apart} in free motion)" if self.apart < self.operations else ""
+        cost = f"{self.operations} operations per {per}{free}, {self.evaluation} per evaluation"
         lines = [
             f"integrator  {method}: {self.reason}",
             f"accuracy    {self._plant.model.scene.sim.accuracy:g} of 1 + |x|, for each second",
@@ -88,7 +88,7 @@ class Plan:
         ]
         lines += [f"            {law}" for law in self.laws]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
-        off = ", ".join(part.name for part in self.parts if not part.on) or "none"
-        skipped = f"skipped     {off}; plan.parts says why"
+        skipped_parts = ", ".join(part.name for part in self.parts if not part.on) or "none"
+        skipped = f"skipped     {skipped_parts}; plan.parts says why"
         lines.append(fill(skipped, 98, subsequent_indent=" " * 12))
         return "\n".join(lines)

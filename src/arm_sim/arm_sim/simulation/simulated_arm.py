@@ -291,19 +291,19 @@ class SimulatedArm:
         Commands are sent as by ``step``. If a signal breaks it off, what was done is registered.
         """
         start, line, ticks = self._x.copy(), deepcopy(self.line), -1
-        sent = np.broadcast_to(command, (len(trace), command.shape[-1]))
+        rows = np.broadcast_to(command, (len(trace), command.shape[-1]))
         trace[:, 0] = np.nan  # equals no state, where no tick is made
         try:
-            command = command if line is None else self._send_rows(sent)
+            command = command if line is None else self._send_rows(rows)
             ticks = stepper.ticks_function(self._x, command, trace, effort, notes)()
         finally:
             if ticks < 0:  # the handler of a signal raised an exception when they were made
-                same = np.flatnonzero((trace == self._x).all(axis=1))
-                ticks = int(same[-1]) + 1 if len(same) else 0
+                matches = np.flatnonzero((trace == self._x).all(axis=1))
+                ticks = int(matches[-1]) + 1 if len(matches) else 0
                 self._x[:] = trace[ticks - 1] if ticks else start
             if line is not None and ticks < len(trace):  # nothing is sent in ticks not made
                 _set_sealed(self, "line", line)
-                self._send_rows(sent[:ticks])
+                self._send_rows(rows[:ticks])
             if ticks:
                 self._count(ticks, FREE)
                 self._effort[0], self._notes[0] = effort[ticks - 1], notes[ticks - 1]
@@ -387,8 +387,8 @@ class SimulatedArm:
         Raises:
             InvalidInput: If a quantity is not tunable; nothing changes.
         """
-        here, p = self.plant.parameters, self._stepper.p
-        values = {name: here.of(name, p) for name in here.names} | parameters
+        current, p = self.plant.parameters, self._stepper.p
+        values = {name: current.of(name, p) for name in current.names} | parameters
         merged = compiled.plant.parameters.merged(values, compiled.stepper.p)
         compiled.stepper.p[:] = merged
         compiled.stepper.report = self._stepper.report

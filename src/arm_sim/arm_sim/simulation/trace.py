@@ -151,15 +151,15 @@ class _Changes:
     def detect(self, row: int, x: Array) -> None:
         """Compare with the last call; a changed state replaces its row of ``x``."""
         arm = self._arm
-        token, here = self._token(), arm.x
-        same = arm.state is self.state or here.tobytes() == x[row].tobytes()
-        if same and token == self._last:
+        token, x_now = self._token(), arm.x
+        unchanged = arm.state is self.state or x_now.tobytes() == x[row].tobytes()
+        if unchanged and token == self._last:
             return
         self._rows.append(row)
         self._tuned.append(self._present())
         self._states.append(x[row].copy())
         self._substeps.append(self._arm.substep)
-        self._last, x[row] = token, here
+        self._last, x[row] = token, x_now
 
     def record_hold(self, row: int, hold: int) -> None:
         """Record what held the arm (servos or brakes) in the tick that begins at a row."""

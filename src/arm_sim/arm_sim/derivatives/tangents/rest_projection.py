@@ -147,8 +147,8 @@ def _end(plant: Plant) -> tuple[ca.Function, ca.Function]:
             contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
         )
         danchor = c.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
-        back = c.matrix(by_anchor) @ danchor
-        projected = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
+        anchor_change = c.matrix(by_anchor) @ danchor
+        projected = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + anchor_change, dend[2 * n :])
     return (
         ca.Function("end_coefficients", [begin, end, p], [c.values], {"cse": True}),
         ca.Function(

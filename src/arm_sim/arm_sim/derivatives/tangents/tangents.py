@@ -129,10 +129,10 @@ class Tangents:
         Returns:
             The state at the end, and columns of it, shape (nx, k); NaN if they do not settle.
         """
-        after, moved = self._step_once(x, u, p, h, columns)
+        after, changes = self._step_once(x, u, p, h, columns)
         if not self._controlled:
-            return after, moved
-        allowed, finer = columns, moved
+            return after, changes
+        allowed, finer = columns, changes
         if self.plant.constrained:  # which is what a step without length does
             allowed = np.vstack([self._step_once(x, u, p, 0.0, columns)[1], columns[len(x) :]])
             finer = self._step_once(x, u, p, h, allowed)[1]
@@ -140,9 +140,9 @@ class Tangents:
             coarse, finer = finer, self._step_in_parts(x, u, p, h, allowed, int(parts))
             if self._is_settled(coarse, finer):
                 if parts == 2 or allowed is columns:
-                    return after, moved if parts == 2 else finer
+                    return after, changes if parts == 2 else finer
                 return after, self._step_in_parts(x, u, p, h, columns, int(parts))
-        return after, np.full_like(moved, np.nan)
+        return after, np.full_like(changes, np.nan)
 
     def _is_settled(self, coarse: Array, finer: Array) -> bool:
         tolerance = SETTLED_CHANGE * self.plant.model.scene.sim.accuracy
@@ -153,11 +153,11 @@ class Tangents:
     def _step_in_parts(
         self, x: Array, u: Array, p: Array, h: float, columns: Array, parts: int
     ) -> Array:
-        moved, held = np.split(columns, (self.plant.nx,))
+        changes, held = np.split(columns, (self.plant.nx,))
         held = np.vstack([held[:-1], held[-1:] / parts])
         for _ in range(parts):
-            x, moved = self._step_once(x, u, p, h / parts, np.vstack([moved, held]))
-        return moved
+            x, changes = self._step_once(x, u, p, h / parts, np.vstack([changes, held]))
+        return changes
 
     def _step_once(
         self, x: Array, u: Array, p: Array, h: float, columns: Array
@@ -165,15 +165,15 @@ class Tangents:
         nx = self.plant.nx
         if (code := self.library(1)) is None:
             after, c, *_ = self._functions.step.advance(x, u, p, h)
-            moved = self._functions.step.propagate(c, *np.split(columns, (nx, nx + self._held)))
-            return np.array(after).ravel(), np.array(moved)
+            changes = self._functions.step.propagate(c, *np.split(columns, (nx, nx + self._held)))
+            return np.array(after).ravel(), np.array(changes)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
-        after, moved, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
+        after, changes, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
         code.engine.propagate_step(
             code.scene, address_of(code.own, TANGENTS), *map(pointer, (x, u, p, length, columns)),
-            ctypes.c_longlong(columns.shape[1]), pointer(after), pointer(moved),
+            ctypes.c_longlong(columns.shape[1]), pointer(after), pointer(changes),
         )  # fmt: skip
-        return after, moved
+        return after, changes
 
     def differentiate(
         self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None, *,
