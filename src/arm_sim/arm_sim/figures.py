@@ -33,6 +33,7 @@ STYLE = {
     "figure.dpi": 110.0, "savefig.dpi": 160.0, "pdf.fonttype": 42,
 }  # fmt: skip
 RATE = 30.0  # frames of an animation per second
+MARGIN = 0.08  # on each side of points, as a fraction of their larger extent
 FILM_DPI = 96.0  # at which its text has the points of the style on a page
 Chain = Array | tuple[Array, dict[str, Any]]
 
@@ -222,7 +223,7 @@ def fill_with(axes: Any, points: Array) -> None:
     NaN is ignored.
     """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    span = high - low + 0.16 * max(high - low)
+    span = high - low + 2.0 * MARGIN * max(high - low)
     span = span if span.any() else np.full(2, 2.0)
     box = np.array(axes.get_window_extent().size)
     half = 0.5 * box * max(span / box)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of ticks without events, step by step: without compiled code, or beside its limits.
+"""Derivatives of ticks without events, step by step, where no compiled code has them as a whole.
 
 Under error control the steps are those that the simulator takes.
 """

@@ -44,19 +44,11 @@ class TickDerivatives:
 
     @one_at_a_time
     def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        stepper: Stepper,
-        backend: str,
+        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
         p_indices: Sequence[int] = (),
-    ) -> None:
-        self._plant, self._choice, self._stepper, self._p_indices = (
-            plant,
-            choice,
-            stepper,
-            p_indices,
-        )
+    ) -> None:  # fmt: skip
+        self._plant, self._choice, self._stepper = plant, choice, stepper
+        self._p_indices = p_indices
         self.compiled = CompiledTangents(plant, choice, stepper, backend, p_indices)
         self.nonsmooth = NonsmoothPoints(plant)
 

@@ -198,9 +198,12 @@ class Tangents:
         x, r, dt = np.ascontiguousarray(x), np.ascontiguousarray(r), self._choice.dt
         (count, nx), k, marks = x.shape, len(self._unit), Marks(len(x))
         after, slopes = np.empty((count, nx)), np.empty((count, nx, k))
-        unit = address(self._unit)  # the same for all arms and ticks
+        unit = address(self._unit)  # by strides of zero the same for all arms and ticks
         table = ArmTable(address(x), address(r), address(p), r.shape[1], 0, 0, dt, ticks)
-        columns = Columns(unit, unit + 8 * nx * k, address(slopes), 0, 0, 0, nx * k, 0, k, True)
+        columns = Columns(
+            initial=unit, held=unit + self._unit[:nx].nbytes, columns=address(slopes),
+            columns_arm_stride=nx * k, count=k, starts_from_identity=True,
+        )  # fmt: skip
         invalid, _ = self._propagate(table, marks, columns, after, is_first, threads, lanes)
         return after, slopes, invalid
 
