@@ -9,7 +9,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 
 _BLOCK = 64  # number of ticks whose numbers are drawn together
-_ARMS = 1 << 32  # more than there are: channel and arm are one number
+_ARMS = 1 << 32  # more than a batch has: channel and arm are one number of the key
 
 
 class Channel(IntEnum):
@@ -64,6 +64,6 @@ def normal(mean: Array, deviation: Array) -> Draw:
     )
 
 
-def even(size: int) -> Draw:
+def uniform(size: int) -> Draw:
     """Uniform numbers in [0, 1)."""
     return lambda generator, ticks: generator.random((ticks, size))

@@ -9,7 +9,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene import imperfections as schema
-from arm_sim.imperfections.chance import Chance, Channel, even
+from arm_sim.imperfections.chance import Chance, Channel, uniform
 
 # Fraction of a tick: a delay of whole ticks must not become one more by rounding.
 _ROUNDING = 1e-6
@@ -34,7 +34,7 @@ class Line[T]:
     ) -> None:
         self._delay, self._jitter = line.delay / dt - _ROUNDING, line.jitter / dt
         self._loss = line.loss
-        self._chance = Chance(seed, channel, even(2), arm)
+        self._chance = Chance(seed, channel, uniform(2), arm)
         self._is_random = bool(line.jitter or line.loss)
         self._waiting: deque[tuple[int, T]] = deque()  # sorted by arrival, hence by age
         self._newest: T | None = None
