@@ -126,10 +126,10 @@ def test_wrenches_are_jacobian_transposed(rng: np.random.Generator) -> None:
     wrenches.push("panda_link4", elbow, until=3)
     J = {f: TaskSpace(dyn, f, "local").jacobian(q) for f in ("panda_hand", "panda_link4")}
     both = J["panda_hand"].T @ hand + J["panda_link4"].T @ elbow
-    np.testing.assert_allclose(wrenches.torque(q, 3), both, atol=ALGEBRA)
-    np.testing.assert_allclose(wrenches.torque(q, 5), J["panda_hand"].T @ hand, atol=ALGEBRA)
+    np.testing.assert_allclose(wrenches.advance(q, 3), both, atol=ALGEBRA)
+    np.testing.assert_allclose(wrenches.advance(q, 5), J["panda_hand"].T @ hand, atol=ALGEBRA)
     assert wrenches.active == ("panda_hand",)
-    np.testing.assert_array_equal(wrenches.torque(q, 6), np.zeros(7))
+    np.testing.assert_array_equal(wrenches.advance(q, 6), np.zeros(7))
 
 
 # --- the numeric dynamics of a simulator are those that act now ----------------------------------

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Push:
+    """A wrench on a frame, and the last tick in which it acts."""
+
     task: TaskSpace
     wrench: Array
     until: int
@@ -30,7 +32,7 @@ class ExternalWrenches:
     """
 
     def __init__(self, dynamics: Dynamics | ArmModel, reference: str = "local") -> None:
-        """Start without any.
+        """Start without wrenches.
 
         Args:
             dynamics: The arm, or its model.
@@ -68,8 +70,8 @@ class ExternalWrenches:
         """Remove all wrenches."""
         self._pushes.clear()
 
-    def torque(self, q: Array, tick: int) -> Array:
-        """Joint torques of all wrenches that act in a tick, shape (n,); expired ones are removed.
+    def advance(self, q: Array, tick: int) -> Array:
+        """Remove expired wrenches; joint torques of all that act in a tick, shape (n,).
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,).

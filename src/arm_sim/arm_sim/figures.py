@@ -33,6 +33,7 @@ STYLE = {
     "figure.dpi": 110.0, "savefig.dpi": 160.0, "pdf.fonttype": 42,
 }  # fmt: skip
 RATE = 30.0  # frames of an animation per second
+MARGIN = 0.08  # on each side of points, as a fraction of their larger extent
 FILM_DPI = 96.0  # at which its text has the points of the style on a page
 Chain = Array | tuple[Array, dict[str, Any]]
 
@@ -114,8 +115,8 @@ def legend_outside(figure: Any, below: bool = False) -> None:
         legend.remove()
 
 
-def shown_once(result: Any, figure: Any) -> Any:
-    """The result of a cell of a notebook, which also shows all open figures of pyplot."""
+def show_once(result: Any, figure: Any) -> Any:
+    """The result of a cell of a notebook, without the open figure that it would show again."""
     from matplotlib import pyplot
 
     if "inline" in pyplot.get_backend():
@@ -123,8 +124,8 @@ def shown_once(result: Any, figure: Any) -> Any:
     return result
 
 
-def most_moved(q: Array) -> list[int]:
-    """Columns of positions, shape (k, n), to draw: all, or as many as there are colours."""
+def widest_columns(q: Array) -> list[int]:
+    """Columns of positions, shape (k, n), with the widest ranges, as many as there are colours."""
     way = np.ptp(np.nan_to_num(q), axis=0)
     return sorted(np.argsort(-way, kind="stable")[: len(COLORS)].tolist())
 
@@ -132,9 +133,9 @@ def most_moved(q: Array) -> list[int]:
 def joint_words(names: Sequence[str]) -> list[str]:
     """Names in words, as "joint 1", without what all begin or end with up to "_" or "/"."""
     parts = [re.split("[_/]", name) for name in names]
-    kept = min(map(len, parts)) - 1
-    first = min(len(commonprefix(parts)), kept)
-    last = min(len(commonprefix([part[::-1] for part in parts])), kept - first)
+    length = min(map(len, parts)) - 1
+    first = min(len(commonprefix(parts)), length)
+    last = min(len(commonprefix([part[::-1] for part in parts])), length - first)
     words = [" ".join(part[first : len(part) - last]) for part in parts]
     return [re.sub(r"(?<=[a-z]{2})(?=\d)", " ", word) for word in words]
 
@@ -213,16 +214,16 @@ def animation(
     film = FuncAnimation(fig, show, frames=rows, interval=interval)
     film._draw_was_started = True  # no warning if it stays unused, as in a script without a screen
     mpl.rcParams["animation.html"] = "jshtml"  # a notebook shows it as a film
-    return shown_once(film, fig)
+    return show_once(film, fig)
 
 
 def fill_with(axes: Any, points: Array) -> None:
-    """Limits around points, shape (k, 2), of one scale and such that the axes keep their size.
+    """Set limits around points, shape (k, 2), of one scale, such that the axes keep their size.
 
     NaN is ignored.
     """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    span = high - low + 0.16 * max(high - low)
+    span = high - low + 2.0 * MARGIN * max(high - low)
     span = span if span.any() else np.full(2, 2.0)
     box = np.array(axes.get_window_extent().size)
     half = 0.5 * box * max(span / box)

@@ -27,7 +27,7 @@ SAME_DURATION = 1e-7
 _log = logging.getLogger(__name__)
 
 
-def torque(tau: Any, joints: Joints) -> list[float]:
+def check_torque(tau: Any, joints: Joints) -> list[float]:
     """Check torques for one tick, finite numbers of shape (n,); return n plain numbers."""
     n = count(joints)
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
@@ -40,7 +40,7 @@ def torque(tau: Any, joints: Joints) -> list[float]:
     return numbers
 
 
-def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
+def check_torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
     """Check torques for a run: None for zero, held ones of shape (n,), or a row for each tick."""
     if control is not None and np.ndim(control) == 0:
         n = count(joints)
@@ -56,14 +56,14 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
     return np.ascontiguousarray(table)
 
 
-def row(name: str, value: Any, joints: Joints) -> Array:
+def check_row(name: str, value: Any, joints: Joints) -> Array:
     """Check one row of finite numbers, by joint or count; it may be empty."""
     if joints == 0 and np.size(value) == 0:
         return np.zeros(0)
     return vector(name, value, joints)
 
 
-def rows(name: str, value: Any, arms: int, joints: int) -> Array:
+def check_rows(name: str, value: Any, arms: int, joints: int) -> Array:
     """Check a row of finite numbers for each arm, shape (b, n)."""
     table = np.atleast_2d(vector_or_batch(name, value, joints))
     if len(table) != arms:
@@ -71,20 +71,20 @@ def rows(name: str, value: Any, arms: int, joints: int) -> Array:
     return table
 
 
-def whole(name: str, value: Any, least: int) -> None:
+def check_whole(name: str, value: Any, least: int) -> None:
     """Reject anything but a whole number of at least ``least``."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
         raise InvalidInput(f"{name} = {value!r}; expected a whole number of at least {least}")
 
 
-def one_side(side: Any) -> int | None:
+def check_side(side: Any) -> int | None:
     """Check the side of a derivative: 1, -1, or None for one that both sides agree on."""
     if side is not None and (isinstance(side, bool) or side not in (1, -1)):
         raise InvalidInput(f"side = {side!r}; allowed: 1, -1 or None")
     return None if side is None else int(side)
 
 
-def named(scene: Any) -> str:
+def scene_name(scene: Any) -> str:
     """Path or name by which a scene is specified; empty for its text or an object."""
     text = os.fspath(scene) if isinstance(scene, str | os.PathLike) else ""
     return "" if "<" in text or "\n" in text else str(text)

@@ -30,10 +30,10 @@ class Progress:
         if (now := perf_counter()) < self._due:
             return
         elapsed = now - self._begin
-        left = (self._total - time) * elapsed / time if time else float("inf")
+        remaining = (self._total - time) * elapsed / time if time else float("inf")
         text = (
             f"{time:.6g} of {self._total:.6g} s {self._done}, {time / elapsed:.3g} times real "
-            f"time, {left:.0f} s left"
+            f"time, {remaining:.0f} s left"
         )
         if _log.isEnabledFor(logging.INFO):
             self._due = now + elapsed
@@ -41,8 +41,8 @@ class Progress:
         else:
             self._due = now + REDRAW_PERIOD
             interactive = sys.stderr.isatty() or "ipykernel" in sys.modules
-            alone = current_thread() is main_thread()  # no other writes there
-            if interactive and alone and _log.isEnabledFor(logging.WARNING):
+            is_main = current_thread() is main_thread()  # no other writes there
+            if interactive and is_main and _log.isEnabledFor(logging.WARNING):
                 print(f"\r{text:{self._line_length}}", end="", file=sys.stderr, flush=True)
                 self._line_length = len(text)
 

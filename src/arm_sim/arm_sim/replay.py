@@ -26,7 +26,7 @@ class Difference:
     """The first value that differs.
 
     Attributes:
-        tick: Its tick, counted from the beginning of the recording.
+        tick: Tick at whose end it is, counted from the beginning of the recording.
         time: Time at the end of the tick in [s].
         what: The joint and quantity, or the internal state.
         recorded: The recorded value.
@@ -78,11 +78,9 @@ class Replay:
 
 
 def replay(
-    recording: Recording,
-    scene: Any = None,
-    integrator: str | None = None,
+    recording: Recording, scene: Any = None, integrator: str | None = None,
     tolerance: float | None = None,
-) -> Replay:
+) -> Replay:  # fmt: skip
     """Run the scene of a recording again with its commands, changes and external forces.
 
     Args:
@@ -98,7 +96,7 @@ def replay(
         InvalidInput: If the recording cannot be replayed: it is of a robot, or the other scene has
             other joints or another length of ticks.
     """
-    origin, same = recording.origin, scene is None
+    origin, same_scene = recording.origin, scene is None
     if origin is None or recording.of_robot:
         raise InvalidInput(
             "the recording is of a robot, not of time steps of a simulation, as "
@@ -107,7 +105,7 @@ def replay(
     base = origin.scene if scene is None else load_scene(scene)
     # Imperfections between arm and controller have affected the commands already.
     plain: dict[str, Any] = {"sensors": None, "commands": None}
-    if same and recording.jumps:
+    if same_scene and recording.jumps:
         tunable = recording.jumps[0].tunable
         plain["tunable"] = tuple(name for name in base.tunable if name in tunable)
     if integrator is None and tolerance is None:
@@ -118,17 +116,17 @@ def replay(
             f"the scene has joints {', '.join(sim.joint_names)}; the recording has "
             f"{', '.join(recording.joint_names)}"
         )
-    rerun = _Rerun(recording, sim, same)
+    rerun = _Rerun(recording, sim, same_scene)
     failure = rerun.run()
-    columns = min(recording.ended.shape[1], rerun.ended.shape[1]) if same else 2 * sim.n
+    columns = min(recording.ended.shape[1], rerun.ended.shape[1]) if same_scene else 2 * sim.n
     recorded, replayed = (x[:, :columns].copy() for x in (recording.ended, rerun.ended))
     ticks = np.ones(len(recording), bool)
     ticks[[0, *recording.gaps]] = False
-    apart = np.where(ticks, abs(recorded - replayed)[:, : sim.n].max(axis=1), 0.0)
+    distance = np.where(ticks, abs(recorded - replayed)[:, : sim.n].max(axis=1), 0.0)
     first = _first_difference(recording.time, ticks, recorded, replayed, sim)
-    here = versions()
-    others = tuple(name for name, value in origin.versions.items() if here.get(name) != value)
-    return Replay(rerun.motion(), first, read_only(apart), others, failure)
+    installed = versions()
+    others = tuple(name for name, value in origin.versions.items() if installed.get(name) != value)
+    return Replay(rerun.motion(), first, read_only(distance), others, failure)
 
 
 def _first_difference(
@@ -149,6 +147,11 @@ def _first_difference(
 class _Rerun:
     """Makes the ticks of a recording again.
 
+    Args:
+        recording: The recording.
+        sim: The simulator that makes the ticks.
+        same: Whether its scene is the recorded one.
+
     Attributes:
         ended: States at the end of each tick, shape (k+1, nx); NaN from a failure on. The motion
             has those at the beginning of each: others where something else has changed the state.
@@ -159,7 +162,7 @@ class _Rerun:
         self._x, self._ended = recording.x, recording.ended
         self._jumps = {jump.row: jump for jump in recording.jumps}
         self._layout = Parameters(recording.plant.model)  # of the recorded quantities
-        self._begun, self.ended = np.full((2, len(recording), sim.arm.plant.nx), np.nan)
+        self._states_before, self.ended = np.full((2, len(recording), sim.arm.plant.nx), np.nan)
         self._tuned = list[str]()  # what comes from the recording; another scene has its own
         for name in self._layout.names:
             column = recording.p[:, self._layout.place(name)]
@@ -172,7 +175,7 @@ class _Rerun:
             self._tuned.append(name)
 
     def run(self) -> str:
-        """Make all ticks, or return why not."""
+        """Make all ticks; return why that failed, if it did."""
         edges = self._recording.edges
         for row, end in zip(edges, [*edges[1:], None], strict=True):
             self._begin(row)
@@ -191,22 +194,22 @@ class _Rerun:
         tunable = next(later, self._layout.names)
         if EXTERNAL in tunable and EXTERNAL not in sim.arm.plant.parameters.names:
             external_change(sim)()
-        moved = self._ended[row].tobytes() != self._x[row].tobytes()
-        if row == 0 or row in recording.gaps or moved:
+        is_changed = self._ended[row].tobytes() != self._x[row].tobytes()
+        if row == 0 or row in recording.gaps or is_changed:
             self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
         elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):
             self._place(sim.arm.x, row, sim.arm.substep)
-        self._begun[row] = sim.arm.x
+        self._states_before[row] = sim.arm.x
 
     def _place(self, x: Array, row: int, substep: float) -> None:
         """Set the state, with the quantities tuned at a time."""
-        sim, here, p = self._sim, self._sim.arm.plant.parameters, self._recording.p[row]
-        values = {name: self._layout.of(name, p) for name in self._tuned if name in here.names}
+        sim, tunable, p = self._sim, self._sim.arm.plant.parameters, self._recording.p[row]
+        values = {name: self._layout.of(name, p) for name in self._tuned if name in tunable.names}
         if len(x) != sim.arm.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]
             x = np.concatenate([q, v, sim.arm.plant.laws.initial(q, v)])
         step = round(self._recording.time[row] / sim.dt)
-        sim.arm.restore(x.copy(), here.merged(values, here.nominal), step, substep)
+        sim.arm.restore(x.copy(), tunable.merged(values, tunable.nominal), step, substep)
 
     def _advance(self, row: int, end: int) -> None:
         """Run the ticks between two edges."""
@@ -222,24 +225,25 @@ class _Rerun:
             return
         for k in range(row, end):
             if hold == BRAKES:  # nothing is computed there: the state is the recorded one
-                stopped = self._ended[k + 1]
+                state = self._ended[k + 1]
             else:
                 q = sim.arm.x[:n].copy()
                 sim.arm.advance(recording.command[k].tolist())
-                stopped = np.concatenate([q, np.zeros(n), sim.arm.x[2 * n :]])
-            self._place(stopped, k, sim.arm.substep)
+                state = np.concatenate([q, np.zeros(n), sim.arm.x[2 * n :]])
+            self._place(state, k, sim.arm.substep)
             self._keep(k, sim.arm.x[None])
 
     def _keep(self, row: int, x: Array) -> None:
-        self._begun[row + 1 : row + 1 + len(x)] = self.ended[row + 1 : row + 1 + len(x)] = x
+        """Record states after the ticks from a row on."""
+        rows = slice(row + 1, row + 1 + len(x))
+        self._states_before[rows] = self.ended[rows] = x
 
     def motion(self) -> Recording:
         """The replayed motion, up to a failure."""
-        recording, sim = self._recording, self._sim
-        origin = recording.origin
+        recording, sim, origin = self._recording, self._sim, self._recording.origin
         assert origin is not None
-        rows = int(np.flatnonzero(~np.isnan(self._begun[:, 0]))[-1]) + 1
-        q, v, z = map(read_only, np.split(self._begun[:rows], (sim.n, 2 * sim.n), axis=1))
+        rows = int(np.flatnonzero(~np.isnan(self._states_before[:, 0]))[-1]) + 1
+        q, v, z = map(read_only, np.split(self._states_before[:rows], (sim.n, 2 * sim.n), axis=1))
         arrays = {
             name: getattr(recording, name)[:rows]
             for name in ("time", "command", "local_error", "time_stepped")

@@ -13,7 +13,7 @@ from samples import always, covering
 import models
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.derivatives import events, tangents
+from arm_sim.derivatives import eventful_ticks, tangents
 from models.driven import wheel
 from models.touching import carrier, contact, rails, unbalance
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -264,7 +264,7 @@ def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None
     """CasADi evaluates it then, within the compiled code of the events."""
     build, dt, (q, v, tau) = CASES["bounces on a rough table"]
     wanted = simulator(build, dt, "rk4").linearize(simulator(build, dt, "rk4").reset(q, v), tau)
-    monkeypatch.setattr(tangents, "LONGEST", 0)
+    monkeypatch.setattr(tangents.functions, "MAX_OPERATIONS", 0)
     sim = Simulator(build(), dt=dt, integrator="rk4")
     for found, expected in zip(sim.linearize(sim.reset(q, v), tau), wanted, strict=True):
         assert_close(found, expected, ALGEBRA)
@@ -272,7 +272,7 @@ def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     sim = Simulator(CASES["rebounds"][0](), dt=0.1)
-    monkeypatch.setattr(events, "built_of_lanes", lambda *_: None)
+    monkeypatch.setattr(eventful_ticks, "built_of_lanes", lambda *_: None)
     with pytest.raises(CompilerMissing, match=r"events need compiled code.*\./arm build"):
         sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 

@@ -10,10 +10,10 @@ import pytest
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_sim.integrators.selection import (
-    QUICK_STIFF,
+    IMPLICIT_STIFFNESS,
     SHARE,
     SHARE_IMPLICIT,
-    STIFF,
+    STIFFNESS,
     STRIBECK_RATE,
     Choice,
     choose,
@@ -69,7 +69,7 @@ def test_viscous_friction_is_stiff_beyond_its_limit() -> None:
     """b/J dt = 1.4: RK4 is stable up to 2.8."""
     dt = 1e-2
     for factor, name, accurate in ((0.99, "rk4", "dop853"), (1.01, "implicit", "implicit")):
-        scene = rotor(0.1, viscous=0.1 * factor * STIFF / dt)
+        scene = rotor(0.1, viscous=0.1 * factor * STIFFNESS / dt)
         choice = chosen(scene, dt=dt)
         assert (choice.method.name, choice.tolerance, choice.dt) == (name, None, dt)
         choice = chosen(scene, dt=dt, tolerance=1e-6)
@@ -98,7 +98,7 @@ def test_drives_get_error_control(L: float, name: str, tolerance: float) -> None
     rate = rate_of(scene)
     b, J = 0.05**2 / (L * 0.1), 20.0 / L
     assert_close(rate / (J / 2 + np.sqrt(J * J / 4 - b)), 1.0, 1e-9)
-    assert (rate * 1e-3 > QUICK_STIFF) == (name == "implicit")
+    assert (rate * 1e-3 > IMPLICIT_STIFFNESS) == (name == "implicit")
     choice = chosen(scene)
     assert (choice.method.name, choice.tolerance) == (name, tolerance)
     assert chosen(scene, tolerance=1e-5).tolerance == 1e-5
@@ -140,7 +140,7 @@ def test_postures_in_which_a_joint_is_light_are_looked_at() -> None:
     for viscous, name in ((300.0, "rk4"), (2e4, "implicit")):
         joints = {"shoulder": {"friction": {"viscous": viscous}}}
         scene["joints"] = joints | {"elbow": {"actuator": {"rotor_inertia": 1e3}}}
-        assert viscous / Dynamics(scene).mass_matrix([0.0, 0.0])[0, 0] * 1e-3 < STIFF
+        assert viscous / Dynamics(scene).mass_matrix([0.0, 0.0])[0, 0] * 1e-3 < STIFFNESS
         assert chosen(scene).method.name == name
 
 

@@ -9,8 +9,8 @@ from samples import covering
 
 from arm_sim import Simulator
 from arm_sim.integrators import METHODS
-from arm_sim.integrators.response import Response
-from arm_sim.integrators.stability import GROWTH, longest_step
+from arm_sim.integrators.linear_response import LinearResponse
+from arm_sim.integrators.stability import GROWTH_TOLERANCE, longest_step
 from models.rotor import rotor
 
 EXPLICIT = [name for name in METHODS if name != "implicit"]
@@ -35,13 +35,13 @@ def grows(scene: dict[str, Any], method: str) -> bool:
         sim.reset(start[:1], start[1:])
         end = sim.step([0.0])
         rows.append([*end.q, *end.v])
-    return bool(abs(np.linalg.eigvals(rows)).max() > 1.0 + GROWTH)
+    return bool(abs(np.linalg.eigvals(rows)).max() > 1.0 + GROWTH_TOLERANCE)
 
 
 def interval(name: str, J: list[list[float]]) -> float:
     """Largest stable step of x' = J x, for rates of 1/s."""
     J_ = np.array(J)
-    return longest_step(METHODS[name], Response(J_, {"": J_[1:]}, begins=True), 100.0)
+    return longest_step(METHODS[name], LinearResponse(J_, {"": J_[1:]}, initial=True), 100.0)
 
 
 @pytest.mark.parametrize(("name", "scene"), covering(EXPLICIT, [decay, swing]))

@@ -32,7 +32,7 @@ def test_recursion_and_mass_matrix_agree(
     for kind in (Response, RecursiveResponse):
         response = kind(model, s, does)
         a = response.accelerations(response.load)
-        results = [a, response.reactions(response.load, a), *response.struck(push, change)]
+        results = [a, response.reactions(response.load, a), *response.impact(push, change)]
         given = [s.q, s.v, s.tau, does.p, push, change]
         answers.append(ca.Function("answer", given, results))
     for _ in range(5):

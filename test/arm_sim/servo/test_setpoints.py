@@ -29,7 +29,7 @@ def lead(commands: dict[int, JointCommand], ticks: int) -> np.ndarray:
                 fields = np.full((3, 3), [[1.0], [np.nan], [np.nan]])
                 fields[:, joint] = one.position[0], one.velocity[0], one.effort[0]
                 newest = JointCommand(*fields, stamp=one.stamp)
-            setpoints.at(newest, step)
+            setpoints.advance(newest, step)
             q, v = reference(setpoints)
             found[joint, step] = q[joint], v[joint]
             assert np.delete(q, joint).tolist() == [1.0, 1.0] and not np.delete(v, joint).any()
@@ -84,13 +84,13 @@ def test_one_joint_goes_on_where_the_stream_of_another_has_ended() -> None:
     nan, setpoints = np.nan, Setpoints(2, DT)
     for k in range(3):
         last = JointCommand([0.01 * k, nan], [nan, 0.5])
-        setpoints.at(last, k)
+        setpoints.advance(last, k)
     assert reference(setpoints)[1].tolist() == pytest.approx([10.0, 0.5])
     for step in range(3, 12):
-        setpoints.at(last, step)
+        setpoints.advance(last, step)
     assert reference(setpoints)[0][0] == 0.02 and reference(setpoints)[1].tolist() == [0.0, 0.5]
     assert not setpoints.at_rest
-    setpoints.at(JointCommand([0.02, nan], [nan, 0.0]), 12)
+    setpoints.advance(JointCommand([0.02, nan], [nan, 0.0]), 12)
     assert setpoints.at_rest
 
 
@@ -99,7 +99,7 @@ def test_a_joint_that_begins_to_be_led_has_no_speed_yet() -> None:
     found = lead({0: JointCommand(effort=[1.0]), 1: JointCommand(position=[2.0])}, 3)
     np.testing.assert_array_equal(found[1:], [[2.0, 0.0]] * 2)
     mixed = Setpoints(3, DT)
-    mixed.at(JointCommand([1.0, nan, nan], [nan, 2.0, nan], [0.5, nan, 3.0]), 0)
+    mixed.advance(JointCommand([1.0, nan, nan], [nan, 2.0, nan], [0.5, nan, 3.0]), 0)
     moves, leads, q, v, added = mixed.rows.reshape(5, 3)
     np.testing.assert_array_equal(moves, [1, 1, 0])
     np.testing.assert_array_equal(leads, [1, 0, 0])

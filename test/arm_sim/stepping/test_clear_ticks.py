@@ -13,7 +13,7 @@ import models
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import pointer
 from arm_sim import Simulator
-from arm_sim.derivatives.events import TickTrace
+from arm_sim.derivatives.eventful_ticks import TickTrace
 from arm_sim.stepping import Stepper
 from models.touching import contact
 

@@ -102,7 +102,7 @@ def test_another_scene_takes_over() -> None:
     sim, other = pair({})
     sim.step(np.ones(2))
     arm = sim.arm
-    arm.use(arm.compiled.pushable())
+    arm.use(arm.compiled.with_external_torques())
     sim.set_parameter("external", [0.5, 0.0])
     other.step(np.ones(2))
     assert_same(sim.step(np.ones(2)), other.step(np.array([1.5, 1.0])))

@@ -19,7 +19,7 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
     rig.choose(Mode.NOTHING)
     rig.push("forearm", np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), ticks=2)
     free = sim.dynamics.forward(before.q, before.v, np.zeros(2))
-    torque = rig.wrenches.torque(before.q, 0)
+    torque = rig.wrenches.advance(before.q, 0)
     pushed = sim.dynamics.forward(before.q, before.v, torque)
     assert abs(pushed - free).max() > 1.0
     rig.tick()

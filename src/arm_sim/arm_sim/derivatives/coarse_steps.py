@@ -8,8 +8,8 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
-from arm_sim.derivatives.nonsmooth_points import sided
-from arm_sim.integrators.response import rate_by_state
+from arm_sim.derivatives.nonsmooth_points import sided_friction
+from arm_sim.integrators.linear_response import rate_by_state
 from arm_sim.integrators.selection import Choice, fastest_rate
 from arm_sim.integrators.stability import local_error
 from arm_sim.plant.plant import Plant
@@ -18,29 +18,34 @@ _log = logging.getLogger(__name__)
 
 
 class CoarseSteps:
-    """Warns at the beginning, or later of states in which transmissions stiffen.
+    """Warns at the beginning, or once of a later state in which transmissions stiffen.
 
-    Attributes:
-        rate: The fastest rate in [1/s] as function of the state, until it has caused a warning;
-            None where it need not be watched.
+    Args:
+        plant: The scene's equations.
+        choice: Method, tick and tolerance.
     """
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
         self._plant, self._choice = plant, choice
-        self.rate: Callable[[Array], float] | None = None
-        if choice.tolerance is not None:
-            return
-        self._warn_of_sided_friction()
-        if not self._warn(fastest_rate(plant)) and _stiffens(plant.model):
-            self.rate = rate_by_state(plant)
+        # The fastest rate in [1/s] as function of the state, until it has caused a warning
+        self._rate: Callable[[Array], float] | None = None
+        if choice.tolerance is None:
+            self._warn_of_sided_friction()
+            if not self._warn(fastest_rate(plant)) and _can_stiffen(plant.model):
+                self._rate = rate_by_state(plant)
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether a later state may cause a warning."""
+        return self._rate is not None
 
     def check(self, x: Array) -> None:
         """Warn if a rate at one of these states, shape (b, nx), is too fast."""
-        if self.rate and self._warn(max(map(self.rate, x))):
-            self.rate = None
+        if self._rate and self._warn(max(map(self._rate, x))):
+            self._rate = None
 
     def _warn_of_sided_friction(self) -> None:
-        for joint in np.flatnonzero(sided(self._plant)):
+        for joint in np.flatnonzero(sided_friction(self._plant)):
             _log.warning(
                 "derivatives of time steps in which joint '%s' turns back are those of %s, not of "
                 "the motion: its viscous friction differs by direction",
@@ -61,7 +66,7 @@ class CoarseSteps:
         return True
 
 
-def _stiffens(model: ArmModel) -> bool:
+def _can_stiffen(model: ArmModel) -> bool:
     """Whether a transmission stiffens under load, so that rates depend on the state."""
     couplings = (drive.coupling for drive in model.drives if drive)
     return any(coupling and coupling.stiffening > 0.0 for coupling in couplings)

@@ -15,9 +15,9 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of, initial_slope
 from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.tangents import Arms
-from arm_sim.inputs import one_side, row, rows, torque, whole
+from arm_sim.inputs import check_row, check_rows, check_side, check_torque, check_whole
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.placing import packed
+from arm_sim.plant.admissible_states import pack_state
 from arm_sim.plant.plant import Plant
 from arm_sim.state import State
 from arm_sim.stepping.rollouts.batch import Batch, by_tick, states
@@ -41,19 +41,19 @@ class Derivatives:
         self._plant, self._choice, self._stepper, self._backend = plant, choice, stepper, backend
         self._linearizers = dict[tuple[int, ...], Linearizer]()
 
-    def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
+    def linearizer(self, p_indices: tuple[int, ...] = ()) -> Linearizer:
         """Derivatives of ticks, those by some entries of p included; kept for the next time.
 
         It takes arrays that are not checked: for other code of the suite.
 
         Args:
-            tuned: Indices in p.
+            p_indices: Indices in p.
         """
-        if tuned not in self._linearizers:
-            self._linearizers[tuned] = Linearizer(
-                self._plant, self._choice, self._stepper, self._backend, tuned
+        if p_indices not in self._linearizers:
+            self._linearizers[p_indices] = Linearizer(
+                self._plant, self._choice, self._stepper, self._backend, p_indices
             )
-        return self._linearizers[tuned]
+        return self._linearizers[p_indices]
 
     @built_once
     def gradients(self) -> Gradients:
@@ -69,24 +69,14 @@ class Derivatives:
 
     @overload
     def linearize(
-        self,
-        state: State,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str],
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str],
         side: int | None = None,
-    ) -> tuple[Array, Array, dict[str, Array]]: ...
+    ) -> tuple[Array, Array, dict[str, Array]]: ...  # fmt: skip
 
     def linearize(
-        self,
-        state: State,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str] | None = None,
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str] | None = None,
         side: int | None = None,
-    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:  # fmt: skip
         """Exact derivatives of the state after a tick (or several, torque held).
 
         Across events, which move with the state: see ``docs/concepts/derivatives.md``. Under error
@@ -123,19 +113,13 @@ class Derivatives:
         x, command = self._point(state, tau, ticks)
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
-        slope = linearizer(x, command, ticks, one_side(side))
+        slope = linearizer(x, command, ticks, check_side(side))
         return self._split(slope, by, places)
 
     def jvp(
-        self,
-        state: State,
-        tau: ArrayLike,
-        dx: ArrayLike,
-        dtau: ArrayLike,
-        ticks: int = 1,
-        *,
+        self, state: State, tau: ArrayLike, dx: ArrayLike, dtau: ArrayLike, ticks: int = 1, *,
         side: int | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """A dx + B dτ of ``linearize``: first-order change of the state after a tick.
 
         A and B are not formed where the tick is smooth.
@@ -154,21 +138,17 @@ class Derivatives:
         Raises:
             InvalidInput: If an argument is not allowed.
             NotDifferentiable: As ``linearize``.
-            SimulationDiverged: Likewise.
+            SimulationDiverged: As ``linearize``.
         """
         x, command = self._point(state, tau, ticks)
-        dx, dtau = row("dx", dx, self._plant.nx), row("dtau", dtau, self._plant.model.n)
-        return self.linearizer().jvp(x, command, ticks, dx, dtau, one_side(side))
+        nx, n = self._plant.nx, self._plant.model.n
+        dx, dtau = check_row("dx", dx, nx), check_row("dtau", dtau, n)
+        return self.linearizer().jvp(x, command, ticks, dx, dtau, check_side(side))
 
     def vjp(
-        self,
-        state: State,
-        tau: ArrayLike,
-        weights: ArrayLike,
-        ticks: int = 1,
-        *,
+        self, state: State, tau: ArrayLike, weights: ArrayLike, ticks: int = 1, *,
         side: int | None = None,
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Aᵀ w and Bᵀ w of ``linearize``: the gradient of w · x⁺ by the state and the torque.
 
         A and B are not formed where the tick is smooth.
@@ -186,53 +166,31 @@ class Derivatives:
         Raises:
             InvalidInput: If an argument is not allowed.
             NotDifferentiable: As ``linearize``.
-            SimulationDiverged: Likewise.
+            SimulationDiverged: As ``linearize``.
         """
         x, command = self._point(state, tau, ticks)
-        weights = row("weights", weights, self._plant.nx)
+        weights = check_row("weights", weights, self._plant.nx)
         gradients, p = self.gradients, self._stepper.p
-        return gradients.product(x, command, p, ticks, weights, one_side(side))
+        return gradients.product(x, command, p, ticks, weights, check_side(side))
 
     @overload
     def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array]: ...
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, ticks: int = 1, *,
+        side: int | None = None, threads: int | None = None, lanes: int | None = None,
+    ) -> tuple[Array, Array]: ...  # fmt: skip
 
     @overload
     def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str],
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array, dict[str, Array]]: ...
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str],
+        side: int | None = None, threads: int | None = None, lanes: int | None = None,
+    ) -> tuple[Array, Array, dict[str, Array]]: ...  # fmt: skip
 
     def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, ticks: int = 1, *,
+        by: Sequence[str] | None = None, side: int | None = None, threads: int | None = None,
         lanes: int | None = None,
-    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
-        """As ``linearize``, at many states on all cores; smooth scenes in vector registers.
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:  # fmt: skip
+        """Derivatives of ``linearize`` at many states on all cores, if smooth in vector registers.
 
         Args:
             q: Positions in [rad] or [m], shape (b, n).
@@ -240,7 +198,7 @@ class Derivatives:
             tau: Torques in [N m] or [N], held, shape (n,) or (b, n).
             ticks: Number of ticks.
             by: As for ``linearize``.
-            side: Likewise.
+            side: As for ``linearize``.
             threads: Number of threads; None for all cores.
             lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available in smooth
                 scenes, and for 1 in scenes with events, where compilation takes long.
@@ -255,29 +213,20 @@ class Derivatives:
             NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
-        whole("ticks", ticks, 1)
+        check_whole("ticks", ticks, 1)
         x = states(self._plant, self._stepper.p, q, v, ("q", "v"))
         commands = by_tick("tau", tau, len(x), 1, self._plant.model.n)[:, 0]
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
-        slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
+        side = check_side(side)
+        slopes = linearizer.differentiate_arms(x, commands, ticks, threads, lanes, side)
         return self._split(slopes, by, places)
 
     def rollout_jvp(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        dq0: ArrayLike,
-        dv0: ArrayLike,
-        dtau: ArrayLike,
-        *,
-        parameters: dict[str, Any] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> Array:
+        self, q0: ArrayLike, v0: ArrayLike, tau: ArrayLike, steps: int, dq0: ArrayLike,
+        dv0: ArrayLike, dtau: ArrayLike, *, parameters: dict[str, Any] | None = None,
+        side: int | None = None, threads: int | None = None, lanes: int | None = None,
+    ) -> Array:  # fmt: skip
         """Directional derivative of the states of a rollout, with a direction for each arm.
 
         It is the product of the rollout's derivative with that direction; ``rollout_gradient`` is
@@ -308,7 +257,7 @@ class Derivatives:
         p = plant.parameters.merged(parameters or {}, self._stepper.p)
         batch = Batch.of(plant, q0, v0, tau, steps, p, last_only=True)
         count, ticks, n = len(batch.x0), batch.steps, plant.model.n
-        dx0 = np.hstack([rows("dq0", dq0, count, n), rows("dv0", dv0, count, n)])
+        dx0 = np.hstack([check_rows("dq0", dq0, count, n), check_rows("dv0", dv0, count, n)])
         if plant.nz:
             arms = zip(batch.x0, dx0, strict=True)
             dz0 = [initial_slope(plant, x[: 2 * n]) @ dx for x, dx in arms]
@@ -316,22 +265,15 @@ class Derivatives:
         initial = np.ascontiguousarray(dx0)[:, :, None]
         held = by_tick("dtau", dtau, count, ticks, n)[:, :ticks, :, None]
         columns = Arms(batch.x0, batch.tau[:, :ticks], batch.p, initial, held)
-        moved = self.linearizer().jvps(columns, threads, lanes, every=True, side=one_side(side))
-        return np.concatenate([initial[:, None], moved], axis=1)[..., : 2 * n, 0]
+        side = check_side(side)
+        changes = self.linearizer().jvps(columns, threads, lanes, every=True, side=side)
+        return np.concatenate([initial[:, None], changes], axis=1)[..., : 2 * n, 0]
 
     def rollout_gradient(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        g: ArrayLike,
-        *,
-        parameters: dict[str, Any] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> RolloutGradient:
+        self, q0: ArrayLike, v0: ArrayLike, tau: ArrayLike, steps: int, g: ArrayLike, *,
+        parameters: dict[str, Any] | None = None, side: int | None = None,
+        threads: int | None = None, lanes: int | None = None,
+    ) -> RolloutGradient:  # fmt: skip
         """Gradient of a function L of the states of a rollout, by all its arguments.
 
         It costs about as much as four rollouts. It stores the motion of the arms that are advanced
@@ -365,17 +307,17 @@ class Derivatives:
             )
         if self._plant.nz:
             weights = np.pad(weights, ((0, 0), (0, 0), (0, self._plant.nz)))
-        gradients = self.gradients.run(batch, weights, threads, lanes, one_side(side))
+        gradients = self.gradients.run(batch, weights, threads, lanes, check_side(side))
         return gradient_of(self._plant, batch, gradients, np.shape(tau))
 
     def _point(self, state: State, tau: ArrayLike, ticks: int) -> tuple[Array, Array]:
         """Point at which a tick is differentiated: x and the command, validated."""
-        whole("ticks", ticks, 1)
+        check_whole("ticks", ticks, 1)
         if not isinstance(state, State):
             kind = type(state).__name__
             raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
-        x = packed(self._plant, state.q, state.v, state.z)
-        return x, np.array(torque(tau, self._plant.model.joint_names))
+        x = pack_state(self._plant, state.q, state.v, state.z)
+        return x, np.array(check_torque(tau, self._plant.model.joint_names))
 
     def _places(self, by: Sequence[str] | None) -> dict[str, tuple[int, ...]]:
         """Indices in p of quantities to differentiate by; ``by`` may be a single name."""

@@ -30,7 +30,7 @@ from arm_sim.stepping.arm_table import Engine
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
 
-# Ticks that are made in one call
+# Largest number of ticks that are made in one call
 STRETCH = 1024
 
 
@@ -39,27 +39,27 @@ class TickPart:
     """One tick, by its derivatives.
 
     Attributes:
-        tick: Its number.
+        tick: Number of the tick.
         slope: Derivatives by state, command and all parameters, shape (nx, nx + n + np).
     """
 
     tick: int
     slope: Array
 
-    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
+    def pull_back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
         """Gradient by the state at the beginning of the part.
 
         Args:
-            weight: That by the state at its end, shape (nx,).
+            weight: Gradient by the state at the end of the part, shape (nx,).
             tau: Commands of the whole motion, shape (ticks, n).
-            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
+            g: Gradients by all states of the function of them, shape (ticks + 1, nx).
             by_tau: Receives gradients by commands, shape (ticks, n).
             by_p: Gradients by parameters, which are added to, shape (np,).
         """
         nx, n = len(weight), tau.shape[1]
-        by_x, by_r, by_p_here = np.split(weight @ self.slope, (nx, nx + n))
+        by_x, by_r, tick_by_p = np.split(weight @ self.slope, (nx, nx + n))
         by_tau[self.tick] = by_r
-        by_p += by_p_here
+        by_p += tick_by_p
         return np.asarray(by_x + g[self.tick])
 
 
@@ -68,40 +68,40 @@ class EventFreePart:
     """Ticks without events.
 
     Attributes:
-        gradients: What differentiates them.
+        gradients: The scene's code.
         first: Number of the first tick.
-        kept: Of each tick x before it, the ends of its motions and its modes, in a row: see
-            ``event_free_gradient.c``.
+        records: A row for each tick: the state before it, the ends of its motions and its modes,
+            see ``event_free_gradient.c``.
     """
 
     gradients: EventFreeGradients
     first: int
-    kept: Array
+    records: Array
 
-    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
-        """As of ``TickPart``."""
-        ticks, gradient = slice(self.first, self.first + len(self.kept)), weight.copy()
+    def pull_back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
+        """Gradient by the state at the beginning of the part, see ``TickPart``."""
+        ticks, gradient = slice(self.first, self.first + len(self.records)), weight.copy()
         weights = np.ascontiguousarray(g[ticks])
-        by_commands = np.empty((len(self.kept), tau.shape[1]))
+        by_commands = np.empty((len(self.records), tau.shape[1]))
         code = self.gradients.code
         code.engine.event_free_gradient(
-            code.scene, address(self.kept), address(tau[ticks]), self.gradients.length,
-            len(self.kept), address(weights), address(gradient), address(by_commands),
+            code.scene, address(self.records), address(tau[ticks]), self.gradients.length,
+            len(self.records), address(weights), address(gradient), address(by_commands),
             address(by_p),
         )  # fmt: skip
         by_tau[ticks] = by_commands
         return gradient
 
 
-# Some ticks of a motion
-type Part = TickPart | EventFreePart
+# Successive ticks of a motion
+type MotionPart = TickPart | EventFreePart
 
 
 class EventFreeGradients:
     """Gradients through ticks without events of a scene with events.
 
     Args:
-        nonsmooth: Its lasting kinks.
+        nonsmooth: The scene's lasting kinks.
         engine: Finds ticks without events.
         code: Compiled code, of ``event_free_gradient.c``.
         length: Length of a tick in [s].
@@ -113,14 +113,14 @@ class EventFreeGradients:
         self._nonsmooth, self._engine, self.code, self.length = nonsmooth, engine, code, length
         code.engine.numbers_kept.restype = ctypes.c_longlong
         code.engine.event_free_motion.restype = ctypes.c_longlong
-        self._kept = int(code.engine.numbers_kept(code.scene))
+        self._record_size = int(code.engine.numbers_kept(code.scene))
 
     @classmethod
     @one_at_a_time
-    def built(
+    def build(
         cls, nonsmooth: NonsmoothPoints, engine: Engine, plant: Plant, choice: Choice
     ) -> EventFreeGradients | None:
-        """Those of a scene's equations, method and tick; None if code cannot be built."""
+        """Build the code of a scene, method and tick; None if that is not possible."""
         event_free = EventFreeTick.of(plant)
         _, *functions = adjoint_tick_functions(plant, choice)
         functions += [*event_free.functions, *event_free.adjoints]
@@ -133,25 +133,25 @@ class EventFreeGradients:
         """Advance a motion to its next tick with an event.
 
         Args:
-            motion: The motion.
-            tau: Commands of all its ticks, shape (ticks, n), contiguous.
+            motion: The motion; it continues from the end of the ticks.
+            tau: Commands of all ticks of the motion, shape (ticks, n), contiguous.
 
         Returns:
-            The ticks before that one; None if there are none.
+            The ticks before the one with an event; None if there are none.
         """
-        first, ahead = motion.ticks, tau[motion.ticks :]
-        most = min(STRETCH, self._nonsmooth.ticks_before(motion.x, ahead))
-        kept, after = np.empty((most, self._kept)), np.empty(motion.x.shape)
+        first, commands = motion.ticks, tau[motion.ticks :]
+        limit = min(STRETCH, self._nonsmooth.ticks_before_kink(motion.x, commands))
+        records, after = np.empty((limit, self._record_size)), np.empty(motion.x.shape)
         x = np.ascontiguousarray(motion.x)
         ticks = self.code.engine.event_free_motion(
-            self.code.scene, pointer(x), pointer(ahead), pointer(motion.p),
-            ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
-            ctypes.c_int(first == 0), pointer(kept), pointer(after),
+            self.code.scene, pointer(x), pointer(commands), pointer(motion.p),
+            ctypes.c_double(self.length), ctypes.c_longlong(limit), ctypes.byref(self._engine),
+            ctypes.c_int(first == 0), pointer(records), pointer(after),
         )  # fmt: skip
         if not ticks:
             return None
-        motion.go_on(after, ticks)
-        return EventFreePart(self, first, kept[:ticks])
+        motion.continue_from(after, ticks)
+        return EventFreePart(self, first, records[:ticks])
 
 
 def adjoint_tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:
@@ -167,6 +167,6 @@ def adjoint_tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, .
     adjoint = build_adjoint(method, plant.rhs, pullback(plant), n, plant.mechanics.project, scaled)
     x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
     weight, u = ca.SX.sym("weight", n), act(x, r)
-    back = [ca.densify(ca.jtimes(u, by, weight, True)) for by in (x, r)]
-    limit = ca.Function("limit_adjoint", [x, r, weight], back, {"cse": True})
+    gradients = [ca.densify(ca.jtimes(u, by, weight, True)) for by in (x, r)]
+    limit = ca.Function("limit_adjoint", [x, r, weight], gradients, {"cse": True})
     return step, adjoint, ca.Function("acting", [x, r], [u], {"cse": True}), limit

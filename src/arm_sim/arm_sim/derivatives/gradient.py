@@ -22,12 +22,12 @@ from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.derivatives.event_free_gradient import (
     EventFreeGradients,
-    Part,
+    MotionPart,
     TickPart,
     adjoint_tick_functions,
 )
-from arm_sim.derivatives.motion import Motion, naming
-from arm_sim.derivatives.tangents import LONGEST
+from arm_sim.derivatives.motion import Motion, named_in_errors
+from arm_sim.derivatives.tangents import MAX_OPERATIONS
 from arm_sim.derivatives.tick_derivatives import TickDerivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_tick
@@ -76,9 +76,9 @@ class ArgumentGradients:
     """Gradients of a batch by initial states, torques and parameters.
 
     Attributes:
-        by_x: By initial states (q, v, z), shape (b, nx).
-        by_tau: By the torques of all ticks, shape (b, ticks, n).
-        by_p: By parameters, shape (b, np).
+        by_x: Gradients by initial states (q, v, z), shape (b, nx).
+        by_tau: Gradients by the torques of all ticks, shape (b, ticks, n).
+        by_p: Gradients by parameters, shape (b, np).
     """
 
     by_x: Array
@@ -94,8 +94,8 @@ def gradient_of(
     Args:
         plant: The scene's equations.
         batch: The arms.
-        gradients: By initial states and all torques.
-        shape: Of the torques in the arguments.
+        gradients: Gradients by initial states and all torques.
+        shape: Shape of the torques in the arguments.
     """
     n, by_x = plant.model.n, gradients.by_x
     by_start = by_x[:, : 2 * n].copy()
@@ -113,15 +113,15 @@ def gradient_of(
 def initial_slope(plant: Plant, x: Array) -> Array:
     """Derivative of the initial internal states by (q, v), shape (nz, 2n).
 
-    They are those at rest and nearly linear, so fourth-order differences are accurate.
+    These states are those at rest and nearly linear: fourth-order differences are accurate.
     """
     n, h = plant.model.n, 2.0**-10
 
-    def at(place: Array) -> Array:
-        return plant.laws.initial(place[:n], place[n:])
+    def z(qv: Array) -> Array:
+        return plant.laws.initial(qv[:n], qv[n:])
 
     columns = [
-        (8.0 * (at(x + e) - at(x - e)) - (at(x + 2 * e) - at(x - 2 * e))) / (12.0 * h)
+        (8.0 * (z(x + e) - z(x - e)) - (z(x + 2 * e) - z(x - 2 * e))) / (12.0 * h)
         for e in h * np.eye(2 * n)
     ]
     return np.column_stack(columns)
@@ -140,22 +140,18 @@ class Gradients:
 
     def __init__(self, plant: Plant, choice: Choice, ticks: TickDerivatives, backend: str) -> None:
         self._plant, self._choice, self._ticks = plant, choice, ticks
-        self._without_stops, self._backend = plant.free or plant, backend
-        self._code_of = cache(self._built)
+        self._free_plant, self._backend = plant.free or plant, backend
+        self._code_of_width = cache(self._build_code)
 
     def run(
-        self,
-        batch: Batch,
-        g: Array,
-        threads: int | None,
-        lanes: int | None,
+        self, batch: Batch, g: Array, threads: int | None, lanes: int | None,
         side: int | None = None,
-    ) -> ArgumentGradients:
+    ) -> ArgumentGradients:  # fmt: skip
         """Gradients of Σ g · states for a batch, see ``Simulator.rollout_gradient``.
 
         Args:
             batch: The arms; ``out`` is not used.
-            g: By the states, shape (b, steps + 1, nx).
+            g: Gradients by the states, shape (b, steps + 1, nx).
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
             side: See ``Motion``.
@@ -167,19 +163,19 @@ class Gradients:
         arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
         shapes = batch.x0.shape, (arms, ticks, n), batch.p.shape
         gradients = ArgumentGradients(*map(np.zeros, shapes))
-        code, width = widest(lanes, self._code_of)
+        code, width = widest(lanes, self._code_of_width)
         eventful = list(range(arms))
         if code is not None:
-            eventful = self._side_by_side(code, width, batch, g, gradients, threads)
-            kinks = self._ticks.nonsmooth.arms(batch.x0, batch.tau[:, : batch.steps])
+            eventful = self._run_in_lanes(code, width, batch, g, gradients, threads)
+            kinks = self._ticks.nonsmooth.arms_with_kinks(batch.x0, batch.tau[:, : batch.steps])
             eventful = sorted({*eventful, *kinks})
         for arm in eventful:
-            self._tick_by_tick(batch, g, gradients, arm, side)
+            self._run_arm(batch, g, gradients, arm, side)
         return gradients
 
     def prepare(self) -> None:
         """Compile what motions need, unless that is done."""
-        if widest(None, self._code_of)[0] is None:
+        if widest(None, self._code_of_width)[0] is None:
             _ = self._event_free
         self._ticks.prepare_events()
 
@@ -207,11 +203,11 @@ class Gradients:
         gradients = self.run(batch, g, threads=1, lanes=1, side=side)
         return gradients.by_x[0], gradients.by_tau[0].sum(axis=0)
 
-    def _side_by_side(
+    def _run_in_lanes(
         self, code: Compiled, width: int, batch: Batch, g: Array,
         gradients: ArgumentGradients, threads: int | None,
     ) -> list[int]:  # fmt: skip
-        """Gradients of all arms; returns the arms that meet stops or diverge."""
+        """Fill in gradients of all arms, and return those that meet stops or diverge."""
         marks, tau = Marks(len(batch.x0)), batch.tau[:, : batch.steps]
         arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, None)
 
@@ -225,22 +221,22 @@ class Gradients:
         share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
         return marks.of(0, len(batch.x0))
 
-    def _tick_by_tick(
+    def _run_arm(
         self, batch: Batch, g: Array, gradients: ArgumentGradients, arm: int, side: int | None
     ) -> None:
-        """The gradient of one arm: through its events by the derivatives of their ticks."""
+        """Fill in the gradient of one arm; ticks with events are passed by their derivatives."""
         by_tau, by_p = gradients.by_tau[arm], gradients.by_p[arm]
         motion = Motion(self._ticks, batch.x0[arm], batch.p[arm], side)
-        tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
+        tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[MotionPart]()
         while motion.ticks < batch.steps:
             if self._event_free and (stretch := self._event_free.advance(motion, tau)):
                 parts.append(stretch)
             if (tick := motion.ticks) < batch.steps:
-                with naming(arm, len(batch.x0), tick):
-                    parts.append(TickPart(tick, motion.slope(tau[tick])))
+                with named_in_errors(arm, len(batch.x0), tick):
+                    parts.append(TickPart(tick, motion.differentiate_tick(tau[tick])))
         weight, by_p[:] = g[arm, -1].copy(), 0.0
         for part in reversed(parts):
-            weight = part.back(weight, tau, g[arm], by_tau, by_p)
+            weight = part.pull_back(weight, tau, g[arm], by_tau, by_p)
         gradients.by_x[arm] = weight
 
     @built_once
@@ -249,18 +245,18 @@ class Gradients:
         engine, nonsmooth = self._ticks.compiled.engine, self._ticks.nonsmooth
         if not engine or self._backend == "vm":
             return None
-        return EventFreeGradients.built(nonsmooth, engine, self._plant, self._choice)
+        return EventFreeGradients.build(nonsmooth, engine, self._plant, self._choice)
 
-    def _built(self, width: int) -> Compiled | None:
+    def _build_code(self, width: int) -> Compiled | None:
         in_lanes = self._backend != "vm" and takes_equal_steps(self._plant, self._choice)
-        if not in_lanes or operations(self._functions[1]) > LONGEST:
+        if not in_lanes or operations(self._functions[1]) > MAX_OPERATIONS:
             return None
         types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
-        write = partial(lanes_source, self._without_stops, self._choice, self._functions)
+        write = partial(lanes_source, self._free_plant, self._choice, self._functions)
         return built_of_lanes(write, width, "rollout_gradient", types)
 
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:
-        act = actuation(self._without_stops)
-        step, adjoint, *limits = adjoint_tick_functions(self._without_stops, self._choice)
+        act = actuation(self._free_plant)
+        step, adjoint, *limits = adjoint_tick_functions(self._free_plant, self._choice)
         return build_tick(step, act), adjoint, *limits

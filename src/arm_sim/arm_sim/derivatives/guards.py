@@ -17,12 +17,12 @@ from arm_sim.plant.symbols import dense_function, expanded_function
 
 # A guard larger than this fraction of its terms is zero at no instant nearby: it would have to
 # change a thousand times as much in a tick.
-FAR = 1e-6
+CLEARANCE = 1e-6
 
 # Value of a guard, and the magnitude of its terms
 Guard = tuple[ca.MX, ca.MX]
 # A guard that is never active
-NONE: Guard = (ca.MX(1), ca.MX(0))
+INACTIVE: Guard = (ca.MX(1), ca.MX(0))
 
 
 def guard_names(plant: Plant) -> list[str]:
@@ -42,17 +42,17 @@ def guard_names(plant: Plant) -> list[str]:
     return [*points, *sliding, *joints, *stops, *cords, *limits]
 
 
-def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Function, ...]:
+def guard_functions(plant: Plant, p_indices: Sequence[int] = ()) -> tuple[ca.Function, ...]:
     """What ``native/derivatives/guard_derivatives.h`` requires.
 
     Args:
         plant: Equations of a scene with events.
-        tuned: Places in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Returns:
         ``guards`` (x, u, p, limit) -> values, magnitudes of their terms, rates, 1 for those that
         are active, accelerations of the joints; ``guard_gradient`` (x, u, p, limit, weights) ->
-        gradients of the weighed sum by x, and by u and quantities; with switches ``motion``
+        gradients of the weighted sum by x, and by u and quantities; with switches ``motion``
         (x, u, p) -> x' and its derivatives by x and u side by side. ``limit`` are the fractions of
         their normal force up to which contacts stick.
     """
@@ -65,7 +65,7 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
     results = [values, sizes, ca.jtimes(values, x, slope), active, slope[n : 2 * n]]
     weights = ca.MX.sym("weights", values.shape[0])
     by_x, by_u, by_p = (ca.jtimes(values, by, weights, True) for by in (x, u, p))
-    by_w = ca.vertcat(by_u, by_p[list(tuned)]) if tuned else by_u
+    by_w = ca.vertcat(by_u, by_p[list(p_indices)]) if p_indices else by_u
     functions = [
         expanded_function("guards", arguments, results),
         expanded_function("guard_gradient", [*arguments, weights], [by_x, by_w]),
@@ -84,39 +84,39 @@ def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
     return x, u, p, ca.MX.sym("limit", len(plant.points))
 
 
-def clearance(plant: Plant, held: bool) -> ca.Function:
+def clearance(plant: Plant, may_hold: bool) -> ca.Function:
     """How far a state is from the boundaries between two modes.
 
     Args:
         plant: Equations of a scene with events.
-        held: Whether anything may be held; else forces are neither computed nor watched.
+        may_hold: Whether anything may be held; else no forces are computed.
 
     Returns:
-        CasADi function (x, u, p, limit) -> the smallest active guard less ``FAR`` times its terms.
-        Where it is positive, no guard is zero or a boundary.
+        CasADi function (x, u, p, limit) -> the smallest active guard less ``CLEARANCE`` times its
+        terms. Where it is positive, no guard is zero or a boundary.
     """
     arguments = _symbols(plant)
-    values, sizes = _guards(plant, *arguments, held)
+    values, sizes = _guards(plant, *arguments, may_hold)
     active = _active(plant, arguments, values, sizes)
-    far = ca.if_else(active > 0, ca.fabs(values) - FAR * sizes, 1)
-    return ca.Function("clearance", arguments, [ca.mmin(far)]).expand()
+    margin = ca.if_else(active > 0, ca.fabs(values) - CLEARANCE * sizes, 1)
+    return ca.Function("clearance", arguments, [ca.mmin(margin)]).expand()
 
 
 def _active(plant: Plant, arguments: Sequence[ca.MX], values: ca.MX, sizes: ca.MX) -> ca.MX:
     """1 for guards that are active in the modes, else 0.
 
-    A switch that compares nothing is not, as the engagement of teeth within their backlash: it is
-    zero, and remains so.
+    A switch that compares nothing is not active, as the engagement of teeth within their backlash:
+    it is zero, and remains so.
     """
     x, u, p, _ = arguments
     count = plant.layout.switches
-    active, switches = _watched(plant, p), slice(values.shape[0] - count, None)
+    active, switches = _active_besides_switches(plant, p), slice(values.shape[0] - count, None)
     varies = ca.jacobian(values[switches], ca.vertcat(x, u)) if count else ca.MX(0, 1)
     compares = ca.logic_or(sizes[switches] > 0, ca.sum2(ca.fabs(varies)) > 0)
     return ca.vertcat(active, compares)
 
 
-def _watched(plant: Plant, p: ca.MX) -> ca.MX:
+def _active_besides_switches(plant: Plant, p: ca.MX) -> ca.MX:
     """1 for guards other than switches that are active in the modes, else 0."""
     n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
     _, direction, _, _, contacts = plant.layout.parts(p)
@@ -138,25 +138,27 @@ def _flags(values: Iterable[Any]) -> ca.DM:
     return ca.DM([float(value) for value in values])
 
 
-def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool = True) -> Guard:
-    """All guards, in the order of ``guard_names``, which ``_watched`` follows as well.
+def _guards(
+    plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, may_hold: bool = True
+) -> Guard:
+    """All guards, in the order of ``guard_names``; ``_active_besides_switches`` has the same.
 
-    Values of those that are not active in the modes are meaningless. Where nothing is ``held``,
-    loads and forces are zero.
+    Values of those that are not active in the modes are meaningless. Unless something
+    ``may_hold``, loads and forces are zero.
     """
     n, function = plant.model.n, plant.events
     _, direction, pressed, _, contacts = plant.layout.parts(p)
     load, force = ca.MX(n, 1), ca.MX(3 * len(plant.points), 1)
-    heaviest = [ca.MX(0)] * len(plant.points)
-    if held:
+    force_scales = [ca.MX(0)] * len(plant.points)
+    if may_hold:
         load, force, *_ = function["loads"](x, u, p)
-    if held and plant.mechanics.contact:
-        heaviest = _heaviest(force, *function["contact_mobility"](x, u, p))
+    if may_hold and plant.mechanics.contact:
+        force_scales = _force_scales(force, *function["contact_mobility"](x, u, p))
     qv = x[: 2 * n]
     geometry = plant.mechanics.contact.geometry(qv) if plant.mechanics.contact else ()
     push = function["pressures"](qv) if plant.layout.pressed else ca.MX(2 * n, 1)
     guards = [
-        *_contact_guards(force, heaviest, geometry, contacts, limit, _fastest(x, n)),
+        *_contact_guards(force, force_scales, geometry, contacts, limit, _speed_scale(x, n)),
         *_joint_guards(plant, x, load, direction),
         *_stop_guards(plant, x, push, pressed),
     ]
@@ -166,23 +168,23 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool
     return ca.vertcat(*values), ca.vertcat(*sizes)
 
 
-def _fastest(x: ca.MX, n: int) -> ca.MX:
+def _speed_scale(x: ca.MX, n: int) -> ca.MX:
     return 1.0 + ca.norm_inf(x[n : 2 * n])
 
 
-def _heaviest(force: ca.MX, W: ca.MX, _B: ca.MX, free: ca.MX) -> list[ca.MX]:
+def _force_scales(force: ca.MX, W: ca.MX, _B: ca.MX, free: ca.MX) -> list[ca.MX]:
     """Size of the forces at each contact: of its own, and of those that would hold it alone."""
-    own, rows = [], [slice(3 * k, 3 * k + 3) for k in range(force.shape[0] // 3)]
+    scales, rows = [], [slice(3 * k, 3 * k + 3) for k in range(force.shape[0] // 3)]
     for k in rows:
         mobility = ca.trace(W[k, k])
-        alone = ca.if_else(mobility > 0, ca.norm_1(free[k]) / mobility, 0)
-        own.append(ca.norm_1(force[k]) + alone)
-    return own
+        holding_force = ca.if_else(mobility > 0, ca.norm_1(free[k]) / mobility, 0)
+        scales.append(ca.norm_1(force[k]) + holding_force)
+    return scales
 
 
 def _contact_guards(
-    force: ca.MX, heaviest: Sequence[ca.MX], geometry: Sequence[ca.MX], contacts: ca.MX,
-    limit: ca.MX, fastest: ca.MX,
+    force: ca.MX, force_scales: Sequence[ca.MX], geometry: Sequence[ca.MX], contacts: ca.MX,
+    limit: ca.MX, speed_scale: ca.MX,
 ) -> list[Guard]:  # fmt: skip
     """Gaps or normal forces; friction reserves, or velocities in the direction of sliding."""
     normal, tangential = [], []
@@ -191,10 +193,10 @@ def _contact_guards(
         closed, sticks, *along = ca.vertsplit(contacts[MODE * k : MODE * k + 4])
         r, s = force[3 * k : 3 * k + 3], speed[3 * k + 1 : 3 * k + 3]
         gap = place[3 * k], length[k]
-        reserve = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), heaviest[k] ** 2
-        ahead = ca.dot(ca.vertcat(*along), s), fastest
-        normal.append(_either(closed > 0, (r[0], heaviest[k]), gap))
-        tangential.append(_either(sticks > 0, reserve, ahead))
+        reserve = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), force_scales[k] ** 2
+        sliding = ca.dot(ca.vertcat(*along), s), speed_scale
+        normal.append(_choose(closed > 0, (r[0], force_scales[k]), gap))
+        tangential.append(_choose(sticks > 0, reserve, sliding))
     return normal + tangential
 
 
@@ -202,13 +204,13 @@ def _joint_guards(plant: Plant, x: ca.MX, load: ca.MX, direction: ca.MX) -> list
     """Reserves of static friction, or velocities."""
     n = plant.model.n
     if not plant.layout.directions:
-        return [NONE] * n
+        return [INACTIVE] * n
     guards, (lower, upper) = [], plant.model.stops.bounds
     for i in range(n):
-        away = ca.if_else(x[i] >= upper[i], -load[i], ca.fabs(load[i]))
-        away = ca.if_else(x[i] <= lower[i], load[i], away)
-        reserve = float(plant.model.friction.level[i]) - away, 1.0 + ca.fabs(load[i])
-        guards.append(_either(direction[i] == 0, reserve, (x[n + i], _fastest(x, n))))
+        push = ca.if_else(x[i] >= upper[i], -load[i], ca.fabs(load[i]))
+        push = ca.if_else(x[i] <= lower[i], load[i], push)
+        reserve = float(plant.model.friction.level[i]) - push, 1.0 + ca.fabs(load[i])
+        guards.append(_choose(direction[i] == 0, reserve, (x[n + i], _speed_scale(x, n))))
     return guards
 
 
@@ -218,17 +220,17 @@ def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Gu
     for side, sign in ((0, -1.0), (1, 1.0)):
         for i in range(n):
             if not np.isfinite(stops.place[side, i]):
-                guards.append(NONE)
+                guards.append(INACTIVE)
                 continue
             room, size = sign * (stops.place[side, i] - x[i]), 1.0 + ca.fabs(x[i])
             if stops.compliant[side, i]:  # it is met where it is both reached and pushes
-                pushes = push[n * side + i]
-                room = ca.if_else(pressed[i] == sign, pushes, ca.fmax(room, -pushes))
-                size = stops.stiffness[side, i] * size + stops.damping[side, i] * _fastest(x, n)
+                force, speed = push[n * side + i], _speed_scale(x, n)
+                room = ca.if_else(pressed[i] == sign, force, ca.fmax(room, -force))
+                size = stops.stiffness[side, i] * size + stops.damping[side, i] * speed
             guards.append((room, size))
     return guards
 
 
-def _either(condition: ca.MX, if_true: Guard, if_false: Guard) -> Guard:
+def _choose(condition: ca.MX, if_true: Guard, if_false: Guard) -> Guard:
     value, size = (ca.if_else(condition, a, b) for a, b in zip(if_true, if_false, strict=True))
     return value, size

@@ -9,12 +9,12 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import expanded_function, jacobian_by
 
 
-def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
+def impact_function(plant: Plant, p_indices: Sequence[int] = ()) -> ca.Function:
     """What ``native/derivatives/impact_derivatives.h`` requires.
 
     Args:
         plant: Equations of a scene with contacts or rigid stops.
-        tuned: Places in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Returns:
         ``impact_laws`` (q and v before it, p, restitutions of joints and of contacts, 1 for
@@ -32,16 +32,16 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
         )
     ]  # fmt: skip
     place = len(plant.parameters.nominal)
-    meets = 1 - p[place : place + n] if plant.layout.directions else ca.MX(n, 1)
+    impacts = 1 - p[place : place + n] if plant.layout.directions else ca.MX(n, 1)
     v = x[n:]
-    after = plant.mechanics.impact_map(x, p, -meets * (1 + e) * v, impulse)[0]
+    after = plant.mechanics.impact_map(x, p, -impacts * (1 + e) * v, impulse)[0]
     residual = speed_after = ca.MX(0, 1)
     if contact := plant.mechanics.contact:
         speed_before, speed_after = (contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
         residual = _residuals(plant, speed_before, speed_after, f, (carries, sticks), impulse)
     results = [after, speed_after]
     for y in (after, residual):
-        results.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
+        results.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, p_indices)))
         results.append(ca.jacobian(y, impulse))
     return expanded_function("impact_laws", arguments, results)
 
@@ -54,9 +54,9 @@ def _residuals(
     Args:
         plant: The plant.
         before: Velocities of all contacts before the impact, shape (3 contacts,).
-        after: Afterwards, likewise.
+        after: Velocities of all contacts after the impact, shape (3 contacts,).
         f: Coefficients of restitution, shape (contacts,).
-        modes: Whether each contact carries a load, and whether it sticks.
+        modes: 1 for each contact that carries a load, and for each that sticks, else 0.
         impulse: Impulses of all contacts, shape (3 contacts,).
     """
     (carries, sticks), residuals = modes, list[ca.MX]()
@@ -64,10 +64,10 @@ def _residuals(
         rows = slice(3 * k, 3 * k + 3)
         restitution_residual = after[rows.start] + f[k] * before[rows.start]
         push, speed = impulse[rows], after[rows][1:]
-        slides = push[1:]
+        tangential = push[1:]
         if point.friction > 0.0:
-            slides = slides + point.friction * push[0] * speed / ca.norm_2(speed)
-        moves = ca.if_else(sticks[k] > 0, speed, slides)
+            tangential = tangential + point.friction * push[0] * speed / ca.norm_2(speed)
+        tangential = ca.if_else(sticks[k] > 0, speed, tangential)
         residuals.append(ca.if_else(carries[k] > 0, restitution_residual, push[0]))
-        residuals.append(ca.if_else(carries[k] > 0, moves, push[1:]))
+        residuals.append(ca.if_else(carries[k] > 0, tangential, push[1:]))
     return ca.vertcat(*residuals)

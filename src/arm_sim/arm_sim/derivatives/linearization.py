@@ -23,11 +23,11 @@ from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.coarse_steps import CoarseSteps
-from arm_sim.derivatives.events import diverged
-from arm_sim.derivatives.motion import Motion, columns_of_one, naming
+from arm_sim.derivatives.motion import Motion, named_in_errors, propagate_arm
 from arm_sim.derivatives.one_sided import TickPoint
-from arm_sim.derivatives.python_linearize import Linearize, python_linearize
+from arm_sim.derivatives.refusals import divergence
 from arm_sim.derivatives.tangents import Arms, Tangents
+from arm_sim.derivatives.tangents.python_linearize import Linearize, python_linearize
 from arm_sim.derivatives.tick_derivatives import TickDerivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
@@ -48,13 +48,13 @@ class Linearizer:
     @one_at_a_time
     def __init__(
         self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
-        tuned: Sequence[int] = (),
+        p_indices: Sequence[int] = (),
     ) -> None:  # fmt: skip
         self._plant, self._choice, self._stepper = plant, choice, stepper
-        self._backend, self._tuned = backend, tuned
-        self.ticks = TickDerivatives(plant, choice, stepper, backend, tuned)
+        self._backend, self._p_indices = backend, p_indices
+        self.ticks = TickDerivatives(plant, choice, stepper, backend, p_indices)
         self._coarse_steps = CoarseSteps(plant, choice)
-        self._smoothed = dict[float, Tangents]()  # by the speed that regularizes friction
+        self._smooth_tangents = dict[float, Tangents]()  # by the speed that regularizes friction
 
     def __call__(self, x: Array, r: Array, ticks: int, side: int | None = None) -> Array:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
@@ -72,17 +72,13 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        return np.asarray(self.many(x[None], r[None], ticks, threads=1, lanes=1, side=side)[0])
+        slopes = self.differentiate_arms(x[None], r[None], ticks, threads=1, lanes=1, side=side)
+        return np.asarray(slopes[0])
 
-    def many(
-        self,
-        x: Array,
-        r: Array,
-        ticks: int,
-        threads: int | None,
-        lanes: int | None,
+    def differentiate_arms(
+        self, x: Array, r: Array, ticks: int, threads: int | None, lanes: int | None,
         side: int | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """Differentiate ticks of many arms.
 
         Args:
@@ -94,32 +90,33 @@ class Linearizer:
             side: See ``Motion``.
 
         Returns:
-            As of one, for each arm, shape (b, nx, nx + n + nt).
+            Derivatives of each arm as of ``__call__``, shape (b, nx, nx + n + nt).
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
         self._coarse_steps.check(x)
+        p = self._stepper.p
         if compiled := self.ticks.compiled.smooth_ticks:
-            _, slopes, unfinished = compiled.slopes(x, r, self._stepper.p, ticks, threads, lanes)
-            unfinished = self._one_by_one(unfinished, x, r[:, None], ticks)
+            _, slopes, unfinished = compiled.differentiate(x, r, p, ticks, threads, lanes)
+            unfinished = self._unsmooth_arms(unfinished, x, r[:, None], ticks)
         else:
             check_lanes(lanes)
-            nx, unfinished = self._plant.nx, list(range(len(x)))
-            slopes = np.empty((len(x), nx, nx + self.ticks.held))
+            slopes = np.empty((len(x), self._plant.nx, self.ticks.column_count))
+            unfinished = list(range(len(x)))
         for arm in unfinished:
-            with naming(arm, len(x)):
-                slopes[arm] = self._slope_of_one(x[arm], r[arm], ticks, side)
+            with named_in_errors(arm, len(x)):
+                slopes[arm] = self._differentiate_arm(x[arm], r[arm], ticks, side)
         return slopes
 
-    def _slope_of_one(self, x: Array, r: Array, ticks: int, side: int | None) -> Array:
+    def _differentiate_arm(self, x: Array, r: Array, ticks: int, side: int | None) -> Array:
         """Derivatives of ticks of one arm, through their events."""
         if ticks == 1:
-            return Motion(self.ticks, x, self._stepper.p, side).slope(r)
-        nx, unit = len(x), np.eye(len(x) + self.ticks.held)
+            return Motion(self.ticks, x, self._stepper.p, side).differentiate_tick(r)
+        nx, unit = len(x), np.eye(self.ticks.column_count)
         arm = self._held_arms(x[None], r[None], ticks, unit[:nx], unit[nx:])
-        *_, slope = columns_of_one(self.ticks, arm, 0, side)
+        *_, slope = propagate_arm(self.ticks, arm, 0, side)
         return slope
 
     def jacobians_along(self, x: Array, r: Array, threads: int | None) -> Array:
@@ -135,24 +132,24 @@ class Linearizer:
             threads: Cores to use; None for all that the work is worth.
 
         Returns:
-            As ``many``.
+            As ``differentiate_arms``.
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If there is no such derivative either, as where a motion grazes.
         """
         if not (compiled := self.ticks.compiled.smooth_ticks):
-            return self.many(x, r, 1, threads, None)
+            return self.differentiate_arms(x, r, 1, threads, None)
         p = self._stepper.p
-        _, slopes, unfinished = compiled.slopes(x, r, p, 1, threads, None, begins=False)
-        for arm in self._one_by_one(unfinished, x, r[:, None], 1):
-            point = TickPoint(x[arm], r[arm], p)
-            with naming(arm, len(x)):
-                slopes[arm] = self.ticks.on_either_side(point, self.ticks.control(), False)
+        _, slopes, unfinished = compiled.differentiate(x, r, p, 1, threads, None, is_first=False)
+        for arm in self._unsmooth_arms(unfinished, x, r[:, None], 1):
+            point, control = TickPoint(x[arm], r[arm], p), self.ticks.new_control()
+            with named_in_errors(arm, len(x)):
+                slopes[arm] = self.ticks.differentiate_either_side(point, control, is_first=False)
         return slopes
 
     def smoothed_jacobians(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
-        """As ``jacobians_along``, of the arm without stops, whose friction is smooth.
+        """Derivatives as ``jacobians_along``, of the arm without stops, whose friction is smooth.
 
         ``speed`` in [rad/s] or [m/s] regularizes dry friction, see ``Options``.
 
@@ -160,16 +157,17 @@ class Linearizer:
             CompilerMissing: Without compiled code.
             SimulationDiverged: If a tick cannot be computed; it names the arm.
         """
-        if speed not in self._smoothed:
+        if speed not in self._smooth_tangents:
             plant = self._plant.variant(stops=False, sliding=True, regularization=speed)
-            self._smoothed[speed] = Tangents(plant, self._choice, self._backend, self._tuned)
-        if not (compiled := self._smoothed[speed]).native:
+            tangents = Tangents(plant, self._choice, self._backend, self._p_indices)
+            self._smooth_tangents[speed] = tangents
+        if not (compiled := self._smooth_tangents[speed]).native:
             raise CompilerMissing(f"smooth derivatives need compiled code: {HOW_TO_GET_CODE}")
-        after, slopes, marked = compiled.slopes(x, r, self._stepper.p, 1, threads, None)
+        after, slopes, marked = compiled.differentiate(x, r, self._stepper.p, 1, threads, None)
         for arm in marked:  # also those that pass a stop, which does not act
-            with naming(arm, len(x)):
+            with named_in_errors(arm, len(x)):
                 if not within_reach(after[arm]):
-                    raise diverged(self._choice)
+                    raise divergence(self._choice)
         return slopes
 
     def _held_arms(self, x: Array, r: Array, ticks: int, dx: Array, dr: Array) -> Arms:
@@ -207,20 +205,16 @@ class Linearizer:
         return np.asarray(self.jvps(arm, threads=1, lanes=1, side=side)[0, 0, :, 0])
 
     def jvps(
-        self,
-        arms: Arms,
-        threads: int | None,
-        lanes: int | None,
-        every: bool = False,
+        self, arms: Arms, threads: int | None, lanes: int | None, *, every: bool = False,
         side: int | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """Products of derivatives of ticks with columns, for many arms.
 
         Args:
             arms: Where they begin, and the columns.
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            every: Whether to return the columns after every tick, not only after the last.
+            every: Whether to return columns after every tick, not only after the last.
             side: See ``Motion``.
 
         Returns:
@@ -231,28 +225,28 @@ class Linearizer:
             NotDifferentiable: If a tick has no derivative.
         """
         if compiled := self.ticks.compiled.smooth_ticks:
-            columns, unfinished, *_ = compiled.columns(arms, every, threads, lanes)
-            unfinished = self._one_by_one(unfinished, arms.x, arms.tau, arms.ticks)
+            columns, unfinished, *_ = compiled.propagate(arms, threads, lanes, every=every)
+            unfinished = self._unsmooth_arms(unfinished, arms.x, arms.tau, arms.ticks)
         else:
             check_lanes(lanes)
-            columns, unfinished = arms.room(every), list(range(arms.count))
+            columns, unfinished = arms.empty_columns(every), list(range(arms.count))
         for arm in unfinished:
-            with naming(arm, arms.count):
-                for k, after in enumerate(columns_of_one(self.ticks, arms, arm, side)):
+            with named_in_errors(arm, arms.count):
+                for k, after in enumerate(propagate_arm(self.ticks, arms, arm, side)):
                     columns[arm, k if every else 0] = after
         return columns
 
-    def _one_by_one(self, unfinished: list[int], x: Array, r: Array, ticks: int) -> list[int]:
-        """Arms to be differentiated alone: those, and those with a kink, now or later."""
+    def _unsmooth_arms(self, unfinished: list[int], x: Array, r: Array, ticks: int) -> list[int]:
+        """The unfinished arms, and those with a kink, now or later."""
         nonsmooth = self.ticks.nonsmooth
         if self.ticks.compiled.event_free and nonsmooth.depends_on_states and ticks > 1:
             return list(range(len(x)))
-        return sorted({*unfinished, *nonsmooth.arms(x, r)})
+        return sorted({*unfinished, *nonsmooth.arms_with_kinks(x, r)})
 
     @cached_property
     def python_tick(self) -> Linearize:
         """Derivatives of one tick for Python, see ``python_linearize``."""
         compiled = self.ticks.compiled.smooth_ticks
-        if compiled is None or self._coarse_steps.rate or self._tuned:
+        if compiled is None or self._coarse_steps.is_watching or self._p_indices:
             return unanswered
         return python_linearize(compiled, self._plant, self._stepper.p, self._choice.dt)

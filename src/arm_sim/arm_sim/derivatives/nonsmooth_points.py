@@ -18,7 +18,7 @@ from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
 
-# Relative distance to a limit that is none.
+# Distance to a limit, relative to it, that is rounding
 ROUNDING = 1e-12
 
 
@@ -37,8 +37,8 @@ class CommandKink(NamedTuple):
     velocity: int | None
     reason: str
 
-    def holds(self, x: Any, command: Any) -> Any:
-        """Whether it is there; x and the command by entry: numbers, arrays or expressions.
+    def is_present(self, x: Any, command: Any) -> Any:
+        """Whether there is a kink; x and the command by entry: numbers, arrays or expressions.
 
         Without x, joints are taken to move.
         """
@@ -61,10 +61,10 @@ class RestKink(NamedTuple):
     deflection: int | None
     reason: str
 
-    def holds(self, x: Any, _command: Any = None) -> Any:
-        """As of ``CommandKink``."""
-        rests = x[self.velocity] == 0.0
-        return rests if self.deflection is None else rests * (x[self.deflection] != 0.0)
+    def is_present(self, x: Any, _command: Any = None) -> Any:
+        """Whether there is a kink, see ``CommandKink``."""
+        at_rest = x[self.velocity] == 0.0
+        return at_rest if self.deflection is None else at_rest * (x[self.deflection] != 0.0)
 
 
 class NonsmoothPoints:
@@ -76,8 +76,8 @@ class NonsmoothPoints:
 
     def __init__(self, plant: Plant) -> None:
         self._nx, self._n = plant.nx, plant.model.n
-        self._of_commands, self._at_rest = _command_kinks(plant), _rest_kinks(plant)
-        self._kinks: tuple[CommandKink | RestKink, ...] = *self._of_commands, *self._at_rest
+        self._command_kinks, self._rest_kinks = _kinks_of_commands(plant), _kinks_at_rest(plant)
+        self._kinks: tuple[CommandKink | RestKink, ...] = *self._command_kinks, *self._rest_kinks
         self._compensation: ca.Function | None = None
         if gravity_compensated(plant.model.scene):
             q = ca.SX.sym("q", self._n)
@@ -87,7 +87,7 @@ class NonsmoothPoints:
     @property
     def depends_on_states(self) -> bool:
         """Whether the commands at their limits depend on the states."""
-        return self._compensation is not None and bool(self._of_commands)
+        return self._compensation is not None and bool(self._command_kinks)
 
     def _command(self, x: Array, r: Array) -> Array:
         """Commands with the arm's gravity compensation, of the shape of ``r``."""
@@ -104,9 +104,9 @@ class NonsmoothPoints:
             r: Command, shape (n,).
         """
         state, command = x.tolist(), self._command(x, r).tolist()
-        return next((kink.reason for kink in self._kinks if kink.holds(state, command)), "")
+        return next((kink.reason for kink in self._kinks if kink.is_present(state, command)), "")
 
-    def ticks_before(self, x: Array, r: Array) -> int:
+    def ticks_before_kink(self, x: Array, r: Array) -> int:
         """Ticks of a motion before the first whose command is at a limit, or may be.
 
         Args:
@@ -116,24 +116,24 @@ class NonsmoothPoints:
         if self.depends_on_states:
             return int(len(r) > 0 and not self.reason(x, r[0]))
         kinks = np.zeros(len(r), bool)
-        for kink in self._of_commands:
-            kinks |= kink.holds(None, r.T)
+        for kink in self._command_kinks:
+            kinks |= kink.is_present(None, r.T)
         return min(np.flatnonzero(kinks).tolist(), default=len(r))
 
-    def rests_bent(self, x: ca.SX) -> ca.SX:
+    def kink_at_rest(self, x: ca.SX) -> ca.SX:
         """1 where a joint at rest has a kink, else 0."""
-        return _any([kink.holds(x) for kink in self._at_rest])
+        return _any([kink.is_present(x) for kink in self._rest_kinks])
 
     @property
     def nonsmooth(self) -> ca.Function:
         """(x, r) -> 1 where ``reason`` has one, else 0."""
         x, r = ca.SX.sym("x", self._nx), ca.SX.sym("r", self._n)
         command = r + self._compensation(x[: self._n]) if self._compensation else r
-        flag = _any([kink.holds(x, command) for kink in self._kinks])
+        flag = _any([kink.is_present(x, command) for kink in self._kinks])
         return ca.Function("nonsmooth", [x, r], [flag], {"cse": True})
 
-    def arms(self, x: Array, r: Array) -> list[int]:
-        """Arms with such a kink.
+    def arms_with_kinks(self, x: Array, r: Array) -> list[int]:
+        """Indices of arms in whose ticks there is a kink, or may be.
 
         Args:
             x: Initial states, shape (b, nx).
@@ -143,14 +143,14 @@ class NonsmoothPoints:
             return []
         kinks, command = np.zeros(len(x), dtype=bool), self._command(x, r[:, 0])
         for kink in self._kinks:
-            kinks |= kink.holds(x.T, command.T)
+            kinks |= kink.is_present(x.T, command.T)
         if not self.depends_on_states:
-            for kink in self._of_commands:
-                kinks |= kink.holds(None, r[:, 1:].T).any(axis=0)
+            for kink in self._command_kinks:
+                kinks |= kink.is_present(None, r[:, 1:].T).any(axis=0)
         return np.flatnonzero(kinks).tolist()
 
 
-def sided(plant: Plant) -> NDArray[np.bool_]:
+def sided_friction(plant: Plant) -> NDArray[np.bool_]:
     """Joints whose viscous friction differs by direction, with no dry friction, shape (n,)."""
     friction = plant.model.friction
     return np.asarray((friction.viscous.skew != 0.0) & (friction.level == 0.0))
@@ -161,7 +161,7 @@ def _any(flags: Sequence[ca.SX]) -> ca.SX:
     return ca.SX(sum(flags, ca.SX(0)) > 0)
 
 
-def _command_kinks(plant: Plant) -> tuple[CommandKink, ...]:
+def _kinks_of_commands(plant: Plant) -> tuple[CommandKink, ...]:
     model = plant.model
     current = np.full(model.n, np.inf)
     for i, drive in enumerate(model.drives):
@@ -189,10 +189,10 @@ def _command_kinks(plant: Plant) -> tuple[CommandKink, ...]:
     return tuple(kinks)
 
 
-def _rest_kinks(plant: Plant) -> tuple[RestKink, ...]:
+def _kinks_at_rest(plant: Plant) -> tuple[RestKink, ...]:
     names, n = plant.model.joint_names, plant.model.n
     friction = "friction that differs by direction"
-    kinks = [(i, None, friction) for i in np.flatnonzero(sided(plant)).tolist()]
+    kinks = [(i, None, friction) for i in np.flatnonzero(sided_friction(plant)).tolist()]
     kinks += [
         (joint, place, "bent bristles")
         for place, joint in np.transpose(plant.laws.places(StateKind.DEFLECTION)).tolist()

@@ -20,8 +20,10 @@ from arm_sim.exceptions import NotDifferentiable
 # Distance of the nearer of two places beside the point, relative to the larger of a number
 # and 1; twice as far is the other, and the column is extrapolated from both.
 DISTANCE = 1e-6
-# Largest difference of the two columns, and of the tick itself from what they predict, relative.
-SAME, ROUNDING = 1e-3, 1e-11
+# Largest difference of the two columns, and of the tick from what they predict, relative.
+COLUMN_TOLERANCE = 1e-3
+# Rounding of the tick, relative
+ROUNDING = 1e-11
 
 
 @dataclass(frozen=True)
@@ -38,32 +40,32 @@ class TickPoint:
     r: Array
     p: Array
 
-    def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> TickPoint:
-        """The point moved in one entry of (x, r, p[tuned])."""
-        nx, held = len(self.x), len(self.x) + len(self.r)
+    def neighbour(self, entry: int, distance: float, p_indices: Sequence[int]) -> TickPoint:
+        """Another point, at a distance in one entry of (x, r, p[p_indices])."""
+        nx, p_start = len(self.x), len(self.x) + len(self.r)
         numbers = np.concatenate([self.x, self.r, self.p])
-        at = entry if entry < held else held + tuned[entry - held]
-        numbers[at] += distance * max(1.0, abs(numbers[at]))
-        return TickPoint(*np.split(numbers, (nx, held)))
+        place = entry if entry < p_start else p_start + p_indices[entry - p_start]
+        numbers[place] += distance * max(1.0, abs(numbers[place]))
+        return TickPoint(*np.split(numbers, (nx, p_start)))
 
 
-# State at the end of a tick, shape (nx,), or its derivatives by (x, r, p[tuned])
+# State at the end of a tick, shape (nx,), or its derivatives by (x, r, p[p_indices])
 Tick = Callable[[TickPoint], Array]
 
 
 def one_sided(
-    after: Tick, slope: Tick, point: TickPoint, side: int, tuned: Sequence[int],
+    after: Tick, slope: Tick, point: TickPoint, side: int, p_indices: Sequence[int],
     names: Sequence[str],
 ) -> Array:  # fmt: skip
     """One-sided derivatives of a tick.
 
     Args:
         after: The tick.
-        slope: Its derivatives; between two modes, those of either.
-        point: Where.
+        slope: Derivatives of the tick; between two modes, those of either.
+        point: Where the tick is differentiated.
         side: 1 or -1.
-        tuned: Entries of p to differentiate by.
-        names: Of the entries of (x, r, p[tuned]), for messages.
+        p_indices: Indices in p of the quantities to differentiate by.
+        names: Names of the entries of (x, r, p[p_indices]), for messages.
 
     Returns:
         Derivatives, shape (nx, nx + n + nt).
@@ -72,18 +74,18 @@ def one_sided(
         NotDifferentiable: If a one-sided derivative does not exist.
         SimulationDiverged: If the tick cannot be computed.
     """
-    begin, columns = after(point), list[Array]()
+    end, columns = after(point), list[Array]()
     for entry, name in enumerate(names):
-        near, far = (point.moved(entry, side * k * DISTANCE, tuned) for k in (1, 2))
-        at_near, at_far = (slope(beside)[:, entry] for beside in (near, far))
-        column = 2.0 * at_near - at_far  # extrapolated to the point
-        # Of one entry, as rounded: all others are the same.
+        near, far = (point.neighbour(entry, side * k * DISTANCE, p_indices) for k in (1, 2))
+        near_column, far_column = (slope(neighbour)[:, entry] for neighbour in (near, far))
+        column = 2.0 * near_column - far_column  # extrapolated to the point
+        # The rounded distance of the only entry that differs
         step = (near.x - point.x).sum() + (near.r - point.r).sum() + (near.p - point.p).sum()
-        scale, rounding = 1.0 + abs(at_near).max(), ROUNDING * (1.0 + abs(begin).max())
-        bends = abs(at_near - at_far).max() > SAME * scale
-        missed = after(near) - begin - 0.5 * step * (column + at_near)
-        jumps = abs(missed).max() > SAME * abs(step) * scale + rounding
-        if bends or jumps:
+        scale, rounding = 1.0 + abs(near_column).max(), ROUNDING * (1.0 + abs(end).max())
+        is_bent = abs(near_column - far_column).max() > COLUMN_TOLERANCE * scale
+        deviation = after(near) - end - 0.5 * step * (column + near_column)
+        has_jump = abs(deviation).max() > COLUMN_TOLERANCE * abs(step) * scale + rounding
+        if is_bent or has_jump:
             raise NotDifferentiable(
                 f"linearize: no derivative by {name} on the side {side:+d}: the state after the "
                 "time step jumps, or changes ever faster"

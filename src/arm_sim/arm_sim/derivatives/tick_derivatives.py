@@ -2,26 +2,22 @@
 """Derivatives of single ticks: compiled, through events, or step by step."""
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
-from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
-from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
-from arm_sim.derivatives.events import EventfulTicks, acting, diverged
+from arm_sim.derivatives.eventful_ticks import EventfulTicks
 from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
+from arm_sim.derivatives.stepped_ticks import SteppedTicks
 from arm_sim.derivatives.tangents.compiled_tangents import CompiledTangents
 from arm_sim.exceptions import NotDifferentiable
 from arm_sim.integrators.selection import Choice
-from arm_sim.integrators.steps import build_step
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import scaled_jacobian
-from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.adaptive import SubstepControl, copy_of
 from arm_sim.stepping.stepper import Stepper
 
 UNSETTLED = "the derivatives of a step do not settle as it is divided"
@@ -39,7 +35,7 @@ class TickDerivatives:
         choice: Method, tick and tolerance.
         stepper: Runs its ticks and determines the modes of joints and contacts.
         backend: As for ``Kernel``.
-        tuned: Places in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Attributes:
         compiled: Compiled derivatives.
@@ -48,29 +44,26 @@ class TickDerivatives:
 
     @one_at_a_time
     def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        stepper: Stepper,
-        backend: str,
-        tuned: Sequence[int] = (),
-    ) -> None:
-        self._plant, self._choice, self._stepper, self._tuned = plant, choice, stepper, tuned
-        self.compiled = CompiledTangents(plant, choice, stepper, backend, tuned)
+        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
+        p_indices: Sequence[int] = (),
+    ) -> None:  # fmt: skip
+        self._plant, self._choice, self._stepper = plant, choice, stepper
+        self._p_indices = p_indices
+        self.compiled = CompiledTangents(plant, choice, stepper, backend, p_indices)
         self.nonsmooth = NonsmoothPoints(plant)
 
     @property
-    def held(self) -> int:
-        """Number of commands and quantities, whose columns follow those for the state."""
-        return self._plant.model.n + len(self._tuned)
+    def column_count(self) -> int:
+        """Number of columns: for state, command and quantities."""
+        return self._plant.nx + self._plant.model.n + len(self._p_indices)
 
     def prepare_events(self) -> None:
         """Compile what ticks with events need, unless that is done or there are none."""
         if self.compiled.eventful:
-            _ = self._events
+            _ = self._eventful
 
-    def differentiated(
-        self, point: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
+    def differentiate(
+        self, point: TickPoint, control: SubstepControl | None, *, strict: bool, is_first: bool
     ) -> tuple[Array, Array]:
         """State after one tick, and its derivatives by state, command and quantities.
 
@@ -78,7 +71,7 @@ class TickDerivatives:
             point: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
-            begins: Whether the state is varied, see ``may_go_on``.
+            is_first: Whether it is the first tick of a motion, see ``is_unstable_at_rest``.
 
         Raises:
             SimulationDiverged: If the tick cannot be computed.
@@ -89,45 +82,47 @@ class TickDerivatives:
         smooth = None if self.compiled.eventful else self.compiled.smooth_ticks
         if smooth:
             x, r = point.x[None], point.r[None]
-            after, slopes, invalid = smooth.slopes(x, r, point.p, 1, 1, 1, begins)
+            after, slopes, invalid = smooth.differentiate(
+                x, r, point.p, ticks=1, threads=1, lanes=1, is_first=is_first
+            )
             if not invalid:
                 return after[0], slopes[0]
         if self.compiled.eventful:
-            state, slope = self._events.tick(point, control, strict, begins)
+            state, slope = self._eventful.tick(point, control, strict=strict, is_first=is_first)
         else:
-            state, slope = self._tick_by_steps(point, control)
+            state, slope = self._stepped.tick(point, control)
         if not np.isfinite(slope).all():
             raise NotDifferentiable(f"linearize: {UNSETTLED}{self._choice.remark}")
         return state, slope
 
-    def on_either_side(
-        self, point: TickPoint, control: SubstepControl | None, begins: bool
+    def differentiate_either_side(
+        self, point: TickPoint, control: SubstepControl | None, is_first: bool
     ) -> Array:
         """Derivatives of one tick; on the boundary between two modes, those of either."""
         try:
-            return self.differentiated(point, copied(control), True, begins)[1]
+            return self.differentiate(point, copy_of(control), strict=True, is_first=is_first)[1]
         except NotDifferentiable:
-            return self.differentiated(point, copied(control), False, begins)[1]
+            return self.differentiate(point, copy_of(control), strict=False, is_first=is_first)[1]
 
-    def after(self, point: TickPoint, control: SubstepControl | None) -> Array:
+    def advance(self, point: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
         if self.compiled.eventful:
-            return self._events.after(point, control)
-        return self.differentiated(point, control, strict=False, begins=False)[0]
+            return self._eventful.advance(point, control)
+        return self.differentiate(point, control, strict=False, is_first=False)[0]
 
-    def control(self) -> SubstepControl | None:
+    def new_control(self) -> SubstepControl | None:
         """State of the error control at the beginning of a motion; None without."""
         order, tolerance = self._choice.method.order, self._choice.tolerance
         return None if tolerance is None else SubstepControl(tolerance, order)
 
-    def one_sided(
-        self, point: TickPoint, control: SubstepControl | None, begins: bool, side: int
+    def differentiate_one_side(
+        self, point: TickPoint, control: SubstepControl | None, is_first: bool, side: int
     ) -> Array:
         """One-sided derivatives of a tick, see ``one_sided``."""
         return one_sided(
-            lambda at: self.after(at, copied(control)),
-            lambda at: self.on_either_side(at, control, begins),
-            point, side, self._tuned, self._entries,
+            lambda place: self.advance(place, copy_of(control)),
+            lambda place: self.differentiate_either_side(place, control, is_first),
+            point, side, self._p_indices, self._entries,
         )  # fmt: skip
 
     @cached_property
@@ -138,62 +133,17 @@ class TickDerivatives:
                  for name in model.joint_names]  # fmt: skip
         names += [f"the {name}" for name in (laws.names if laws else ())]
         names += [f"the command of joint '{name}'" for name in model.joint_names]
-        return names + [f"parameter {k}" for k in self._tuned]
+        return names + [f"parameter {k}" for k in self._p_indices]
 
     @built_once
-    def _events(self) -> EventfulTicks:
+    def _eventful(self) -> EventfulTicks:
         engine = self._stepper.compiled
         assert engine is not None
         return EventfulTicks(
-            self._plant, self._choice, engine, self.compiled.of_scene, self._tuned
+            self._plant, self._choice, engine, self.compiled.of_scene, self._p_indices
         )
 
-    def _tick_by_steps(
-        self, point: TickPoint, control: SubstepControl | None
-    ) -> tuple[Array, Array]:
-        """State after a tick without events, step by step, and its derivatives."""
-        x, r, p = point.x, point.r, point.p
-        if self._plant.model.stops.touched(x[: len(r)]).any():
-            raise NotDifferentiable(
-                f"linearize: a joint is at its stop, which needs compiled code: {HOW_TO_GET_CODE}"
-            )
-        u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
-        modes, nx = self._stepper.reactions.modes_at(x, u, p).p, self._plant.nx
-        held = np.eye(self.held + 1, nx + self.held, nx)  # lengths are constant
-        slope, after = np.eye(nx, nx + self.held), x
-        for h in self._lengths(x, u.ravel(), modes, control):
-            columns = np.vstack([slope, held])
-            after, slope = self.compiled.of_scene.step(after, u, modes, h, columns)
-        if not within_reach(after):
-            raise diverged(self._choice)
-        by_x, by_u, by_p = np.split(slope, (nx, nx + len(r)), axis=1)
-        return after, np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
-
-    @built_once
-    def _actuation(self) -> ca.Function:
-        return acting(self._plant)
-
-    def _lengths(
-        self, x: Array, u: Array, p: Array, control: SubstepControl | None
-    ) -> list[float]:
-        """Lengths of the steps of a tick without events, which change ``control``."""
-        if control is None:
-            return [self._choice.dt]
-        lengths, attempt = list[float](), self._attempt.call("attempt")
-        if not controlled_tick(attempt, x.copy(), u, p, self._choice.dt, control, lengths):
-            raise diverged(self._choice)
-        return lengths
-
-    @built_once
-    def _attempt(self) -> Kernel:
-        plant, method, n = self._plant, self._choice.method, self._plant.model.n
-        project, scaled = plant.mechanics.project, partial(scaled_jacobian, plant)
-        function = build_step(
-            method, plant.rhs, n, project, scaled, "attempt", scale=plant.laws.scale
-        )
-        return Kernel([function], "vm")
-
-
-def copied(control: SubstepControl | None) -> SubstepControl | None:
-    """The state of an error control, for a tick that is only tried."""
-    return control and control.copy()
+    @cached_property
+    def _stepped(self) -> SteppedTicks:
+        of_scene = self.compiled.of_scene
+        return SteppedTicks(self._plant, self._choice, self._stepper, of_scene, self.column_count)

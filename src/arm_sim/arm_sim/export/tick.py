@@ -15,8 +15,8 @@ from arm_sim.derivatives.tangents import TangentFunctions
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
+from arm_sim.plant.admissible_states import CLOSURE_TOLERANCE
 from arm_sim.plant.parameters import CONSTRAINTS
-from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
 from arm_sim.simulation.simulator import Simulator
@@ -68,7 +68,7 @@ def tick_of(
     _refuse(model)
     simulator = Simulator(model)
     if pushable:
-        simulator.arm.use(simulator.arm.compiled.pushable())
+        simulator.arm.use(simulator.arm.compiled.with_external_torques())
     plant, choice, numbers = simulator.arm.plant, simulator.choice, _numbers(simulator.arm.plant)
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     tangents, members = None, dict[str, int]()
@@ -129,7 +129,7 @@ def _defines(simulator: Simulator) -> str:
         "START": braces(simulator.arm.x),
         "OF_STATE": "{" + (", ".join(map(str, _origins(plant))) or "0") + "}",
         "TUNABLE": braces(plant.parameters.nominal),
-        "OPEN": repr(OPEN),
+        "CLOSURE_TOLERANCE": repr(CLOSURE_TOLERANCE),
         "AT_STOP": repr(ROUNDED),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),

@@ -9,7 +9,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 
 _BLOCK = 64  # number of ticks whose numbers are drawn together
-_ARMS = 1 << 32  # more than there are: channel and arm are one number
+_ARMS = 1 << 32  # more than a batch has: channel and arm are one number of the key
 
 
 class Channel(IntEnum):
@@ -35,8 +35,8 @@ class Chance:
 
     Args:
         seed: Seed of the scene.
-        channel: Their purpose.
-        draw: Their distribution.
+        channel: Purpose of the numbers.
+        draw: Draws numbers of their distribution.
         arm: Index of the arm in a batch; 0 is that of a simulator.
     """
 
@@ -64,6 +64,6 @@ def normal(mean: Array, deviation: Array) -> Draw:
     )
 
 
-def even(size: int) -> Draw:
+def uniform(size: int) -> Draw:
     """Uniform numbers in [0, 1)."""
     return lambda generator, ticks: generator.random((ticks, size))

@@ -9,10 +9,10 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene import imperfections as schema
-from arm_sim.imperfections.chance import Chance, Channel, even
+from arm_sim.imperfections.chance import Chance, Channel, uniform
 
 # Fraction of a tick: a delay of whole ticks must not become one more by rounding.
-_ROUNDED = 1e-6
+_ROUNDING = 1e-6
 
 
 class Line[T]:
@@ -22,7 +22,7 @@ class Line[T]:
     first tick that is not before j dt + T.
 
     Args:
-        line: Its keys in the scene.
+        line: Keys of the line in the scene.
         dt: Length of a tick in [s].
         seed: Seed of the scene.
         channel: Kind of its messages.
@@ -32,10 +32,10 @@ class Line[T]:
     def __init__(
         self, line: schema.Line, dt: float, seed: int, channel: Channel, arm: int = 0
     ) -> None:
-        self._delay, self._jitter = line.delay / dt - _ROUNDED, line.jitter / dt
+        self._delay, self._jitter = line.delay / dt - _ROUNDING, line.jitter / dt
         self._loss = line.loss
-        self._chance = Chance(seed, channel, even(2), arm)
-        self._draws = bool(line.jitter or line.loss)
+        self._chance = Chance(seed, channel, uniform(2), arm)
+        self._is_random = bool(line.jitter or line.loss)
         self._waiting: deque[tuple[int, T]] = deque()  # sorted by arrival, hence by age
         self._newest: T | None = None
 
@@ -46,12 +46,12 @@ class Line[T]:
 
     def send(self, tick: int, message: T) -> None:
         """Send a message; ticks must not decrease."""
-        late = 0.0
-        if self._draws:
-            lost, late = self._chance.at(tick).tolist()
+        jitter = 0.0
+        if self._is_random:
+            lost, jitter = self._chance.at(tick).tolist()
             if lost < self._loss:
                 return
-        arrival = tick + max(0, ceil(self._delay + self._jitter * late))
+        arrival = tick + max(0, ceil(self._delay + self._jitter * jitter))
         while self._waiting and self._waiting[-1][0] >= arrival:
             self._waiting.pop()  # overtaken
         self._waiting.append((arrival, message))
@@ -83,7 +83,7 @@ def delivered(scene: Scene, dt: float, commands: Array) -> Array:
     Args:
         scene: The scene of the line.
         dt: Length of a tick in [s].
-        commands: By arm and tick, shape (b, ticks, n).
+        commands: Commands by arm and tick, shape (b, ticks, n).
 
     Returns:
         Effective commands, of the same shape: zero until one has arrived; the commands themselves
@@ -91,11 +91,11 @@ def delivered(scene: Scene, dt: float, commands: Array) -> Array:
     """
     if command_line(scene, dt) is None:
         return commands
-    late = np.zeros(commands.shape)
+    effective = np.zeros(commands.shape)
     for arm in range(len(commands)):
         line: Line[int] | None = command_line(scene, dt, arm)
         assert line is not None
         for tick in range(commands.shape[1]):
             if (sent := line.carry(tick, tick)) is not None:
-                late[arm, tick] = commands[arm, sent]
-    return late
+                effective[arm, tick] = commands[arm, sent]
+    return effective

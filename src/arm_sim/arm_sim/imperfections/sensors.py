@@ -47,10 +47,10 @@ class Sensors:
     """
 
     def __init__(self, scene: schema.Sensors, names: Sequence[str], dt: float) -> None:
-        """Prepare.
+        """Prepare measurements of zero.
 
         Args:
-            scene: Their keys in the scene.
+            scene: Keys of the sensors in the scene.
             names: Joints.
             dt: Length of a tick in [s].
 
@@ -59,14 +59,14 @@ class Sensors:
         """
         n, velocity = len(names), scene.velocity
         self._rate, self._step = 1.0 / dt, _steps(scene.position, names)
-        rounds = self._step > 0.0
-        self._rounds = rounds if rounds.any() else None
-        self._q_error = _error(scene.position, names, scene.seed, Channel.POSITION)
-        self._v_error = _error(velocity, names, scene.seed, Channel.VELOCITY)
-        self._effort_error = _error(scene.effort, names, scene.seed, Channel.EFFORT)
-        self._differences = velocity.source == "position"
+        is_rounded = self._step > 0.0
+        self._is_rounded = is_rounded if is_rounded.any() else None
+        self._q_disturbance = _disturbance(scene.position, names, scene.seed, Channel.POSITION)
+        self._v_disturbance = _disturbance(velocity, names, scene.seed, Channel.VELOCITY)
+        self._effort_disturbance = _disturbance(scene.effort, names, scene.seed, Channel.EFFORT)
+        self._has_differences = velocity.source == "position"
         self._filter = _filter(velocity, names, dt)
-        self._now, self._last = np.zeros(3 * n), np.zeros(n)
+        self._now, self._last_q, self._difference = (np.zeros(size) for size in (3 * n, n, n))
         self._q, self._v, self._effort = np.split(self._now, 3)  # views
         self._line: Line[Array] | None = None
         self.measured = self._now
@@ -79,10 +79,10 @@ class Sensors:
 
         Velocities that are differences of positions are exact at this tick.
         """
-        self._position(tick, q)
+        self._measure_position(tick, q)
         if self._filter is not None:
             self._filter.settle(v)
-        self._rest(tick, v, effort)
+        self._measure_velocity_and_effort(tick, v, effort)
         if self._line is not None:
             self._line.restart(self._now.copy())
             self.measured[:] = self._now
@@ -96,44 +96,47 @@ class Sensors:
             v: Velocities in [rad/s] or [m/s], shape (n,).
             effort: Torques that acted in [N m] or [N], shape (n,).
         """
-        if self._differences:
-            self._last[:] = self._q
-            self._position(tick, q)
-            v = np.subtract(self._q, self._last, self._last)
+        if self._has_differences:
+            self._last_q[:] = self._q
+            self._measure_position(tick, q)
+            v = np.subtract(self._q, self._last_q, self._difference)
             v *= self._rate
         else:
-            self._position(tick, q)
-        self._rest(tick, v if self._filter is None else self._filter.filtered(v), effort)
+            self._measure_position(tick, q)
+        if self._filter is not None:
+            v = self._filter.filtered(v)
+        self._measure_velocity_and_effort(tick, v, effort)
         if self._line is not None:
             self.measured[:] = self._line.carry(tick, self._now.copy())
 
-    def _position(self, tick: int, q: Array) -> None:
-        _write(self._q, q, self._q_error, tick)
-        if self._rounds is not None:
-            np.divide(self._q, self._step, self._q, where=self._rounds)
-            np.rint(self._q, self._q, where=self._rounds)
-            np.multiply(self._q, self._step, self._q, where=self._rounds)
+    def _measure_position(self, tick: int, q: Array) -> None:
+        _write(self._q, q, self._q_disturbance, tick)
+        if self._is_rounded is not None:
+            np.divide(self._q, self._step, self._q, where=self._is_rounded)
+            np.rint(self._q, self._q, where=self._is_rounded)
+            np.multiply(self._q, self._step, self._q, where=self._is_rounded)
 
-    def _rest(self, tick: int, v: Array, effort: Array) -> None:
-        _write(self._v, v, self._v_error, tick)
-        _write(self._effort, effort, self._effort_error, tick)
+    def _measure_velocity_and_effort(self, tick: int, v: Array, effort: Array) -> None:
+        _write(self._v, v, self._v_disturbance, tick)
+        _write(self._effort, effort, self._effort_disturbance, tick)
 
 
-def _write(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
-    """Write a value with its error, shape (n,), to an array."""
-    if error is None:
+def _write(place: Array, value: Array, disturbance: Chance | Array | None, tick: int) -> None:
+    """Write a value with its disturbance, shape (n,), to an array."""
+    if disturbance is None:
         place[:] = value
     else:
-        np.add(value, error.at(tick) if isinstance(error, Chance) else error, place)
+        error = disturbance.at(tick) if isinstance(disturbance, Chance) else disturbance
+        np.add(value, error, place)
 
 
-def _error(
+def _disturbance(
     part: schema.PositionSensor | schema.VelocitySensor | schema.EffortSensor,
     names: Sequence[str],
     seed: int,
     channel: Channel,
 ) -> Chance | Array | None:
-    """Noise and offset of one quantity, the offset alone, or neither."""
+    """Noise around an offset for one quantity, the offset alone, or None."""
     offset, noise = (np.array(values(by_joint, names)) for by_joint in (part.offset, part.noise))
     if noise.any():
         return Chance(seed, channel, normal(offset, noise))
@@ -154,8 +157,8 @@ def _steps(position: schema.PositionSensor, names: Sequence[str]) -> Array:
     turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
     levels = [{schema.ALL: 0.0}, position.resolution, turns]
     common = next(steps[schema.ALL] for steps in reversed(levels) if schema.ALL in steps)
-    own = {**position.resolution, **turns, schema.ALL: common}
-    return np.array(values(own, names))
+    by_joint = {**position.resolution, **turns, schema.ALL: common}
+    return np.array(values(by_joint, names))
 
 
 def _filter(velocity: schema.VelocitySensor, names: Sequence[str], dt: float) -> LowPass | None:

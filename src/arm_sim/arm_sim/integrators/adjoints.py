@@ -15,27 +15,23 @@ import casadi as ca
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.methods import Method
-from arm_sim.integrators.nystrom import Gradients, Pullback, Slope
+from arm_sim.integrators.nystrom import Pullback, Slope, StageGradients
 from arm_sim.integrators.steps import Scaled, build_step
-from arm_sim.integrators.tableaux import Tableau, weighed_sum
+from arm_sim.integrators.tableaux import Tableau, weighted_sum
 from arm_sim.integrators.tangents import stages_used
 
 
 @one_at_a_time
 def build_adjoint(
-    method: Method,
-    rhs: ca.Function,
-    pullback: ca.Function,
-    n: int,
-    project: ca.Function | None = None,
-    scaled: Scaled | None = None,
-) -> ca.Function:
+    method: Method, rhs: ca.Function, pullback: ca.Function, n: int,
+    project: ca.Function | None = None, scaled: Scaled | None = None,
+) -> ca.Function:  # fmt: skip
     """Build the transposed derivative of one step of ``build_step``.
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
-        pullback: Its transposed derivative, see ``plant.slopes.pullback``.
+        pullback: Transposed derivative of ``rhs``, see ``plant.slopes.pullback``.
         n: Degrees of freedom; x starts with q and v of n each.
         project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
         scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
@@ -51,13 +47,13 @@ def build_adjoint(
     def slope(y: ca.MX) -> ca.MX:
         return rhs(y, u, p)
 
-    def pull(y: ca.MX, k: ca.MX, gradient: ca.MX) -> Gradients:
-        gradients: Gradients = pullback(y, u, p, k, gradient)
+    def pull(y: ca.MX, k: ca.MX, gradient: ca.MX) -> StageGradients:
+        gradients: StageGradients = pullback(y, u, p, k, gradient)
         return gradients
 
     if project is not None and method.name != "implicit":
         after = build_step(method, rhs, n)(x, u, p, h)
-        after_weight, direct = _projected(project, n, x, after, p, weight)
+        after_weight, direct = _pull_through_projection(project, n, x, after, p, weight)
     if method.name == "implicit":
         after = build_step(method, rhs, n, project, scaled)(x, u, p, h)
         by_x, by_u, by_p = (ca.jtimes(after, by, weight, True) for by in (x, u, p))
@@ -72,7 +68,7 @@ def build_adjoint(
     return ca.Function("adjoint", [x, u, p, h, weight], results, {"cse": True})
 
 
-def _projected(
+def _pull_through_projection(
     project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX, weight: ca.MX
 ) -> tuple[ca.MX, ca.MX]:
     """The weight of a step's end before its projection, and what x adds through that directly."""
@@ -86,15 +82,15 @@ def _projected(
 
 def _staged(
     tableau: Tableau, slope: Slope, pull: Pullback, x: ca.MX, h: ca.MX, weight: ca.MX
-) -> Gradients:
+) -> StageGradients:
     """Explicit Runge-Kutta methods, λ_i from the last stage to the first."""
     used = stages_used(tableau)
     y: dict[int, ca.MX] = {}
     k: dict[int, ca.MX] = {}
     for i in used:
-        y[i] = x + h * weighed_sum(tableau.a[i], k, x)
+        y[i] = x + h * weighted_sum(tableau.a[i], k, x)
         k[i] = slope(y[i])
-    stages: dict[int, Gradients] = {}
+    stages: dict[int, StageGradients] = {}
     for i in reversed(used):
         by_slope = tableau.b[i] * weight
         for j, (by_y, _, _) in stages.items():
@@ -107,8 +103,8 @@ def _staged(
 
 def _semi_implicit(
     slope: Slope, pull: Pullback, n: int, x: ca.MX, h: ca.MX, weight: ca.MX
-) -> Gradients:
+) -> StageGradients:
     """Positions advance with the new velocities, so they do not depend on the derivative of q."""
-    moved = ca.vertcat(weight[:n], weight[n : 2 * n] + h * weight[:n], weight[2 * n :])
-    by_x, by_u, by_p = pull(x, slope(x), ca.vertcat(ca.MX.zeros(n), h * moved[n:]))
-    return moved + by_x, by_u, by_p
+    end_weight = ca.vertcat(weight[:n], weight[n : 2 * n] + h * weight[:n], weight[2 * n :])
+    by_x, by_u, by_p = pull(x, slope(x), ca.vertcat(ca.MX.zeros(n), h * end_weight[n:]))
+    return end_weight + by_x, by_u, by_p

@@ -15,10 +15,10 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.integrators.tableaux import Tableau
 
-# Order up to which conditions are tried
-HIGHEST = 6
-# Residual of order conditions that are satisfied
-SOLVED = 1e-9
+# Order up to which conditions are solved
+MAX_ORDER = 6
+# Largest residual of order conditions that are satisfied
+RESIDUAL_TOLERANCE = 1e-9
 
 # A rooted tree: the subtrees at its root
 Tree = tuple["Tree", ...]
@@ -47,13 +47,13 @@ def middle_weights(tableau: Tableau) -> tuple[float, ...]:
     conditions: list[Array] = []
     values: list[float] = []
     weights = np.zeros(stages)
-    for order in range(1, HIGHEST + 1):
+    for order in range(1, MAX_ORDER + 1):
         for tree in _trees(order):
             conditions.append(_weight(tree, a))
             values.append(0.5**order / _density(tree))
         matrix, right = np.array(conditions), np.array(values)
         solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
-        if abs(matrix @ solution - right).max() > SOLVED:
+        if abs(matrix @ solution - right).max() > RESIDUAL_TOLERANCE:
             break
         weights = solution
     return tuple(weights.tolist())

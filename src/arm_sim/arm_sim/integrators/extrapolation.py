@@ -15,20 +15,15 @@ For a long arm both sides are multiplied by a matrix H that makes the system spa
 
 import casadi as ca
 
-PARTS = (1, 2, 3, 4)  # into which a step is divided, in the harmonic sequence
+PARTS = (1, 2, 3, 4)  # numbers of parts of a step, the harmonic sequence
 ORDER = len(PARTS)
 SOURCE = "Deuflhard, SIAM Review 27(4), 1985"
 
 
 def extrapolated_step(
-    rhs: ca.Function,
-    n: int,
-    x: ca.MX,
-    u: ca.MX,
-    p: ca.MX,
-    h: ca.MX,
+    rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX,
     scaled: ca.Function | None = None,
-) -> tuple[ca.MX, ca.MX, ca.MX]:
+) -> tuple[ca.MX, ca.MX, ca.MX]:  # fmt: skip
     """Build one step.
 
     Args:
@@ -50,20 +45,20 @@ def extrapolated_step(
     else:
         J_q, J_w, *H = scaled.call([x, u, p, rhs(x, u, p)])
     patterns = J_q.sparsity(), *(matrix.sparsity() for matrix in H)
-    factor = factored(n, J_w.sparsity(), *patterns)
-    solve = solved(n, factor.sparsity_out(0), *patterns)
+    factor = lu_function(n, J_w.sparsity(), *patterns)
+    solve = euler_step(n, factor.sparsity_out(0), *patterns)
     row: list[ca.MX] = []
     halfway: dict[int, ca.MX] = {}
     for j, parts in enumerate(PARTS):
-        length, moved, slopes = h / parts, ca.MX.zeros(x.shape[0]), list[ca.MX]()
+        length, increment, slopes = h / parts, ca.MX.zeros(x.shape[0]), list[ca.MX]()
         factors = factor(J_q, J_w, length, *H)
         for part in range(parts):
-            y = x + moved
+            y = x + increment
             if 2 * part == parts:
-                halfway[parts] = moved
+                halfway[parts] = increment
             slopes.append(rhs(y, u, p))
-            moved = moved + solve(factors, J_q, y, slopes[-1], length, *H)
-        row = extrapolated(row, moved, j)
+            increment = increment + solve(factors, J_q, y, slopes[-1], length, *H)
+        row = extrapolate_row(row, increment, j)
     estimate = row[-1] - row[-2]
     if x.shape[0] > 2 * n:
         deviation = _deviation(rhs(x + row[0], u, p), slopes)
@@ -73,9 +68,9 @@ def extrapolated_step(
     return x + row[-1], estimate, x + 2.0 * halfway[4] - halfway[2]
 
 
-def extrapolated(above: list[ca.MX], moved: ca.MX, j: int) -> list[ca.MX]:
+def extrapolate_row(above: list[ca.MX], first: ca.MX, j: int) -> list[ca.MX]:
     """Row j of the table, from the row above and its first entry."""
-    row = [moved]
+    row = [first]
     for k in range(j):
         ratio = PARTS[j] / PARTS[j - k - 1]
         row.append(row[k] + (row[k] - above[k]) / (ratio - 1.0))
@@ -109,7 +104,7 @@ def pivots(n: int, m: int, scaled: bool) -> list[int]:
     return [*range(n, m), *(reversed(range(n)) if scaled else range(n))]
 
 
-def factored(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
+def lu_function(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
     """LU factors of H - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix; H = 1 unless its pattern is given.
 
     No pivoting: for a passive model J = (S - D) H with S skew, D and H positive, so that I - h J =
@@ -134,7 +129,7 @@ def factored(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) ->
     return ca.Function("factor", [Q, W, h, *H], [A], {"cse": True})
 
 
-def solved(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
+def euler_step(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
     """Increment of x in one linearly implicit Euler step, which avoids cancellation."""
     m = factors.size1()
     LU, Q, h = ca.SX.sym("LU", factors), ca.SX.sym("J_q", J_q), ca.SX.sym("h")
@@ -142,20 +137,20 @@ def solved(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) 
     H = [ca.SX.sym("H", pattern) for pattern in scale]
     v, order = x[n : 2 * n], pivots(n, m, bool(H))
     right = h * ((H[0] @ slope[n:] if H else slope[n:]) + h * (Q @ v))
-    d = substituted(LU, right, order)
-    arguments, moved = [LU, Q, x, slope, h, *H], ca.vertcat(h * (v + d[:n]), d)
-    return ca.Function("solve", arguments, [moved], {"cse": True})
+    d = substitute(LU, right, order)
+    arguments, increment = [LU, Q, x, slope, h, *H], ca.vertcat(h * (v + d[:n]), d)
+    return ca.Function("solve", arguments, [increment], {"cse": True})
 
 
-def substituted(LU: ca.SX, right: ca.SX, order: list[int]) -> ca.SX:
+def substitute(LU: ca.SX, right: ca.SX, order: list[int]) -> ca.SX:
     """Solution for a right side, of a system whose factors ``LU`` were eliminated in an order."""
     d = ca.SX(right)
 
-    def eliminated(i: int, columns: list[int]) -> ca.SX:
+    def known_terms(i: int, columns: list[int]) -> ca.SX:
         return sum((LU[i, j] * d[j] for j in columns if LU.has_nz(i, j)), ca.SX(0.0))
 
     for step, i in enumerate(order):
-        d[i] = d[i] - eliminated(i, order[:step])
+        d[i] = d[i] - known_terms(i, order[:step])
     for step, i in reversed(list(enumerate(order))):
-        d[i] = (d[i] - eliminated(i, order[step + 1 :])) / LU[i, i]
+        d[i] = (d[i] - known_terms(i, order[step + 1 :])) / LU[i, i]
     return d

@@ -12,9 +12,9 @@ from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import real_number
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import choices
+from arm_sim.integrators.linear_response import SPRINGS, STOPS, LinearResponse, responses
 from arm_sim.integrators.methods import METHODS, Method
-from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
-from arm_sim.integrators.stability import grows, longest_step, worst
+from arm_sim.integrators.stability import fastest_growing_mode, is_unstable, longest_step
 from arm_sim.plant.plant import Plant
 
 DT_RANGE = (1e-9, 10.0)  # [s] that a tick may last
@@ -23,20 +23,20 @@ TOLERANCE_RANGE = (1e-14, 1e-1)  # from rounding to what is no accuracy
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1). Half of that is allowed where the arm begins; it is
 # faster in other postures, of which only some are looked at.
-STIFF, STIFF_ELSEWHERE = 1.4, 2.5
+STIFFNESS, SAMPLE_STIFFNESS = 1.4, 2.5
 # Tolerance of a sub-step, relative to the scene's accuracy: a second takes a thousand sub-steps
 # and more, whose errors add up; those of the implicit method, which damps what is stiff, less so.
 SHARE, SHARE_IMPLICIT = 1e-4, 1e-2
 # Drives, springs and compliant stops respond within a tick, so a step of fixed length cannot be
 # trusted: see docs/concepts/drives.md for the cost of these tolerances. From about this rate, the
 # extrapolated implicit method is faster than DOP853.
-QUICK_STIFF = 50.0
+IMPLICIT_STIFFNESS = 50.0
 # A swing of h ω in a step is computed by RK4 with an error of (h ω)⁴/120 radians per radian.
 SWING = 0.05
 # Falling friction lets a joint speed up at a rate λ, until it has passed the Stribeck velocity;
 # RK4 leaves that with an error of (h λ)⁵/120 of it.
 STRIBECK_RATE = 0.3
-MISSED = "a second of motion by steps of fixed length misses the accuracy"
+INACCURACY = "a second of motion by steps of fixed length misses the accuracy"
 _log = logging.getLogger(__name__)
 
 
@@ -89,25 +89,26 @@ def choose(
     name = integrator or sim.integrator or "auto"
     if tolerance is None and integrator is None:  # a scene's tolerance is for its own method
         tolerance = sim.tolerance
-    dt = _tick(sim.dt if dt is None else dt)
-    tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
+    dt = _check_tick(sim.dt if dt is None else dt)
+    if tolerance is not None:
+        tolerance = _check_within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name not in ("auto", *METHODS):
         raise InvalidInput(f"integrator = {name!r}; allowed: {choices(name, ('auto', *METHODS))}")
     rate, law = law_rate(plant.model)
-    if rate * dt > STIFF and (name == "auto" or tolerance is None):
+    if rate * dt > STIFFNESS and (name == "auto" or tolerance is None):
         reason = f"{law} answers in {1 / rate:.2g} s: implicit, with error control"
         if name not in ("auto", "implicit"):
             _log.warning("integrator = %r is replaced at dt = %g s: %s", name, dt, reason)
-        share = SHARE if _swings(responses(plant), dt) else SHARE_IMPLICIT
+        share = SHARE if _has_swings(responses(plant), dt) else SHARE_IMPLICIT
         return _implicit(plant, dt, tolerance, reason, share)
     if name == "auto":
-        return _automatic(plant, dt, tolerance)
-    return _named(plant, METHODS[name], dt, tolerance)
+        return _choose_automatically(plant, dt, tolerance)
+    return _choose_by_name(plant, METHODS[name], dt, tolerance)
 
 
-def _tick(dt: float) -> float:
+def _check_tick(dt: float) -> float:
     """Check the length of a tick in [s]."""
-    dt = _within("dt", dt, DT_RANGE, " s")
+    dt = _check_within("dt", dt, DT_RANGE, " s")
     if dt > LONG_TICK:
         _log.warning(
             "dt = %g s is long for a time step: a torque is held for all of it, and without a "
@@ -116,7 +117,7 @@ def _tick(dt: float) -> float:
     return dt
 
 
-def _named(plant: Plant, method: Method, dt: float, tolerance: float | None) -> Choice:
+def _choose_by_name(plant: Plant, method: Method, dt: float, tolerance: float | None) -> Choice:
     """The choice of a method by its name."""
     name = method.name
     if tolerance is not None and not method.adaptive:
@@ -130,33 +131,34 @@ def _named(plant: Plant, method: Method, dt: float, tolerance: float | None) -> 
     return Choice(method, dt, tolerance, f"asked for, but {danger}" if danger else "asked for")
 
 
-def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
+def _choose_automatically(plant: Plant, dt: float, tolerance: float | None) -> Choice:
     """The method of a scene that names none: by its stiffness, and by what varies in it."""
-    sampled = responses(plant)
-    if plant.nz or _swings(sampled, dt):
-        return _controlled(plant, dt, tolerance, sampled)
-    if cause := _varies(plant, dt):
-        return _controlled(plant, dt, tolerance, sampled, cause)
-    if any(r.fastest_rate * dt > (STIFF if r.begins else STIFF_ELSEWHERE) for r in sampled):
+    samples = responses(plant)
+    if plant.nz or _has_swings(samples, dt):
+        return _with_error_control(plant, dt, tolerance, samples)
+    if cause := _variation(plant, dt):
+        return _with_error_control(plant, dt, tolerance, samples, cause)
+    if any(r.fastest_rate * dt > (STIFFNESS if r.initial else SAMPLE_STIFFNESS) for r in samples):
         if any(plant.model.friction.tables):  # slopes at the start say little about others
-            return _controlled(plant, dt, tolerance, sampled)
-        stiff = f"stiff: {_fastest(plant, sampled)}"
-        instead = _implicit(plant, dt, None, f"{stiff}; {MISSED}")
+            return _with_error_control(plant, dt, tolerance, samples)
+        stiff = f"stiff: {_fastest_mode(plant, samples)}"
+        instead = _implicit(plant, dt, None, f"{stiff}; {INACCURACY}")
         return Choice(METHODS["implicit"], dt, tolerance, stiff, instead)
     if tolerance is None:
-        instead = _controlled(plant, dt, None, sampled, MISSED)
+        instead = _with_error_control(plant, dt, None, samples, INACCURACY)
         return Choice(METHODS["rk4"], dt, None, "the scene is not stiff", instead)
     return Choice(METHODS["dop853"], dt, tolerance, "not stiff, error control: the highest order")
 
 
-def _controlled(
-    plant: Plant, dt: float, tolerance: float | None, sampled: list[Response], cause: str = ""
-) -> Choice:
+def _with_error_control(
+    plant: Plant, dt: float, tolerance: float | None, samples: list[LinearResponse],
+    cause: str = "",
+) -> Choice:  # fmt: skip
     """A method with error control."""
-    if any(response.fastest_rate * dt > QUICK_STIFF for response in sampled):
-        reason = f"stiff, error control: {_fastest(plant, sampled)}"
+    if any(response.fastest_rate * dt > IMPLICIT_STIFFNESS for response in samples):
+        reason = f"stiff, error control: {_fastest_mode(plant, samples)}"
         return _implicit(plant, dt, tolerance, reason)
-    cause = cause or ("drives with internal states" if plant.nz else _fastest(plant, sampled))
+    cause = cause or ("drives with internal states" if plant.nz else _fastest_mode(plant, samples))
     reason = f"{cause}: error control, the highest order"
     tolerance = tolerance or _substep_tolerance(plant, SHARE)
     return Choice(METHODS["dop853"], dt, tolerance, reason)
@@ -171,11 +173,11 @@ def _implicit(
 
 def _substep_tolerance(plant: Plant, share: float) -> float:
     """Tolerance that leaves a sub-step a share of the scene's accuracy."""
-    least, most = TOLERANCE_RANGE
-    return min(max(share * plant.model.scene.sim.accuracy, 10.0 * least), most)
+    lower, upper = TOLERANCE_RANGE
+    return min(max(share * plant.model.scene.sim.accuracy, 10.0 * lower), upper)
 
 
-def _varies(plant: Plant, dt: float) -> str:
+def _variation(plant: Plant, dt: float) -> str:
     """What changes within a step if a joint moves, or slides off, as text; empty if nothing does.
 
     Forces with a wavelength change as fast as the joint turns, and a user may set any speed.
@@ -201,37 +203,37 @@ def _varies(plant: Plant, dt: float) -> str:
     return f"falling friction speeds a joint up in {1.0 / rate:.2g} s ('{joint}')"
 
 
-def _swings(sampled: list[Response], dt: float) -> bool:
+def _has_swings(samples: list[LinearResponse], dt: float) -> bool:
     """Whether a spring or a stop moves a joint faster than steps of fixed length resolve."""
     return any(
         response.cause(mode)[0] in (SPRINGS, STOPS)
-        for response in sampled
+        for response in samples
         for mode in np.flatnonzero(abs(response.modes[0]) * dt > SWING).tolist()
     )
 
 
 def _instability(plant: Plant, method: Method, dt: float) -> str:
     """Why a method is unstable in steps of ``dt``, and what would do; empty if it is stable."""
-    unstable = [response for response in responses(plant) if grows(method, response, dt)]
+    unstable = [response for response in responses(plant) if is_unstable(method, response, dt)]
     if not unstable:
         return ""
     longest, first = min(
         ((longest_step(method, response, dt), k) for k, response in enumerate(unstable))
     )
-    why = _describe_mode(plant, unstable[first], worst(method, unstable[first], dt))
+    why = _describe_mode(plant, unstable[first], fastest_growing_mode(method, unstable[first], dt))
     return (
         f"unstable at dt = {dt:g} s: {why}; dt up to {longest:.2g} s, 'implicit', or 'dop853' "
         "with a tolerance would do"
     )
 
 
-def _fastest(plant: Plant, sampled: list[Response]) -> str:
+def _fastest_mode(plant: Plant, samples: list[LinearResponse]) -> str:
     """What moves which joint in the fastest mode, and how fast."""
-    stiffest = max(sampled, key=lambda response: response.fastest_rate)
+    stiffest = max(samples, key=lambda response: response.fastest_rate)
     return _describe_mode(plant, stiffest, stiffest.fastest_mode)
 
 
-def _describe_mode(plant: Plant, response: Response, mode: int) -> str:
+def _describe_mode(plant: Plant, response: LinearResponse, mode: int) -> str:
     """What moves which joint in a mode, and how fast."""
     part, joint = response.cause(mode)
     time = 1.0 / abs(response.modes[0][mode])
@@ -254,7 +256,7 @@ def law_rate(model: ArmModel) -> tuple[float, str]:
         return 0.0, ""  # a joint without mass is reported by name when the plant is built
 
 
-def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
+def _check_within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
     number = real_number(value)
     if not allowed[0] <= number <= allowed[1]:
         raise InvalidInput(f"{name} = {value!r}; allowed: {allowed[0]:g} to {allowed[1]:g}{unit}")

@@ -14,14 +14,14 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.integrators.linear_response import LinearResponse
 from arm_sim.integrators.methods import Method
-from arm_sim.integrators.response import Response
 from arm_sim.integrators.steps import build_step
 from arm_sim.integrators.tableaux import Tableau
 
 # Growth per step that is an error of low order and no instability, such as that of Euler's method
 # in a slow swing.
-GROWTH = 1e-3
+GROWTH_TOLERANCE = 1e-3
 # A mode with a growth below this part of its rate is a decay or swing, but for rounding.
 ROUNDING = 1e-6
 HALVINGS = 40  # bisections for the longest stable step
@@ -37,12 +37,12 @@ def polynomial(tableau: Tableau) -> Array:
     return np.array([1.0, *(np.dot(tableau.b, power) for power in powers)])
 
 
-def grows(method: Method, response: Response, h: float) -> bool:
+def is_unstable(method: Method, response: LinearResponse, h: float) -> bool:
     """Whether a mode that decays or swings grows with every step of length ``h`` in [s]."""
-    return bool(_growth(method, response, h).max(initial=0.0) > GROWTH)
+    return bool(_growth(method, response, h).max(initial=0.0) > GROWTH_TOLERANCE)
 
 
-def worst(method: Method, response: Response, h: float) -> int:
+def fastest_growing_mode(method: Method, response: LinearResponse, h: float) -> int:
     """The mode that grows fastest in steps of length ``h`` in [s].
 
     Of methods that couple modes, it is the fastest one: what grows is a mixture.
@@ -57,27 +57,27 @@ def local_error(method: Method, rate: float, h: float) -> float:
 
     Args:
         method: The method.
-        rate: Of the decay and the swing in [1/s].
+        rate: Rate of the decay and the swing in [1/s].
         h: Length of the step in [s].
     """
     z, order = h * rate * np.array([-1.0, 1.0j]), method.order + 1
     if tableau := _by_mode(method):
-        off = np.polynomial.polynomial.polyval(z, polynomial(tableau)) - np.exp(z)
+        error = np.polynomial.polynomial.polyval(z, polynomial(tableau)) - np.exp(z)
     else:
-        off = z**order / factorial(order)
-    return float(abs(off).max())
+        error = z**order / factorial(order)
+    return float(abs(error).max())
 
 
-def longest_step(method: Method, response: Response, h: float) -> float:
+def longest_step(method: Method, response: LinearResponse, h: float) -> float:
     """Longest step in [s] in which no such mode grows, where one grows in steps of ``h``."""
     low, high = 0.0, h
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if grows(method, response, middle) else (middle, high)
+        low, high = (low, middle) if is_unstable(method, response, middle) else (middle, high)
     return low
 
 
-def _growth(method: Method, response: Response, h: float) -> Array:
+def _growth(method: Method, response: LinearResponse, h: float) -> Array:
     """Growth of each mode in a step, 0 of those that grow by themselves; implicit ones: none."""
     rates = response.modes[0]
     if method.name == "implicit":
@@ -87,11 +87,11 @@ def _growth(method: Method, response: Response, h: float) -> Array:
         factors = np.polynomial.polynomial.polyval(h * rates, polynomial(tableau))
         return np.where(grows_itself, 0.0, abs(factors) - 1.0)
     with np.errstate(over="ignore"):  # a mode that grows beyond all numbers is its own
-        own = np.exp(h * np.where(grows_itself, rates.real, 0.0))
+        natural_growth = np.exp(h * np.where(grows_itself, rates.real, 0.0))
     J = response.J
     step = _linear_step(method, len(J), response.n)
     matrix = np.array(step(np.eye(len(J)), 0.0, J.T.ravel(), h))
-    return np.asarray(abs(np.linalg.eigvals(matrix)) - own.max(initial=1.0))
+    return np.asarray(abs(np.linalg.eigvals(matrix)) - natural_growth.max(initial=1.0))
 
 
 @cache

@@ -14,7 +14,7 @@ from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end, stage_at_end
 from arm_sim.integrators.methods import Method
-from arm_sim.integrators.tableaux import Tableau, weighed_sum
+from arm_sim.integrators.tableaux import Tableau, weighted_sum
 
 # The slope x' of a stage, from its number and state; numbers beyond the last mean the end
 Stage = Callable[[int, ca.MX], ca.MX]
@@ -22,19 +22,17 @@ Stage = Callable[[int, ca.MX], ca.MX]
 # ``extrapolated_step``.
 Scaled = Callable[[], ca.Function | None]
 
+# Of DOP853, Hairer's blend is near the estimate of order 5 and damped where that of order 3 is far
+# larger: the weight of its square, and a number that keeps the root from zero.
+ORDER3_WEIGHT, SMALLEST = 0.01, 1e-300
+
 
 @one_at_a_time
 def build_step(
-    method: Method,
-    rhs: ca.Function,
-    n: int,
-    project: ca.Function | None = None,
-    scaled: Scaled | None = None,
-    name: str = "step",
-    dense: bool = False,
-    loads: ca.Function | None = None,
-    scale: Array | None = None,
-) -> ca.Function:
+    method: Method, rhs: ca.Function, n: int, project: ca.Function | None = None,
+    scaled: Scaled | None = None, name: str = "step", dense: bool = False,
+    loads: ca.Function | None = None, scale: Array | None = None,
+) -> ca.Function:  # fmt: skip
     """Build one step, of fixed length or, with ``scale``, one that estimates its error.
 
     That error is the largest over x of |error| / (scale + |x|); DOP853 mixes its estimates of
@@ -49,7 +47,7 @@ def build_step(
             before it is included in the error.
         scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
-        dense: Whether to return the continuous output as well, see ``Step.inside``.
+        dense: Whether to return the continuous output as well, see ``Step.dense_output``.
         loads: Function (x, u, p) -> loads of joints, forces, …, x', see ``Plant.events``: the rhs
             of an explicit method. With it x' at the beginning is given, as it is known where
             modes were chosen.
@@ -62,7 +60,7 @@ def build_step(
         middle. With ``loads`` (x, u, p, h, x') -> the same without
         x' at its beginning, and loads and forces at the method's stage at its end, if any.
     """
-    slope = _Slopes(rhs, loads)
+    slope = _Stages(rhs, loads)
     step = _step(method, rhs, n, scaled, slope)
     after, errors = step.after, list[ca.MX]()
     if scale is not None:
@@ -71,7 +69,7 @@ def build_step(
         projected, gap, gap_v = project(step.x[: 2 * n], after[: 2 * n], slope.p)
         after = ca.vertcat(projected, after[2 * n :])
         gaps = ca.fmax(gap, gap_v), gap
-        errors = [ca.fmax(error, left) for error, left in zip(errors, gaps, strict=False)]
+        errors = [ca.fmax(error, residual) for error, residual in zip(errors, gaps, strict=False)]
     results = [after, *errors, *(_continuous_output(step, slope) if dense else ())]
     return ca.Function(name, slope.arguments, results, {"cse": True})
 
@@ -85,7 +83,7 @@ def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
     return ca.Function("tick", [x, r, p, h], [step(x, u, p, h), u])
 
 
-class _Slopes:
+class _Stages:
     """f at the stages of a step, and the symbols that it is a function of.
 
     Args:
@@ -93,7 +91,7 @@ class _Slopes:
         loads: See ``build_step``.
 
     Attributes:
-        arguments: Those of the step.
+        arguments: Symbols of the arguments of the step.
         loads: What ``loads`` gives besides x', by stage.
     """
 
@@ -116,7 +114,7 @@ class _Slopes:
         return slope
 
 
-def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope: _Slopes) -> Step:
+def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope: _Stages) -> Step:
     """One step of the method, before its projection onto constraints."""
     x, u, p, h = slope.x, slope.u, slope.p, slope.h
     if method.name == "implicit":
@@ -132,19 +130,19 @@ def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope
         return Step(x, h, after, [], tableau, slopes)
     slopes = []
     for i, row in enumerate(tableau.a):
-        slopes.append(slope(i, x + h * weighed_sum(row, slopes, x) if any(row) else x))
-    after = x + h * weighed_sum(tableau.b, slopes, x)
-    estimates = [h * weighed_sum(weights, slopes, x) for weights in tableau.errors]
+        slopes.append(slope(i, x + h * weighted_sum(row, slopes, x) if any(row) else x))
+    after = x + h * weighted_sum(tableau.b, slopes, x)
+    estimates = [h * weighted_sum(weights, slopes, x) for weights in tableau.errors]
     return Step(x, h, after, estimates, tableau, slopes)
 
 
-def _continuous_output(step: Step, slope: _Slopes) -> list[ca.MX]:
+def _continuous_output(step: Step, slope: _Stages) -> list[ca.MX]:
     """What ``build_step`` returns with ``dense`` besides the state at the end."""
-    first, *inside = step.inside(slope)
+    first, *others = step.dense_output(slope)
     if slope.first is None:
-        return [first, *inside]
-    at_end = slope.loads[step.end_stage][:2] if step.end_stage is not None else []
-    return [*inside, *at_end]
+        return [first, *others]
+    end_loads = slope.loads[step.end_stage][:2] if step.end_stage is not None else []
+    return [*others, *end_loads]
 
 
 @frozen
@@ -177,7 +175,7 @@ class Step:
         count = len(self.tableau.a)
         return count if needs_slope_at_end(self.tableau) else stage_at_end(self.tableau)
 
-    def inside(self, f: Stage) -> list[ca.MX]:
+    def dense_output(self, f: Stage) -> list[ca.MX]:
         """Continuous output: x' at the beginning and at the end, and x in the middle.
 
         An explicit method takes what its stages give (``continuous.middle_weights``): x' at the
@@ -193,7 +191,7 @@ class Step:
             stages.append(f(end, self.after))
         last = 2.0 * (self.after - self.x) / self.h - first if end is None else stages[end]
         weights = middle_weights(self.tableau)
-        return [first, last, self.x + self.h * weighed_sum(weights, stages, self.x)]
+        return [first, last, self.x + self.h * weighted_sum(weights, stages, self.x)]
 
 
 def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
@@ -205,8 +203,8 @@ def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
     norms = [_largest(ca.fabs(error) / size) for error in errors]
     worst = norms[0]
     if estimates == 2:
-        # Hairer's blend: near the order-5 estimate, damped where the order-3 one is far larger.
-        worst = worst * worst / ca.sqrt(worst * worst + 0.01 * norms[1] * norms[1] + 1e-300)
+        order3 = ORDER3_WEIGHT * norms[1] * norms[1]
+        worst = worst * worst / ca.sqrt(worst * worst + order3 + SMALLEST)
     results = [worst, _largest(ca.fabs(errors[0][:n]))]
     return ca.Function("measure", [before, after, *errors], results)
 

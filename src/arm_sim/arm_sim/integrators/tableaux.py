@@ -26,8 +26,8 @@ class Tableau:
         b: Weights of the result.
         source: Its literature reference.
         errors: Weights of error estimates (b minus the embedded method's), none if it has none.
-        positions: Of Nyström's methods for q'' = f(q, q'), the weights ā of the accelerations in
-            the positions: row i holds those of stages 0 … i-1, the last row those of the result.
+        positions: Weights ā of the accelerations in the positions, of Nyström's methods for
+            q'' = f(q, q'): row i holds those of stages 0 … i-1, the last row those of the result.
     """
 
     order: int
@@ -38,7 +38,7 @@ class Tableau:
     positions: tuple[tuple[float, ...], ...] = ()
 
 
-def weighed_sum(
+def weighted_sum(
     weights: Sequence[float], slopes: Sequence[ca.MX] | Mapping[int, ca.SX], like: ca.MX | ca.SX
 ) -> ca.MX | ca.SX:
     """Σ w_i k_i over the stages that a method uses; zeros of the size of ``like`` if none."""

@@ -24,7 +24,7 @@ from arm_sim.integrators import nystrom
 from arm_sim.integrators.implicit_tangents import implicit_tangent
 from arm_sim.integrators.methods import Method
 from arm_sim.integrators.steps import Scaled, Step, build_step
-from arm_sim.integrators.tableaux import Tableau, weighed_sum
+from arm_sim.integrators.tableaux import Tableau, weighted_sum
 from arm_sim.plant.slopes import Slopes
 from arm_sim.plant.symbols import jacobian_by
 
@@ -43,33 +43,27 @@ class Tangent(NamedTuple):
 
 @one_at_a_time
 def build_tangent(
-    method: Method,
-    rhs: ca.Function,
-    slopes: Slopes,
-    n: int,
-    project: ca.Function | None = None,
-    scaled: Scaled | None = None,
-    tuned: Sequence[int] = (),
-    dense: bool = False,
-) -> Tangent:
+    method: Method, rhs: ca.Function, slopes: Slopes, n: int, project: ca.Function | None = None,
+    scaled: Scaled | None = None, p_indices: Sequence[int] = (), dense: bool = False,
+) -> Tangent:  # fmt: skip
     """Build the derivative of one step of ``build_step``.
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
-        slopes: Its derivatives.
+        slopes: Derivatives of ``rhs``.
         n: Degrees of freedom; x starts with q and v of n each.
         project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
         scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
-        tuned: Indices in p of the quantities to differentiate by, those of ``slopes``.
+        p_indices: Indices in p of the quantities to differentiate by, those of ``slopes``.
         dense: Whether ``advance`` is to return the continuous output, too, where all stages of an
-            explicit method are used, see ``Step.inside``.
+            explicit method are used, see ``Step.dense_output``.
 
     """
     if method.name == "implicit":
         if scaled is not None and scaled() is not None:
-            return _undivided(build_step(method, rhs, n, project, scaled), tuned)
-        tangent = Tangent(*implicit_tangent(rhs, slopes, n, tuned))
+            return _differentiate_whole(build_step(method, rhs, n, project, scaled), p_indices)
+        tangent = Tangent(*implicit_tangent(rhs, slopes, n, p_indices))
     elif method.tableau is None:
         tangent = _semi_implicit(slopes, n)
     else:
@@ -77,7 +71,7 @@ def build_tangent(
             _staged_advance(method.tableau, slopes, n, dense),
             _staged_propagation(method.tableau, slopes, n),
         )
-    return tangent if project is None else _projected(tangent, project, n, tuned)
+    return tangent if project is None else _with_projection(tangent, project, n, p_indices)
 
 
 def _arguments(slopes: Slopes) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
@@ -103,10 +97,10 @@ def _staged_advance(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> ca
     c: dict[int, ca.MX] = {}
 
     def state(i: int) -> ca.MX:
-        """That of stage i, and after the last one that at the end."""
+        """The state at stage i, or at the end of the step after the last stage."""
         if tableau.positions:
             return nystrom.stage(tableau, i, list(k.values()), x, h, n)
-        return x + h * weighed_sum((*tableau.a, tableau.b)[i], k, x)
+        return x + h * weighted_sum((*tableau.a, tableau.b)[i], k, x)
 
     for i in used:
         k[i], c[i] = slopes.coefficients(state(i), u, p)
@@ -114,7 +108,7 @@ def _staged_advance(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> ca
     results = [after, ca.vertcat(h, *k.values(), *c.values())]
     if dense and len(used) == len(tableau.b):
         step = Step(x, h, after, [], tableau, list(k.values()))
-        results += step.inside(lambda _, y: slopes.coefficients(y, u, p)[0])
+        results += step.dense_output(lambda _, y: slopes.coefficients(y, u, p)[0])
     return ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
 
@@ -128,11 +122,11 @@ def _staged_propagation(tableau: Tableau, slopes: Slopes, n: int) -> ca.Function
     dk: dict[int, ca.SX] = {}
 
     def change(i: int) -> ca.SX:
-        """That of the state of stage i, and after the last one of that at the end."""
+        """Change of the state at stage i, or at the end of the step after the last stage."""
         weights = (*tableau.a, tableau.b)[i]
         if tableau.positions:
             return nystrom.tangent(weights, tableau.positions[i], dk, k, dx, h, dh, n)
-        return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, k, dx)
+        return dx + h * weighted_sum(weights, dk, dx) + dh * weighted_sum(weights, k, dx)
 
     for i in used:
         dk[i] = slopes.tangent(c[i], change(i), dw)
@@ -157,9 +151,9 @@ def _semi_implicit(slopes: Slopes, n: int) -> Tangent:
     """
     x, u, p, h = _arguments(slopes)
     k, c = slopes.coefficients(x, u, p)
-    moved = x + h * k
-    v = moved[n : 2 * n]
-    results = [ca.vertcat(x[:n] + h * v, moved[n:]), ca.vertcat(h, k, v, c)]
+    x_new = x + h * k
+    v = x_new[n : 2 * n]
+    results = [ca.vertcat(x[:n] + h * v, x_new[n:]), ca.vertcat(h, k, v, c)]
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
     return Tangent(advance, _semi_implicit_propagation(slopes, n))
 
@@ -168,19 +162,21 @@ def _semi_implicit_propagation(slopes: Slopes, n: int) -> ca.Function:
     dx, dw, dh = _changes(slopes)
     h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
     v, c = ca.SX.sym("v", n), ca.SX.sym("c", slopes.coefficients.size1_out(1))
-    moved = dx + h * slopes.tangent(c, dx, dw) + dh * k
-    after = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
+    dx_new = dx + h * slopes.tangent(c, dx, dw) + dh * k
+    after = ca.vertcat(dx[:n] + h * dx_new[n : 2 * n] + dh * v, dx_new[n:])
     arguments = [ca.vertcat(h, k, v, c), dx, dw, dh]
     return ca.Function("propagate", arguments, [after], {"cse": True})
 
 
-def _projected(tangent: Tangent, project: ca.Function, n: int, tuned: Sequence[int]) -> Tangent:
-    """The same with the state projected onto the constraints at the end."""
+def _with_projection(
+    tangent: Tangent, project: ca.Function, n: int, p_indices: Sequence[int]
+) -> Tangent:
+    """A step and its derivative with the state projected onto the constraints at its end."""
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
     projected, of_projection = project(before, after, p)[0], Coefficients()
     by_before, by_after, by_p = (
         of_projection.matrix(ca.jacobian(projected, by))
-        for by in (before, after, p[list(tuned), :])
+        for by in (before, after, p[list(p_indices), :])
     )
     results = [projected, of_projection.values]
     onto = ca.Function("onto", [before, after, p], results, {"cse": True})
@@ -199,11 +195,11 @@ def _projected(tangent: Tangent, project: ca.Function, n: int, tuned: Sequence[i
     return Tangent(advance, ca.Function("propagate", arguments, results, {"cse": True}))
 
 
-def _undivided(step: ca.Function, tuned: Sequence[int]) -> Tangent:
+def _differentiate_whole(step: ca.Function, p_indices: Sequence[int]) -> Tangent:
     """A step that is differentiated at once, not stage by stage."""
     arguments = x, u, p, h = step.mx_in()
     after = step(x, u, p, h)
-    by_w = ca.horzcat(ca.jacobian(after, u), jacobian_by(after, p, tuned))
+    by_w = ca.horzcat(ca.jacobian(after, u), jacobian_by(after, p, p_indices))
     slopes = [ca.densify(J) for J in (ca.jacobian(after, x), by_w, ca.jacobian(after, h))]
     coefficients = ca.vertcat(*map(ca.vec, slopes))
     advance = ca.Function("advance", arguments, [after, coefficients], {"cse": True})

@@ -18,6 +18,7 @@ from arm_dynamics.control.computed_torque import ComputedTorque
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.symbols import dense_function
 
 
 @frozen
@@ -34,12 +35,9 @@ class CompiledControl:
 
 
 def computed_torque(
-    model: ArmModel,
-    sample: Callable[[float], Reference],
-    bandwidth: float | Array = 20.0,
-    damping_ratio: float | Array = 1.0,
-    dt: float = 1e-3,
-) -> CompiledControl:
+    model: ArmModel, sample: Callable[[float], Reference], bandwidth: float | Array = 20.0,
+    damping_ratio: float | Array = 1.0, dt: float = 1e-3,
+) -> CompiledControl:  # fmt: skip
     """Computed torque as ``arm_dynamics.control.ComputedTorque``, compiled into the simulator.
 
     Args:
@@ -60,11 +58,11 @@ def computed_torque(
     law = ComputedTorque(Dynamics(model), bandwidth, damping_ratio, dt)
     numbers = np.concatenate(law.tuning)
 
-    def rows(times: Array) -> Array:
+    def reference_rows(times: Array) -> Array:
         motion = np.array([_row(sample(t)) for t in times]).reshape(len(times), 3 * model.n)
         return np.hstack([motion, np.tile(numbers, (len(times), 1))])
 
-    return CompiledControl(command_function(law, model), rows)
+    return CompiledControl(command_function(law, model), reference_rows)
 
 
 @one_at_a_time
@@ -94,6 +92,14 @@ def actuation(
         for i in range(n)
     ]
     return ca.Function("actuate", [x, r], [ca.vertcat(*bounded)], {"cse": True})
+
+
+def actuation_slopes(plant: Plant) -> ca.Function:
+    """CasADi function ``acting`` (x, r) -> effective command, and its derivatives by x and r."""
+    actuate = actuation(plant)
+    x, r = (ca.SX.sym(name, actuate.size1_in(i)) for i, name in enumerate("xr"))
+    u = actuate(x, r)
+    return dense_function("acting", [x, r], u, ca.jacobian(u, x), ca.jacobian(u, r))
 
 
 def _row(reference: Reference) -> Array:

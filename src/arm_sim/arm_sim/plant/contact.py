@@ -23,7 +23,7 @@ class ContactFunctions:
         model: The robot.
         s: Its symbols.
         joints: Modes of the joints.
-        response: Their response to forces.
+        response: Response of the joints to forces.
 
     Attributes:
         points: The contacts.
@@ -72,8 +72,8 @@ class ContactFunctions:
     def geometry(self) -> ca.Function:
         """(q, v) stacked -> positions of the points in their planes' axes, velocities, sizes."""
         # After many revolutions, the rounding of a joint's position also enters the gap.
-        turned = ca.fabs(self._geometry.rows[::3, :]) @ ca.fabs(self._s.q)
-        results = self._geometry.place, self._speed, self._geometry.size + turned
+        travel = ca.fabs(self._geometry.rows[::3, :]) @ ca.fabs(self._s.q)
+        results = self._geometry.place, self._speed, self._geometry.size + travel
         return dense_function("contact_geometry", [self._x], *results)
 
     @built_once
@@ -84,10 +84,11 @@ class ContactFunctions:
         step. A ball has no anchor.
         """
         anchor = ca.SX.sym("anchor", 2 * len(self.points))
-        expected = ca.vec(ca.vertcat(ca.SX(1, len(self.points)), ca.reshape(anchor, 2, -1)))
-        s, rows, back, forces = self._s, self._mode.rows(), self._returning, self._delassus.forces
+        target = ca.vec(ca.vertcat(ca.SX(1, len(self.points)), ca.reshape(anchor, 2, -1)))
+        s, rows, forces = self._s, self._mode.rows(), self._delassus.forces
+        positional = self._positional_rows
         closed = ca.vertcat(
-            s.q + self._B @ forces(self._geometry.place - expected, ca.diag(back), back),
+            s.q + self._B @ forces(self._geometry.place - target, ca.diag(positional), positional),
             s.v + self._B @ forces(self._A_moving @ s.v, ca.diag(rows), rows),
         )
         return dense_function("contact_close", [self._x, self._p, anchor], closed)
@@ -103,7 +104,7 @@ class ContactFunctions:
 
     @built_once
     def sites(self) -> ca.Function:
-        """Of q -> normal, two tangents and contact point of each contact in the world frame.
+        """Normal, two tangents and contact point of each contact in the world frame, by q.
 
         In [m], shape (3, 4 nc).
         """
@@ -111,11 +112,11 @@ class ContactFunctions:
         return ca.Function("contact_sites", [self._s.q], [sites], {"cse": True})
 
     @built_once
-    def lost(self) -> ca.Function:
+    def friction_power(self) -> ca.Function:
         """(q, v, tau, p) -> power dissipated by friction of the contacts in [W]."""
         tangential = [i for i in range(self._force.shape[0]) if i % 3]
         power = -ca.dot(self._force[tangential], self._speed[tangential])
-        return dense_function("lost", self._arguments, power)
+        return dense_function("friction_power", self._arguments, power)
 
     @one_at_a_time
     def slopes(self) -> ca.Function:
@@ -150,20 +151,20 @@ class ContactFunctions:
         drift = ca.horzcat(ca.jacobian(self._speed, q), A)
         # At satisfied contacts the residuals vanish: the derivative of a projection is that of
         # x - (motion of the joints per residual) residual(x) with the first factor constant.
-        # ``back`` is the joint motion per change of a point's place, ``held`` the joint velocity
-        # per velocity of a point, and ``turned`` the derivative by q of the velocity removed.
-        back = B @ unknowns(ca.diag(self._returning), self._returning)
+        # ``return_gain`` is the joint motion per change of a point's place, ``stop_gain`` that of
+        # velocities, and ``stop_by_q`` the derivative by q of the velocity removed.
+        return_gain = B @ unknowns(ca.diag(self._positional_rows), self._positional_rows)
         settled = B @ shares @ unknowns(shares, rows) @ -drift
-        held = B @ unknowns(ca.diag(rows), rows)
-        turned = held @ ca.jacobian(self._A_moving @ self._s.v, q)
+        stop_gain = B @ unknowns(ca.diag(rows), rows)
+        stop_by_q = stop_gain @ ca.jacobian(self._A_moving @ self._s.v, q)
         tangents = [i for i in range(A.shape[0]) if i % 3]
-        positions = ca.horzcat(eye - back @ by_q, zeros, back[:, tangents])
-        velocities = ca.horzcat(zeros, eye - held @ self._A_moving, ca.SX(n, len(tangents)))
-        closed = ca.vertcat(positions, velocities - turned @ positions)
+        positions = ca.horzcat(eye - return_gain @ by_q, zeros, return_gain[:, tangents])
+        velocities = ca.horzcat(zeros, eye - stop_gain @ self._A_moving, ca.SX(n, len(tangents)))
+        closed = ca.vertcat(positions, velocities - stop_by_q @ positions)
         results = ca.horzcat(zeros, eye) + settled, closed
         return dense_function("closing", [self._x, self._p], *results)
 
     @property
-    def _returning(self) -> ca.SX:
+    def _positional_rows(self) -> ca.SX:
         """1 for active rows whose positions are restored."""
         return self._mode.rows() * contact.positional(self.points)

@@ -30,10 +30,10 @@ Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 class EnergyFlows(Ensemble):
     """The models of a scene with energy flows as additional states, which come last.
 
-    They are the work supplied to the models and the heat dissipated in them, and those of
-    ``dissipated_and_external_power`` and ``Mechanics.power_lost``: heat of the joints' friction
-    and of dampers, external work, and losses in friction of contacts and in compliant stops.
-    Impacts are not included.
+    They are the work supplied to the models and the heat dissipated in them, and integrals of
+    ``dissipated_power``, ``external_power`` and ``Mechanics.power_lost``: heat of the joints'
+    friction and of dampers, external work, and losses in friction of contacts and in compliant
+    stops. Impacts are not included.
     """
 
     @property
@@ -51,24 +51,27 @@ class EnergyFlows(Ensemble):
         return np.concatenate([super().initial(q, v), np.zeros(len(FLOWS))])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Equations of the models, and their powers as rates of the first two energies."""
+        """Equations of the models, and rates of the first two energies; the plant adds others."""
         flow = super().equations(q, v, z, u)
         return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, flow.lost))
 
 
-def dissipated_and_external_power(model: ArmModel, parameters: Parameters) -> tuple[Power, Power]:
-    """Power lost in friction and dampers without states, and that of external torques."""
+def dissipated_power(model: ArmModel, parameters: Parameters) -> Power:
+    """Power lost in friction and dampers without states."""
     tree = tree_of(model)
-    viscous, dry, pushed = map(parameters.place, ("friction", "coulomb", EXTERNAL))
+    viscous, dry = map(parameters.place, ("friction", "coulomb"))
 
-    def dissipated_power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+    def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         law = model.friction if dry is None else model.friction.scaled(p[dry])
         torque = law.smooth(v, q, None if viscous is None else p[viscous])
         if law.has_dry:
             torque = torque + law.dry(v, ca.sign(v), q, tau)
         return ca.dot(torque, v) + spring.heat(model.springs, tree, q, v)
 
-    def external_power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
-        return ca.SX(1, 1) if pushed is None else ca.dot(p[pushed], v)
+    return power
 
-    return dissipated_power, external_power
+
+def external_power(parameters: Parameters) -> Power:
+    """Power of external torques; zero where they are not tunable."""
+    external = parameters.place(EXTERNAL)
+    return lambda q, v, tau, p: ca.SX(1, 1) if external is None else ca.dot(p[external], v)

@@ -28,7 +28,7 @@ class Mechanics:
     Args:
         model: The robot.
         symbols: Its symbols.
-        options: Those on stops, sliding and regularization are used.
+        options: Options, of which stops, sliding and regularization are used.
 
     Attributes:
         symbols: Symbols of the expressions.
@@ -47,7 +47,7 @@ class Mechanics:
         self.symbols = s = symbols
         self.joints = joints = Joints(model, s, options)
         self._arguments = [s.q, s.v, s.tau, joints.p]
-        self._at_stops = options.stops and bool(model.stops)
+        self._has_stops = options.stops and bool(model.stops)
         self._bilateral = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = self._bilateral.project(joints.p) if self._bilateral else None
         modes = joints.direction.numel() + joints.pressed.numel() + joints.switches.numel()
@@ -55,9 +55,13 @@ class Mechanics:
         self.contact: ContactFunctions | None = None
         self._response: AnyResponse | None = None
         self._reactions: Reactions | None = None
+        self.method, self.acceleration = self._solve(model, options)
+
+    def _solve(self, model: ArmModel, options: Options) -> tuple[str, ca.Function]:
+        """Find response and reactions; the algorithm, for display, and ``acceleration``."""
+        s, joints = self.symbols, self.joints
         if not (self._bilateral or self._eventful or options.sliding):
-            self.method, self.acceleration = _shortest(model, s)
-            return
+            return _cheapest_dynamics(model, s)
         if joints.contacts.numel() and not options.sliding:
             self._response = response = self._bilateral or Response(model, s, joints)
             self.contact = ContactFunctions(model, s, joints, response)
@@ -65,8 +69,8 @@ class Mechanics:
         else:
             self._response = self._bilateral or response_of(model, s, joints)
             self._reactions = joint_reactions(s, self._response)
-        self.method = _method(self._response.algorithm, model)
-        self.acceleration = dense_function("acceleration", self._arguments, self._reactions.a)
+        acceleration = dense_function("acceleration", self._arguments, self._reactions.a)
+        return _describe_method(self._response.algorithm, model), acceleration
 
     @built_once
     def event_functions(self) -> tuple[ca.Function, ...]:
@@ -93,8 +97,8 @@ class Mechanics:
         These torques include what friction alone may hold. Code that does not use them does not
         compute them.
         """
-        stopped = self.joints.stop - reactions.held if self._at_stops else ca.SX(0, 1)
-        results = *reactions.loads, stopped, reactions.a
+        stop_torques = self.joints.stop - reactions.held if self._has_stops else ca.SX(0, 1)
+        results = *reactions.loads, stop_torques, reactions.a
         return dense_function("loads", self._arguments, *results)
 
     def _bilateral_torques(self, reactions: Reactions, bilateral: Bilateral) -> ca.Function:
@@ -104,8 +108,8 @@ class Mechanics:
         of contacts and static friction besides them.
         """
         starting = ca.if_else(self.symbols.v == 0, self.joints.friction, 0)
-        others = reactions.push - reactions.held - starting
-        return dense_function("bilateral", self._arguments, bilateral.rank, others)
+        torques = reactions.push - reactions.held - starting
+        return dense_function("bilateral", self._arguments, bilateral.rank, torques)
 
     def _statics(self, reactions: Reactions) -> ca.Function:
         """The balance of forces, from which follows what holds together.
@@ -127,7 +131,7 @@ class Mechanics:
     @property
     def stop_functions(self) -> tuple[ca.Function, ...]:
         """Functions of stops: ``impact_map``, and of (q, v) ``pressures`` of compliant ones."""
-        if not (self._eventful and self._at_stops):
+        if not (self._eventful and self._has_stops):
             return ()
         if not self.joints.pressed.numel():
             return (self.impact_map,)
@@ -144,20 +148,20 @@ class Mechanics:
         assert self._reactions and self._response, "a smooth scene has no impacts"
         s, jacobian = self.symbols, self._reactions.jacobian
         change, impulse = ca.SX.sym("change", s.q.numel()), ca.SX.sym("impulse", jacobian.shape[0])
-        gain, held = self._response.struck(jacobian.T @ impulse, change)
+        gain, held = self._response.impact(jacobian.T @ impulse, change)
         arguments = [ca.vertcat(s.q, s.v), self.joints.p, change, impulse]
         return dense_function("impact_map", arguments, s.v + gain, held)
 
     def power_lost(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
         """Power that contact friction and compliant stops take from the joints in [W]."""
         s, joints = self.symbols, self.joints
-        losses = [self.contact.lost] if self.contact else []
+        losses = [self.contact.friction_power] if self.contact else []
         if joints.pressed.numel():
-            losses.append(dense_function("taken", self._arguments, -ca.dot(joints.stop, s.v)))
+            losses.append(dense_function("stop_loss", self._arguments, -ca.dot(joints.stop, s.v)))
         return sum((power(q, v, tau, p) for power in losses), ca.SX(1, 1))
 
 
-def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
+def _cheapest_dynamics(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     """Name and function of the algorithm of forward dynamics with the fewest operations."""
     arguments = [s.q, s.v, s.tau, s.p]
     candidates = []
@@ -167,7 +171,7 @@ def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     return min(candidates, key=lambda candidate: operations(candidate[1]))
 
 
-def _method(algorithm: str, model: ArmModel) -> str:
+def _describe_method(algorithm: str, model: ArmModel) -> str:
     """Description of the algorithm, and of the modes that it includes."""
     kinds = {
         "constraints held": model.scene.bilateral,

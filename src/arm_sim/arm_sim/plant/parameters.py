@@ -19,8 +19,8 @@ from arm_dynamics.scene.inertia import fault, possible
 from arm_dynamics.scene.schema import Tunable
 
 EXTERNAL, CONSTRAINTS = "external", "constraints"
-# Mass, centre of mass, and ixx, ixy, ixz, iyy, iyz, izz.
-_LEAST_OF_A_BODY = [0.0, *[-np.inf] * 3, 0.0, *[-np.inf] * 2, 0.0, -np.inf, 0.0]
+# Smallest mass, centre of mass, and ixx, ixy, ixz, iyy, iyz, izz of a body
+_BODY_LOWER_BOUNDS = [0.0, *[-np.inf] * 3, 0.0, *[-np.inf] * 2, 0.0, -np.inf, 0.0]
 
 
 @frozen
@@ -60,13 +60,13 @@ def names_of(scene: Scene) -> tuple[str, ...]:
     return (*names, *([CONSTRAINTS] if switches(scene.constraints).size else []))
 
 
-def with_external(p: Array, scene: Scene, n: int) -> Array:
-    """P with external torques of zero on n joints, of a scene that does not declare them."""
+def insert_external(p: Array, scene: Scene, n: int) -> Array:
+    """The vector p with external torques of zero on n joints, which a scene does not declare."""
     return np.insert(p, len(p) - switches(scene.constraints).size, np.zeros(n))
 
 
-def without_external(p: Array, scene: Scene, n: int) -> Array:
-    """P less the external torques on n joints."""
+def remove_external(p: Array, scene: Scene, n: int) -> Array:
+    """The vector p without the external torques on n joints."""
     end = len(p) - switches(scene.constraints).size
     return np.delete(p, np.s_[end - n : end])
 
@@ -82,15 +82,15 @@ class Parameters:
         payloads = [[load.mass, *load.com, *load.inertia] for load in model.scene.payloads]
         bodies, friction = np.array(payloads, dtype=float).ravel(), model.friction
         dry = friction.coulomb.mean
-        every = (
+        quantities = (
             Parameter.of("gravity", np.array(model.scene.gravity)),
-            Parameter.of("payload", bodies, np.tile(_LEAST_OF_A_BODY, len(payloads))),
+            Parameter.of("payload", bodies, np.tile(_BODY_LOWER_BOUNDS, len(payloads))),
             Parameter.of("friction", model.viscous, abs(friction.viscous.skew)),
             Parameter.of("coulomb", dry, 0.0, np.where(dry > 0.0, np.inf, 0.0)),
             Parameter.of(EXTERNAL, np.zeros(model.n)),
             Parameter.of(CONSTRAINTS, switches(model.scene.constraints)),
         )
-        by_name = {item.name: item for item in every}
+        by_name = {item.name: item for item in quantities}
         self._joints = model.joint_names
         self.items = tuple(by_name[name] for name in names_of(model.scene))
         ends = np.cumsum([item.nominal.size for item in self.items]).tolist()
@@ -163,21 +163,23 @@ class Parameters:
                 listed = self.names or f"none of {', '.join(get_args(Tunable))}"
                 raise InvalidInput(f"'{name}' is not tunable; the scene's 'tunable' lists {listed}")
         columns = [
-            self._checked(item, values[item.name])
-            if item.name in values
-            else self.of(item.name, p)
+            self._check(item, values[item.name]) if item.name in values else self.of(item.name, p)
             for item in self.items
         ]
         shape = np.broadcast_shapes(*(column.shape[:-1] for column in columns))
         full = [np.broadcast_to(column, (*shape, column.shape[-1])) for column in columns]
         return np.concatenate([np.zeros((*shape, 0)), *full], axis=-1)
 
-    def _checked(self, item: Parameter, value: ArrayLike) -> Array:
+    def _check(self, item: Parameter, value: ArrayLike) -> Array:
+        """Values of a quantity as an array, refused if they are not allowed."""
         values = vector_or_batch(item.name, np.atleast_1d(value), item.nominal.size)
-        if item.name in ("friction", "coulomb"):
-            _check_bounds(item, values, self._joints)
-        elif item.name in _CHECKS:
-            _CHECKS[item.name](values)
+        match item.name:
+            case "friction" | "coulomb":
+                _check_bounds(item, values, self._joints)
+            case "payload":
+                _check_payloads(values)
+            case "constraints":
+                _check_switches(values)
         return values
 
 
@@ -217,6 +219,3 @@ def _check_switches(values: Array) -> None:
 def _of_arm(place: NDArray[np.intp]) -> str:
     """The index of the arm in a batch, for a message."""
     return f" of arm {place[0]}" if len(place) > 1 else ""
-
-
-_CHECKS = {"payload": _check_payloads, CONSTRAINTS: _check_switches}

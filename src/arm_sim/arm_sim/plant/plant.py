@@ -22,7 +22,7 @@ from arm_dynamics.equations import contact
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.model.tree_builder import contact_points, tree_of
-from arm_sim.plant.energy_flows import EnergyFlows, dissipated_and_external_power
+from arm_sim.plant.energy_flows import EnergyFlows, dissipated_power, external_power
 from arm_sim.plant.mechanics import Mechanics
 from arm_sim.plant.options import SCENE, Options
 from arm_sim.plant.parameters import Parameters
@@ -65,8 +65,8 @@ class Plant:
 
         Args:
             model: The robot.
-            options: What they contain.
-            variants: Those of the same scene under other options.
+            options: What the equations contain.
+            variants: Plants of the same scene, by their options.
         """
         self.model, self.options = model, options
         self._variants = {} if variants is None else variants
@@ -76,23 +76,25 @@ class Plant:
         # Variants that differ in other options than stops share symbols and drives with the plant
         # of the scene, so that entries of p mean the same in all of them.
         of_scene = Options(stops=options.stops)
-        self._scene_plant = shared = self if options == of_scene else self._under(of_scene)
+        self._scene_plant = shared = self if options == of_scene else self._variant_of(of_scene)
         self._drives: SwitchedDrives | None = None  # away from stops drives do not switch
         if options.stops:
-            own = laws, model.n, model.friction.gears
-            self._drives = SwitchedDrives(*own) if shared is self else shared._drives
+            arguments = laws, model.n, model.friction.gears
+            self._drives = SwitchedDrives(*arguments) if shared is self else shared._drives
         self.constrained = bool(model.scene.bilateral)
         self.has_sliding_modes = model.has_dry_friction or bool(model.scene.contacts)
-        events = any(mode_counts(model, options.stops)) or model.scene.contacts or self._switches
+        events = (
+            any(mode_counts(model, options.stops)) or model.scene.contacts or self._has_switches
+        )
         self.eventful = bool(events) and not options.regularization
         self._variants[options] = self  # last: one that fails is none
 
     @one_at_a_time
     def variant(self, **options: Any) -> Plant:
         """The same scene with some ``Options`` changed; there is one for all users."""
-        return self._under(replace(self.options, **options))
+        return self._variant_of(replace(self.options, **options))
 
-    def _under(self, options: Options) -> Plant:
+    def _variant_of(self, options: Options) -> Plant:
         """The variant under these options, which is built unless there is one."""
         return self._variants.get(options) or Plant(self.model, options, self._variants)
 
@@ -103,8 +105,8 @@ class Plant:
         None if there are always modes, or if the arm is so itself: these equations are simpler,
         with the tunable quantities alone in p.
         """
-        leaves = (self.options.stops and self.model.stops) or self._switches
-        return self.variant(stops=False) if leaves and not self.has_sliding_modes else None
+        can_leave = (self.options.stops and self.model.stops) or self._has_switches
+        return self.variant(stops=False) if can_leave and not self.has_sliding_modes else None
 
     @built_once
     def mechanics(self) -> Mechanics:
@@ -162,7 +164,7 @@ class Plant:
     def layout(self) -> Layout:
         """Numbers of the entries of p."""
         modes = mode_counts(self.model, self.options.stops)
-        switches = self._symbols.switches.numel() if self._switches else 0
+        switches = self._symbols.switches.numel() if self._has_switches else 0
         return Layout(len(self.parameters.nominal), *modes, switches)
 
     @cached_property
@@ -194,9 +196,9 @@ class Plant:
 
     @built_once
     def _state_space(self) -> StateSpace:
-        powers = dissipated_and_external_power(self.model, self.parameters)
-        flows = (*powers, self.mechanics.power_lost)
-        return StateSpace(self.mechanics, self.laws, flows if self.options.energies else ())
+        heat, work = dissipated_power(self.model, self.parameters), external_power(self.parameters)
+        flows = (heat, work, self.mechanics.power_lost) if self.options.energies else ()
+        return StateSpace(self.mechanics, self.laws, flows)
 
     @built_once
     def _symbols(self) -> Symbols:
@@ -205,7 +207,7 @@ class Plant:
         return Symbols(self.model, self.parameters, self._drives)
 
     @property
-    def _switches(self) -> bool:
+    def _has_switches(self) -> bool:
         """Whether there are modes of cords and drives."""
         drives = self._drives
         return drives is not None and (has_cords(self.model) or drives.modes.numel() > 0)

@@ -57,12 +57,12 @@ class Response:
 
         Args:
             load: Acting torques.
-            a: ``accelerations`` under them.
+            a: ``accelerations`` under these torques.
         """
         return self._sticking @ (load - self._M @ a)
 
-    def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Impact: jumps of the velocities, prescribed for held joints.
+    def impact(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Jumps of the velocities in an impact, prescribed for held joints.
 
         Args:
             push: Impulses on the joints in [N m s] or [N s], shape (n,).
@@ -78,41 +78,41 @@ class Response:
 
 
 class RecursiveResponse:
-    """The same in linear time in the number of joints, for arms without mimic joints.
+    """``Response`` in linear time in the number of joints, for arms without mimic joints.
 
     Args:
         model: The robot.
         s: Its symbols.
-        joints: What the joints do.
+        joints: Modes of the joints.
 
     Attributes:
-        load: As of ``Response``, but for gravity and inertial forces, shape (n,).
+        load: Acting torques as of ``Response``, without gravity and inertial forces, shape (n,).
         algorithm: Name of the algorithm, for display.
     """
 
     algorithm = "articulated bodies"
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
-        self._still, self._s, self._sliding = ca.SX(model.n, 1), s, joints.sliding
+        self._zero, self._s, self._sliding = ca.SX(model.n, 1), s, joints.sliding
         self.load = s.tau - s.passive - joints.friction + joints.stop
 
     def accelerations(self, load: ca.SX) -> ca.SX:
-        """As ``Response``."""
+        """Accelerations as of ``Response``."""
         return self._motion(load)[0]
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
-        """As ``Response``; ``a`` follows from the load."""
+        """Reactions as of ``Response``; ``a`` follows from the load."""
         return self._motion(load)[1]
 
-    def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """As ``Response``: impulses change velocities as torques cause accelerations."""
-        s, still = self._s, self._still
-        gain, lacking = hybrid(s.tree, s.q, still, push, ca.SX(3, 1), self._sliding, change)
-        return gain, -lacking
+    def impact(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Impact as of ``Response``: impulses change velocities as torques cause accelerations."""
+        s, zero = self._s, self._zero
+        gain, reaction = hybrid(s.tree, s.q, zero, push, ca.SX(3, 1), self._sliding, change)
+        return gain, -reaction
 
     def _motion(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
         s = self._s
-        return hybrid(s.tree, s.q, s.v, load, s.gravity, self._sliding, self._still)
+        return hybrid(s.tree, s.q, s.v, load, s.gravity, self._sliding, self._zero)
 
 
 type AnyResponse = Response | RecursiveResponse
@@ -150,7 +150,7 @@ class Reactions:
 
 
 def joint_reactions(s: Symbols, response: AnyResponse) -> Reactions:
-    """Those of held joints, without contacts."""
+    """Reactions of held joints, without contacts."""
     a, none = response.accelerations(response.load), ca.SX(0, 1)
     held, n = response.reactions(response.load, a), s.q.shape[0]
     relative = s.friction.relative_hold(held, s.q, s.tau)

@@ -21,7 +21,7 @@ from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.coefficients import Coefficients
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.state_space import flow_under_modes, split, under_modes
+from arm_sim.plant.state_space import flow_with_modes, laws_with_modes, split
 from arm_sim.plant.symbols import dense_function
 
 
@@ -30,7 +30,7 @@ class Slopes:
 
     Args:
         plant: The equations.
-        tuned: Indices in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Attributes:
         coefficients: CasADi function (x, u, p) -> x' and the coefficients c of its derivative.
@@ -38,33 +38,33 @@ class Slopes:
             of those quantities, one below the other.
     """
 
-    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
+    def __init__(self, plant: Plant, p_indices: Sequence[int] = ()) -> None:
         x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
-        x_dot, n, by_p = _x_dot(plant, x, u, p), plant.model.n, p[list(tuned), :]
-        dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
+        x_dot, n, by_p = _x_dot(plant, x, u, p), plant.model.n, p[list(p_indices), :]
+        dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(p_indices))
         c = Coefficients()
         if plant.constrained:
             J_x, J_w = (ca.jacobian(x_dot[n:], by) for by in (x, ca.vertcat(u, by_p)))
             changes = c.matrix(J_x) @ dx + c.matrix(J_w) @ dw
         else:
             K_x, K_w, H = scaled_slopes(plant, x, u, p, x_dot)
-            if tuned:
-                K_w = ca.horzcat(K_w, _scaled_by(by_p, plant, x, u, p, x_dot))
+            if p_indices:
+                K_w = ca.horzcat(K_w, _scaled_by_p(by_p, plant, x, u, p, x_dot))
             contacts = contact_slopes(plant, x, u, p, x_dot) if plant.mechanics.contact else None
             if contacts:
                 K_x[:n, : 2 * n] += contacts.torques
             rows = c.matrix(K_x) @ dx + c.matrix(K_w) @ dw
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
-            da = _solved(c, H[:n, :n], load)
+            da = _solution(c, H[:n, :n], load)
             if contacts:
-                da = da + _by_contacts(c, contacts, dx[: 2 * n], da)
+                da = da + _contact_change(c, contacts, dx[: 2 * n], da)
             changes = ca.vertcat(da, rates)
         self.coefficients = dense_function("coefficients", [x, u, p], x_dot, c.values)
         change = ca.vertcat(dx[n : 2 * n], changes)
         self.tangent = dense_function("tangent", [c.symbols, dx, dw], change)
 
 
-def _solved(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
+def _solution(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
     """H⁻¹ load, with the factors of H among the coefficients."""
     factors = rigid_body.factored(ca.sparsify(H))
     pivots = c.matrix(1 / ca.diag(factors))
@@ -72,7 +72,7 @@ def _solved(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
     return rigid_body.substituted(factors, pivots * rigid_body.eliminated(factors, load))
 
 
-def _scaled_by(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> ca.SX:
+def _scaled_by_p(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> ca.SX:
     """H ∂g/∂p for some entries of p, as ``scaled_slopes`` for x and u."""
     n, a = plant.model.n, ca.SX.sym("a", plant.model.n)
     torques = ca.jacobian(residual(plant, x, u, p, a)[0], by_p)
@@ -83,7 +83,7 @@ def _scaled_by(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: c
 def _x_dot(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """x', with accelerations by the M that its derivative uses, where that is faster."""
     x_dot, n = plant.rhs(x, u, p), plant.model.n
-    if n > DENSE_AT_MOST or not held_by_joints(plant):
+    if n > DENSE_AT_MOST or not is_held_by_joints(plant):
         return x_dot
     at_rest = ca.SX(plant.nx, 1)
     load = residual(plant, x, u, p, at_rest[:n])[0]
@@ -108,7 +108,7 @@ def pullback(plant: Plant) -> ca.Function:
     n, tunable = plant.model.n, len(plant.parameters.nominal)
     x_dot, mu = ca.SX.sym("x_dot", plant.nx), ca.SX.sym("mu", plant.nx)
     arguments = [x, u, p, x_dot, mu]
-    if not held_by_joints(plant):
+    if not is_held_by_joints(plant):
         gradients = [ca.jtimes(plant.rhs(x, u, p), by, mu, True) for by in (x, u, p)]
     else:
         R, H = residual(plant, x, u, p, x_dot[n : 2 * n])
@@ -123,7 +123,7 @@ def pullback(plant: Plant) -> ca.Function:
     return dense_function("pullback", arguments, by_x, by_u, by_p[:tunable])
 
 
-def held_by_joints(plant: Plant) -> bool:
+def is_held_by_joints(plant: Plant) -> bool:
     """Whether an arm is held by its joints alone: no loops, no contacts."""
     return not (plant.constrained or (plant.points and not plant.options.sliding))
 
@@ -175,8 +175,8 @@ class ContactSlopes(NamedTuple):
 
     Attributes:
         torques: Derivatives of the torques of constant contact forces by q and v.
-        rates: Those of the accelerations of the active rows, at constant q̈.
-        rows: These rows.
+        rates: Derivatives of the accelerations of the active rows by q and v, at constant q̈.
+        rows: The active rows.
         mobility: Accelerations of the joints per unknown force.
         forces: Minus the unknown forces per acceleration of the rows.
     """
@@ -197,7 +197,7 @@ def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> 
     return ContactSlopes(*contact.slopes()(q, v, tau, p, x_dot[n : 2 * n], force))
 
 
-def _by_contacts(c: Coefficients, slopes: ContactSlopes, dx: ca.SX, da: ca.SX) -> ca.SX:
+def _contact_change(c: Coefficients, slopes: ContactSlopes, dx: ca.SX, da: ca.SX) -> ca.SX:
     """What the forces of contacts add to the change ``da`` at constant forces."""
     violation = c.matrix(slopes.rates) @ dx + c.matrix(slopes.rows) @ da
     mobility, forces = c.matrix(slopes.mobility), c.matrix(slopes.forces)
@@ -213,7 +213,7 @@ def scaled_jacobian(plant: Plant) -> ca.Function | None:
         for arms with loops or contacts, where the Jacobian itself is as good.
     """
     n = plant.model.n
-    if n <= DENSE_AT_MOST or not held_by_joints(plant):
+    if n <= DENSE_AT_MOST or not is_held_by_joints(plant):
         return None
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     x_dot = ca.SX.sym("x_dot", plant.nx)
@@ -234,5 +234,5 @@ def _free_and_load(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[ca.SX, c
 
 def _torque(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """Torque of drives and laws with states on the links, shape (n,)."""
-    laws = under_modes(plant.laws, plant.mechanics)
-    return flow_under_modes(laws, plant.mechanics, *split(x, plant.model.n), u, p)[0]
+    laws = laws_with_modes(plant.laws, plant.mechanics)
+    return flow_with_modes(laws, plant.mechanics, *split(x, plant.model.n), u, p)[0]

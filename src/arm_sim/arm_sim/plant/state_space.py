@@ -24,7 +24,7 @@ class StateSpace:
 
     def __init__(self, mechanics: Mechanics, laws: Ensemble, powers: Sequence[Power]) -> None:
         self._mechanics, self._powers = mechanics, powers
-        self._laws, self._n = under_modes(laws, mechanics), laws.n
+        self._laws, self._n = laws_with_modes(laws, mechanics), laws.n
         self._nx = 2 * laws.n + len(laws.names)
 
     @built_once
@@ -34,7 +34,7 @@ class StateSpace:
 
     @built_once
     def events(self) -> dict[str, ca.Function]:
-        """See ``Plant.events``."""
+        """Functions for events by name, see ``Plant.events``."""
         arm, contact = self._mechanics, self._mechanics.contact
         functions = [
             # The last result of ``loads`` is q̈.
@@ -54,20 +54,20 @@ class StateSpace:
 
     def _of_state(self, function: ca.Function) -> ca.Function:
         """A function of (x, u, p) from one of (q, v, tau, p)."""
-        arguments, results, *_ = self._called(function)
+        arguments, results, *_ = self._evaluate(function)
         return dense_function(function.name(), arguments, *results)
 
     def _with_rates(self, function: ca.Function, name: str) -> ca.Function:
-        """Likewise, with x' in place of its last result, q̈."""
-        arguments, results, v, rates = self._called(function)
+        """A function of (x, u, p) likewise, with x' in place of the last result, q̈."""
+        arguments, results, v, rates = self._evaluate(function)
         results[-1] = ca.vertcat(v, results[-1], rates)
         return dense_function(name, arguments, *results)
 
-    def _called(self, function: ca.Function) -> tuple[list[ca.SX], list[ca.SX], ca.SX, ca.SX]:
+    def _evaluate(self, function: ca.Function) -> tuple[list[ca.SX], list[ca.SX], ca.SX, ca.SX]:
         """x, u and p; the results of a function of (q, v, tau, p); v, and the derivative of z."""
         x, u, p = self._arguments()
         q, v, z = split(x, self._n)
-        tau, rates = flow_under_modes(self._laws, self._mechanics, q, v, z, u, p)
+        tau, rates = flow_with_modes(self._laws, self._mechanics, q, v, z, u, p)
         flows = [power(q, v, tau, p) for power in self._powers]
         return [x, u, p], function.call([q, v, tau, p]), v, ca.vertcat(rates, *flows)
 
@@ -91,18 +91,18 @@ def split(x: ca.SX, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:
     return x[:n], x[n : 2 * n], x[2 * n :]
 
 
-def under_modes(laws: Ensemble, mechanics: Mechanics) -> Ensemble:
+def laws_with_modes(laws: Ensemble, mechanics: Mechanics) -> Ensemble:
     """The laws with modes in place of the comparisons of drives."""
     drives = mechanics.symbols.drives
-    return drives.within(laws) if drives else laws
+    return drives.replace_in(laws) if drives else laws
 
 
-def flow_under_modes(
+def flow_with_modes(
     laws: Ensemble, mechanics: Mechanics, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX, p: ca.SX
 ) -> list[ca.SX]:
     """Torque on the joints, and derivatives of z, under the modes in p.
 
-    ``laws``: those of ``under_modes``.
+    ``laws``: those of ``laws_with_modes``.
     """
     joints, flow = mechanics.joints, laws.equations(q, v, z, u)
     parts = [flow.torque, flow.slope]

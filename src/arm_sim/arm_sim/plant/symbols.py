@@ -12,9 +12,10 @@ from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
+from arm_sim.case_modes import Switches, case_modes
 from arm_sim.plant.options import SCENE, Options
 from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL, Parameters
-from arm_sim.plant.switches import SwitchedDrives, Switches, case_modes
+from arm_sim.plant.switches import SwitchedDrives
 
 
 class Symbols:
@@ -52,12 +53,12 @@ class Symbols:
         self.gravity = p.get("gravity", gravity_of(model))
         self._switches = ca.vertsplit(p[CONSTRAINTS]) if CONSTRAINTS in p else []
         self._switchable = switchable(model.scene.constraints)
-        own = model.friction
-        self.friction = own.scaled(p["coulomb"]) if "coulomb" in p else own
+        friction = model.friction
+        self.friction = friction.scaled(p["coulomb"]) if "coulomb" in p else friction
         if drives and (forward := drives.forward):
             signs = (forward.get(i, self.tau[i] > 0.0) for i in range(model.n))
             self.friction = replace(self.friction, forward=ca.vertcat(*signs))
-        self.passive = own.smooth(self.v, self.q, p.get("friction"))
+        self.passive = friction.smooth(self.v, self.q, p.get("friction"))
         self.drives, self.cords = drives, None
         if model.springs:
             torque = spring.torque(model.springs, self.tree, self.q, self.v)
@@ -86,7 +87,7 @@ class Joints:
     Args:
         model: The robot.
         s: Its symbols.
-        options: Those on stops, sliding and regularization are used.
+        options: Options, of which stops, sliding and regularization are used.
 
     Attributes:
         direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;
@@ -97,7 +98,7 @@ class Joints:
         friction: Dry friction of sliding joints in [N m] or [N], shape (n,).
         stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
         pressures: Torques of compliant stops if touched, see ``equations.spring``, shape (2 n,).
-        switches: Those of the symbols.
+        switches: Symbols of the modes of cords and drives, see ``Symbols``.
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
         p: The complete vector of tunable quantities and modes.
     """
@@ -113,18 +114,20 @@ class Joints:
         self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
         if directions and not options.sliding:
             rigid = model.stops.rigid.any(axis=0) & options.stops
-            may = (model.friction.level > 0.0) | rigid
-            self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
+            can_stick = (model.friction.level > 0.0) | rigid
+            slides = (self.direction[i] ** 2 if can_stick[i] else 1 for i in range(n))
+            self.sliding = ca.vertcat(*slides)
         if model.has_dry_friction:
             speed = options.regularization
-            slides = s.v / ca.sqrt(s.v**2 + speed**2) if speed else self.direction
-            self.friction = ca.sparsify(s.friction.dry(s.v, slides, s.q, s.tau))
+            direction = s.v / ca.sqrt(s.v**2 + speed**2) if speed else self.direction
+            self.friction = ca.sparsify(s.friction.dry(s.v, direction, s.q, s.tau))
         if pressed:
-            at = model.stops
-            self.pressures = spring.stop_pressures(s.q, s.v, at.place, at.stiffness, at.damping)
+            stops = model.stops
+            rates = stops.stiffness, stops.damping
+            self.pressures = spring.stop_pressures(s.q, s.v, stops.place, *rates)
             lower, upper = ca.vertsplit(self.pressures, n)
-            leans = (self.pressed < 0, self.pressed > 0)
-            self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)
+            at_lower, at_upper = self.pressed < 0, self.pressed > 0
+            self.stop = ca.sparsify(at_lower * lower - at_upper * upper)
 
 
 @dataclass(frozen=True)
@@ -132,10 +135,10 @@ class Layout:
     """Numbers of the entries of p before the modes of the contacts, in their order.
 
     Attributes:
-        tunable: Of tunable quantities.
-        directions: Of ``Joints.direction``.
-        pressed: Of ``Joints.pressed``.
-        switches: Of ``Symbols.switches``.
+        tunable: Number of tunable quantities.
+        directions: Size of ``Joints.direction``.
+        pressed: Size of ``Joints.pressed``.
+        switches: Size of ``Symbols.switches``.
     """
 
     tunable: int
@@ -174,8 +177,8 @@ def expanded_function(
     return ca.Function(name, arguments, dense).expand(name, {"cse": True})
 
 
-def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
+def jacobian_by(expression: ca.MX, p: ca.MX, p_indices: Sequence[int]) -> ca.MX:
     """Derivative by entries of p, at no cost if there are none."""
-    if not tuned:
+    if not p_indices:
         return type(expression)(expression.shape[0], 0)
-    return ca.jacobian(expression, p)[:, list(tuned)]
+    return ca.jacobian(expression, p)[:, list(p_indices)]

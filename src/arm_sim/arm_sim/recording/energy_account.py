@@ -21,7 +21,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.energy_flows import FLOWS
 from arm_sim.plant.parameters import EXTERNAL
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.present import PresentDynamics
+from arm_sim.plant.present_dynamics import PresentDynamics
 from arm_sim.plant.state_space import split
 from arm_sim.stepping.stepper import Stepper
 
@@ -90,7 +90,7 @@ class EnergyAccount:
         return np.array(self._stored(x.T)).ravel()
 
     def _dynamics(self, p: Array) -> Dynamics:
-        return self._present.at(p).of_motions()
+        return self._present.without_external(p).of_motions()
 
     def energies(self, x: Array, p: Array) -> Array:
         """Kinetic, potential and stored energy at states.

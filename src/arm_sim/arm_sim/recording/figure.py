@@ -70,7 +70,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
         figure.canvas.manager.show = lambda: _log.warning(
             "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
         )
-    return figures.shown_once(figure, figure)
+    return figures.show_once(figure, figure)
 
 
 def _panels(recordings: Sequence[RecordedMotion], names: Sequence[str]) -> dict[str, list[_Curve]]:
@@ -112,7 +112,7 @@ def _joints(recordings: Sequence[RecordedMotion], requested: Sequence[str]) -> l
         raise InvalidInput(f"unknown joint {known_names(unknown)}; allowed: {allowed}")
     if requested:
         return list(requested)
-    moved = figures.most_moved(recordings[0].q[:, _columns(recordings[0], shared)])
+    moved = figures.widest_columns(recordings[0].q[:, _columns(recordings[0], shared)])
     return [shared[i] for i in moved]
 
 

@@ -63,7 +63,7 @@ class RecordedMotion(Contents):
     @property
     def dynamics(self) -> Dynamics:
         """The arm's dynamics at the end of the run."""
-        return self._physics.present.tuned(self.p[-1])
+        return self._physics.present.with_external(self.p[-1])
 
     @property
     def _physics(self) -> Physics:

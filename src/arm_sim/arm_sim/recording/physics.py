@@ -11,10 +11,10 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.admissible_states import active_constraints
 from arm_sim.plant.parameters import CONSTRAINTS
-from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.present import PresentDynamics
+from arm_sim.plant.present_dynamics import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin
 from arm_sim.recording.witness import Witness
@@ -72,8 +72,8 @@ class Physics:
         n = self.plant.model.n
         q, v = x[:, :n], x[:, n : 2 * n]
         parts = [
-            self.present.at(p[run.start]).constrained.without_sticking(
-                q[run], v[run], tau[run], holding(self.plant, p[run.start])
+            self.present.without_external(p[run.start]).constrained.without_sticking(
+                q[run], v[run], tau[run], active_constraints(self.plant, p[run.start])
             )[1]
             for run in self.present.runs(p, CONSTRAINTS)
         ]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.methods import METHODS
-from arm_sim.integrators.selection import QUICK_STIFF, Choice, fastest_rate, law_rate
+from arm_sim.integrators.selection import IMPLICIT_STIFFNESS, Choice, fastest_rate, law_rate
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import FREE, Contents
 from arm_sim.stepping.stepper import Stepper
@@ -87,7 +87,7 @@ class Witness:
         """Method, tick and tolerance of the second run."""
         plant, first = self._plant, self._first
         dt, accuracy = first.dt / FINER, plant.model.scene.sim.accuracy
-        stiff = max(fastest_rate(plant), law_rate(plant.model)[0]) * dt > QUICK_STIFF
+        stiff = max(fastest_rate(plant), law_rate(plant.model)[0]) * dt > IMPLICIT_STIFFNESS
         explicit = "dopri5" if first.method.name == "dop853" else "dop853"
         tolerance = min(COARSEST, MARGIN * accuracy, first.tolerance or COARSEST)
         method = METHODS["implicit" if stiff else explicit]

@@ -24,17 +24,17 @@ from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import Symbols, dense_function
 
-# Default bandwidth ω in [rad/s]; lower where ticks are longer than a fifth of 1/ω, or a
-# transmission would oscillate.
-BANDWIDTH, OF_A_TICK = 100.0, 0.2
+# Default bandwidth ω in [rad/s]; lower where a transmission would oscillate, or ticks are longer
+# than this fraction of 1/ω.
+BANDWIDTH, TICK_FRACTION = 100.0, 0.2
 # Largest bandwidth relative to the natural frequency of a link on its transmission with the motor
 # held.
-OF_A_TRANSMISSION = 0.5
+TRANSMISSION_FRACTION = 0.5
 # Speed in [rad/s] or [m/s] from which dry friction is fully compensated; below, proportionally,
 # which prevents chatter when holding.
-SLOW = 1e-2
+FRICTION_SPEED = 1e-2
 # Smallest fraction of the desired acceleration, however weak the drives.
-LEAST = 1e-2
+MIN_FRACTION = 1e-2
 # Margin to a limit, such that rounding does not saturate the drive.
 ROUNDING = 1e-9
 
@@ -57,18 +57,18 @@ class Gains:
     damping: Array
 
     @classmethod
-    def of(cls, model: ArmModel, soft: Array, dt: float) -> Gains:
+    def of(cls, model: ArmModel, compliance: Array, dt: float) -> Gains:
         """Gains of the scene's ``servo`` keys.
 
         Args:
             model: The arm, with rigid transmissions.
-            soft: Compliance of the actual transmissions, see ``flexibility``, shape (n,).
+            compliance: Compliance of the actual transmissions, see ``flexibility``, shape (n,).
             dt: Time in [s] for which a command is held.
         """
         servos = [model.scene.joint(name).servo for name in model.joint_names]
         inertia = _inertia(model)
         damping_ratio = np.array([servo.damping_ratio for servo in servos])
-        defaults = _default_bandwidth(inertia, soft, dt).tolist()
+        defaults = _default_bandwidth(inertia, compliance, dt).tolist()
         bandwidth = [s.bandwidth or default for s, default in zip(servos, defaults, strict=True)]
         kp, kd = held_gains(np.array(bandwidth), damping_ratio, model.n, dt)
         stiffness = np.array([servo.stiffness or np.nan for servo in servos])
@@ -92,13 +92,14 @@ def _inertia(model: ArmModel) -> Array:
     return np.array(M(model.q0, Parameters(model).nominal)).ravel()
 
 
-def _default_bandwidth(inertia: Array, soft: Array, dt: float) -> Array:
+def _default_bandwidth(inertia: Array, compliance: Array, dt: float) -> Array:
     """Default bandwidths in [rad/s], shape (n,)."""
-    most = min(BANDWIDTH, OF_A_TICK / dt)
-    if not soft.any():
-        return np.full(len(inertia), most)
-    period = np.sqrt(np.maximum(soft * inertia, OF_A_TRANSMISSION**2 / most**2))  # over 2 pi
-    return np.minimum(most, OF_A_TRANSMISSION / period)
+    highest = min(BANDWIDTH, TICK_FRACTION / dt)
+    if not compliance.any():
+        return np.full(len(inertia), highest)
+    smallest = TRANSMISSION_FRACTION**2 / highest**2
+    period = np.sqrt(np.maximum(compliance * inertia, smallest))  # over 2 pi
+    return np.minimum(highest, TRANSMISSION_FRACTION / period)
 
 
 def servo_law(plant: Plant, dt: float) -> ca.Function:
@@ -139,7 +140,7 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
     limit = constant(np.minimum(model.velocity_limit, np.finfo(float).max))
     set_speed = within(set_speed, -limit, limit)
     speed_error = tracks_velocity * (set_speed - v)
-    direction = within(set_speed / SLOW, -1.0, 1.0)
+    direction = within(set_speed / FRICTION_SPEED, -1.0, 1.0)
     friction, commands = SteadyFriction.of(rigid), CommandMap(rigid)
 
     def command_for(a: ca.SX) -> ca.SX:
@@ -148,13 +149,14 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
 
     bias = command_for(zero)
     acceleration = command_for(constant(gains.velocity) * speed_error) - bias
-    fraction = _possible(bias + commands.compensation(q), tracks_velocity * acceleration, model)
+    base, extra = bias + commands.compensation(q), tracks_velocity * acceleration
+    fraction = _unsaturated_fraction(base, extra, model)
     command = bias + fraction * acceleration + effort
     acts = [ca.if_else(tracks_velocity[i] > 0, command[i], effort[i]) for i in range(n)]
     return dense_function("servo", [x, r, s.p], ca.vertcat(*acts))
 
 
-def _possible(bias: ca.SX, acceleration: ca.SX, model: ArmModel) -> ca.SX:
+def _unsaturated_fraction(bias: ca.SX, acceleration: ca.SX, model: ArmModel) -> ca.SX:
     """Largest fraction of the commands of an acceleration, at most 1, that saturates no drive.
 
     If each drive were clipped separately, saturated drives would disturb the other joints.
@@ -169,7 +171,7 @@ def _possible(bias: ca.SX, acceleration: ca.SX, model: ArmModel) -> ca.SX:
         limit = ca.sign(acceleration[i]) * (1.0 - ROUNDING) * model.standing_limit[i]
         share = (limit - bias[i]) / acceleration[i]
         fraction = ca.fmin(fraction, ca.if_else(acceleration[i] == 0, 1, share))
-    return ca.fmax(LEAST, fraction)
+    return ca.fmax(MIN_FRACTION, fraction)
 
 
 def rigid_model(model: ArmModel) -> ArmModel:

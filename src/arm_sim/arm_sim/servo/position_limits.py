@@ -11,7 +11,9 @@ from arm_dynamics.dynamics.built import too_fast
 from arm_sim.servo.command import JointCommand
 
 ROUNDING = 1e-9  # [rad] or [m] beyond a stop, of which no warning is due
-QUIET = 1.0  # [s] without commands beyond a joint's limits, after which the next is logged again
+QUIET_TIME = (
+    1.0  # [s] without commands beyond a joint's limits, after which the next is logged again
+)
 
 _log = logging.getLogger(__name__)
 
@@ -27,13 +29,13 @@ class PositionLimits:
     """
 
     def __init__(self, model: ArmModel, dt: float) -> None:
-        self._model, self._quiet_ticks = model, QUIET / dt
-        self.restart()
+        self._model, self._quiet_ticks = model, QUIET_TIME / dt
+        # Ticks of the last position beyond each joint's stops, and of the last excessive speed
+        self._last_beyond, self._last_too_fast = np.full(model.n, -np.inf), -np.inf
 
     def restart(self) -> None:
         """Forget earlier warnings."""
-        # Ticks of the last position beyond each joint's stops, and of the last excessive speed.
-        self._last_beyond, self._last_too_fast = np.full(self._model.n, -np.inf), -np.inf
+        self._last_beyond[:] = self._last_too_fast = -np.inf
 
     def clip(self, command: JointCommand, q: Array, step: int) -> JointCommand:
         """The command that acts, of one that comes after ``step`` ticks, at positions q, (n,)."""

@@ -20,7 +20,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import Gains, flexibility, rigid_model
 
 # Joints faster than this, in [rad/s] or [m/s], are not at rest.
-AT_REST = 1e-10
+SPEED_TOLERANCE = 1e-10
 # Rounding of an acceleration, relative to what adds up to it.
 ROUNDING = 100 * np.finfo(float).eps
 
@@ -59,38 +59,38 @@ class Rest:
         inertias = [drive.rotor_inertia if drive else 0.0 for drive in plant.model.drives]
         self._rotor_inertia = np.array(inertias)[self._driven]
 
-    def slow(self, x: Array) -> bool:
-        """Whether no joint and no motor moves faster than ``AT_REST``."""
-        return bool(abs(self._speeds(x)).max() < AT_REST)
+    def is_slow(self, x: Array) -> bool:
+        """Whether no joint and no motor moves faster than ``SPEED_TOLERANCE``."""
+        return bool(abs(self._speeds(x)).max() < SPEED_TOLERANCE)
 
-    def stopped(self, x: Array) -> Array:
+    def rest_state(self, x: Array) -> Array:
         """The state with joints and motors at rest."""
-        stopped = x.copy()
-        stopped[self._n : 2 * self._n] = stopped[self._motors] = 0.0
-        return stopped
+        rest = x.copy()
+        rest[self._n : 2 * self._n] = rest[self._motors] = 0.0
+        return rest
 
     def balance(self, x: Array, command: Array, p: Array, rates: StateRates) -> Balance | None:
         """The balance of an arm at rest; None if something moves it.
 
         Args:
-            x: State at rest, see ``stopped``.
+            x: State at rest, see ``rest_state``.
             command: Commands of the servos there, shape (n,).
             p: Tunable quantities, shape (np,).
-            rates: Of the arm's state.
+            rates: Rates of the arm's state.
         """
         slope, torque = rates(x, command)
         rounding = self._rounding(x[: self._n], torque)
         balanced = (abs(self._speeds(slope)) <= rounding).all()
         return Balance(self._place(x, p), rounding) if balanced else None
 
-    def is_at(self, balance: Balance | None, x: Array, p: Array) -> bool:
-        """Whether there is a balance, and it is that of these positions and quantities."""
+    def is_balance_at(self, balance: Balance | None, x: Array, p: Array) -> bool:
+        """Whether there is a balance, and it is that at these positions and quantities."""
         return balance is not None and balance.place == self._place(x, p)
 
-    def lasts(self, balance: Balance, before: Array, after: Array) -> bool:
+    def is_balance_kept(self, balance: Balance, before: Array, after: Array) -> bool:
         """Whether an arm stayed balanced in a tick, by the states before and after it."""
-        gained = abs(self._speeds(after) - self._speeds(before))
-        return bool((gained <= self._dt * balance.rounding).all())
+        change = abs(self._speeds(after) - self._speeds(before))
+        return bool((change <= self._dt * balance.rounding).all())
 
     def _place(self, x: Array, p: Array) -> bytes:
         return x[: self._n].tobytes() + p.tobytes()
@@ -102,11 +102,11 @@ class Rest:
     def _rounding(self, q: Array, torque: Array) -> Array:
         """Rounding of the accelerations of joints and of motors behind transmissions."""
         dynamics, gains = self._dynamics, self._gains
-        size = 1.0 + abs(q)  # of the numbers whose difference is a position error, or a twist
+        scale = 1.0 + abs(q)  # of the numbers whose difference is a position error, or a twist
         load = abs(torque) + abs(dynamics.gravity(q)) + abs(dynamics.spring(q, 0.0 * q))
-        load += self._stiffness * size
+        load += self._stiffness * scale
         mobility = abs(np.linalg.inv(dynamics.mass_matrix(q)))
-        speed = size * gains.position  # set by the position loop
+        speed = scale * gains.position  # set by the position loop
         joints = mobility @ (load + gains.damping * speed) + gains.velocity * speed
         inertia = np.diag(self._rigid.mass_matrix(q))
         motors = load + (gains.damping + inertia * gains.velocity) * speed

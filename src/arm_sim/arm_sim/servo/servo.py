@@ -18,6 +18,9 @@ class Servo:
         dt: Length of a tick in [s].
         backend: As for ``Kernel``.
 
+    Attributes:
+        operations: Arithmetic operations of the law.
+
     Raises:
         KernelError: If compiled code is requested and unavailable.
     """
@@ -27,13 +30,13 @@ class Servo:
         self._call = kernel.call("servo")
         self._limits = PositionLimits(plant.model, dt)
         self._setpoints = Setpoints(plant.model.n, dt)
-        self._newest: JointCommand | None = None
+        self._newest: tuple[JointCommand, JointCommand] | None = None  # as sent, and as clipped
         self.operations = kernel.operations("servo")
 
     @property
     def at_rest(self) -> bool:
         """Whether the reference is at rest, and every joint follows it."""
-        return self._setpoints.at_rest and self._setpoints.all_follow
+        return self._setpoints.at_rest and self._setpoints.all_tracked
 
     def restart(self) -> None:
         """Discard earlier commands."""
@@ -52,11 +55,10 @@ class Servo:
             step: Number of ticks so far.
         """
         call, setpoints = self._call, self._setpoints
-        if command is not self._newest:
-            self._newest = command
-            self._acting = self._limits.clip(command, x[: len(command.position)], step)
-        setpoints.at(self._acting, step)
-        state, reference, tuned = call.inputs
-        state[:], reference[:], tuned[:] = x, setpoints.rows, p
+        if self._newest is None or command is not self._newest[0]:
+            self._newest = command, self._limits.clip(command, x[: len(command.position)], step)
+        setpoints.advance(self._newest[1], step)
+        state, reference, quantities = call.inputs
+        state[:], reference[:], quantities[:] = x, setpoints.rows, p
         call.run()
         return call.outputs[0]

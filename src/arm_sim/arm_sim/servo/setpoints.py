@@ -7,9 +7,9 @@ from arm_sim.servo.command import JointCommand
 
 # Commands further apart than this, in [s], are separate set-points; closer ones form a stream,
 # whose differences define the velocity.
-STREAM = 0.1
-# Number of periods for which a stream is extrapolated without new commands.
-LATE = 2
+MAX_STREAM_PERIOD = 0.1
+# Number of periods for which a stream is extrapolated without new commands
+EXTRAPOLATED_PERIODS = 2
 
 
 class Setpoints:
@@ -18,7 +18,8 @@ class Setpoints:
     A servo with a position command alone lags behind by 2 ζ v/ω. Positions without a velocity
     therefore get that of their stream: the difference of successive positions over the time
     between them, by their stamps if they have any, else in ticks. Between two commands the
-    reference is extrapolated, for at most ``LATE`` periods; then it stops at the last position.
+    reference is extrapolated, for at most ``EXTRAPOLATED_PERIODS``; then it stops at the last
+    position.
 
     Args:
         n: Number of joints.
@@ -35,19 +36,19 @@ class Setpoints:
         self._tracks_velocity, self._tracks_position, *reference = self.rows.reshape(5, n)
         self._q, self._v, self._effort = reference
         self._stream_velocity = np.zeros(n)
-        self.restart()
+        self._last: JointCommand | None = None
+        self._since, self._until, self.at_rest = 0, 0, False
 
     @property
-    def all_follow(self) -> bool:
+    def all_tracked(self) -> bool:
         """Whether every joint tracks a position or a velocity."""
         return bool((self._tracks_velocity > 0.0).all())
 
     def restart(self) -> None:
         """Discard earlier commands."""
-        self._last: JointCommand | None = None
-        self._since, self._until, self.at_rest = 0, 0, False
+        self._last, self._since, self._until, self.at_rest = None, 0, 0, False
 
-    def at(self, command: JointCommand, step: int) -> None:
+    def advance(self, command: JointCommand, step: int) -> None:
         """Set ``rows`` for the tick that begins after ``step`` ticks, under a command."""
         if command is not self._last:
             self._begin(command, step)
@@ -70,7 +71,7 @@ class Setpoints:
         self._stream_velocity = np.where(has_position, velocity, 0.0)
         self._effort[:] = np.where(np.isnan(effort), 0.0, effort)
         self._last, self._since = command, step
-        self._until = step + round(LATE * period / self._dt)
+        self._until = step + round(EXTRAPOLATED_PERIODS * period / self._dt)
         self.at_rest = not velocity.any()
 
     def _period(self, command: JointCommand, step: int) -> float:
@@ -79,8 +80,9 @@ class Setpoints:
         if last is None:
             return 0.0
         stamped = command.stamp and last.stamp
-        sent = 1e-9 * (command.stamp - last.stamp) if stamped else (step - self._since) * self._dt
-        return sent if 0.0 < sent <= STREAM else 0.0
+        ticks = step - self._since
+        period = 1e-9 * (command.stamp - last.stamp) if stamped else ticks * self._dt
+        return period if 0.0 < period <= MAX_STREAM_PERIOD else 0.0
 
     def _extrapolate(self, step: int) -> None:
         """Extrapolate between two commands, or after the last."""
@@ -89,8 +91,8 @@ class Setpoints:
             return
         tracked = self._tracks_position > 0.0
         if step <= self._until:
-            passed = (step - self._since) * self._dt
-            self._q[tracked] = last.position[tracked] + passed * velocity[tracked]
+            elapsed = (step - self._since) * self._dt
+            self._q[tracked] = last.position[tracked] + elapsed * velocity[tracked]
             return
         self._q[tracked], self._v[tracked] = last.position[tracked], 0.0
         self._stream_velocity = np.zeros(len(velocity))

@@ -13,8 +13,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import postures
 from arm_sim.servo.law import Gains, flexibility, rigid_model
 
-# Postures besides the initial one, and growth of the errors in a tick that is rounding.
-POSTURES, ROUNDING = 16, 1e-6
+POSTURES = 16  # besides the initial one
+ROUNDING = 1e-6  # growth of the errors in a tick that is none
 
 
 def instability(model: ArmModel, dt: float) -> str:
@@ -29,7 +29,7 @@ def instability(model: ArmModel, dt: float) -> str:
             mobility = _mobility(model, dynamics.mass_matrix(q))
         except np.linalg.LinAlgError:
             continue  # a joint without mass is reported by name when it is simulated
-        factors, shapes = np.linalg.eig(_tick(gains, mobility, dt))
+        factors, shapes = np.linalg.eig(_error_transition(gains, mobility, dt))
         if float(abs(factors).max()) > worst:
             worst, mode = float(abs(factors).max()), int(abs(factors).argmax())
             joint = int(abs(shapes[model.n :, mode]).argmax())
@@ -44,21 +44,21 @@ def instability(model: ArmModel, dt: float) -> str:
 
 
 def _mobility(model: ArmModel, M: Array) -> Array:
-    """Accelerations per torque of what the servos move: behind a soft transmission, the rotor."""
-    soft = flexibility(model) > 0.0
+    """Accelerations per torque of what servos move: behind a flexible transmission, the rotor."""
+    flexible = flexibility(model) > 0.0
     mobility = np.linalg.inv(M)
-    mobility[soft], mobility[:, soft] = 0.0, 0.0
-    for i in np.flatnonzero(soft).tolist():
+    mobility[flexible], mobility[:, flexible] = 0.0, 0.0
+    for i in np.flatnonzero(flexible).tolist():
         drive = model.drives[i]
         assert drive is not None
         mobility[i, i] = 1.0 / drive.rotor_inertia
     return mobility
 
 
-def _tick(gains: Gains, mobility: Array, h: float) -> Array:
+def _error_transition(gains: Gains, mobility: Array, h: float) -> Array:
     """How errors of positions and velocities change in a tick, shape (2 n, 2 n)."""
     n = len(mobility)
     unit, push = np.eye(n), np.diag(gains.velocity) + mobility * gains.damping
     a = -np.hstack([push * gains.position, push])
-    held = np.block([[unit, h * unit], [0.0 * unit, unit]])
-    return np.asarray(held + np.vstack([0.5 * h**2 * a, h * a]))
+    drift = np.block([[unit, h * unit], [0.0 * unit, unit]])
+    return np.asarray(drift + np.vstack([0.5 * h**2 * a, h * a]))

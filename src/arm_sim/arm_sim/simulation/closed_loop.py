@@ -24,7 +24,7 @@ from arm_dynamics.exceptions import UnknownArgument, not_copied
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.trajectory import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.follower import Follower
-from arm_sim.plant.placing import warn_of_degrees
+from arm_sim.plant.admissible_states import warn_of_degrees
 from arm_sim.recording.recording import Recording
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
@@ -57,16 +57,11 @@ class ClosedLoop:
     _parts = ("simulator",)
 
     def __init__(
-        self,
-        scene: SceneSource,
-        controller: str | Maker = "computed_torque",
-        settings: Settings | None = None,
-        *,
-        controller_scene: SceneSource | None = None,
-        acceleration_limit: float = float("inf"),
-        **simulator: Any,
-    ) -> None:
-        """Build both.
+        self, scene: SceneSource, controller: str | Maker = "computed_torque",
+        settings: Settings | None = None, *, controller_scene: SceneSource | None = None,
+        acceleration_limit: float = float("inf"), **simulator: Any,
+    ) -> None:  # fmt: skip
+        """Build the simulator and the controller.
 
         Args:
             scene: The simulated scene; anything ``load_scene`` accepts.
@@ -94,10 +89,10 @@ class ClosedLoop:
             controller = load_controller(controller)
         self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
         sim, dynamics = self.simulator, self._dynamics
-        odd = mismatch(dynamics, settings, sim.joint_names, sim.dt)
-        for words in (odd, overreach(controller, dynamics, settings, sim.model.scene.delay)):
-            if words:
-                _log.warning("%s", words)
+        difference = mismatch(dynamics, settings, sim.joint_names, sim.dt)
+        excess = overreach(controller, dynamics, settings, sim.model.scene.delay)
+        for message in filter(None, (difference, excess)):
+            _log.warning("%s", message)
         limits = Limits.of(dynamics.model, acceleration_limit)
         self._follower = Follower(sim.measured.q, limits)
 

@@ -36,17 +36,17 @@ class CompiledScene(Physics):
     def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
         super().__init__(lambda: plant, choice, backend)
         self.stepper = Stepper(plant, choice, backend)
-        self._controlled: tuple[CompiledControl, Stepper] | None = None
+        self._control_stepper: tuple[CompiledControl, Stepper] | None = None
 
     @classmethod
-    def chosen(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
-        """By a choice, or by what replaces it where steps of fixed length are too inaccurate."""
+    def choose(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
+        """Compile for a choice, or for its ``instead`` where fixed steps are too inaccurate."""
         compiled = cls(plant, choice, backend)
         if choice.instead is None or keeps_accuracy(plant, compiled.stepper, choice):
             return compiled
         return cls(plant, choice.instead, backend)
 
-    def pushable(self) -> CompiledScene:
+    def with_external_torques(self) -> CompiledScene:
         """Copy with external joint torques, the quantity ``external``.
 
         Scenes without them compute nothing for them; the equations are rebuilt here.
@@ -60,18 +60,18 @@ class CompiledScene(Physics):
     def restart(self) -> None:
         """Reset the state of the stepper."""
         self.stepper.restart()
-        self._controlled = None
+        self._control_stepper = None
         if self.has_servo:
             self.servo.restart()
 
-    def controlled(self, control: CompiledControl) -> Stepper:
+    def stepper_with(self, control: CompiledControl) -> Stepper:
         """The stepper that has ``control`` compiled in; the last one is kept."""
-        if self._controlled is None or self._controlled[0] is not control:
+        if self._control_stepper is None or self._control_stepper[0] is not control:
             stepper = Stepper(self.plant, self.choice, self.backend, control)
             stepper.report = self.stepper.report
-            self._controlled = control, stepper
-        self._controlled[1].p[:] = self.stepper.p
-        return self._controlled[1]
+            self._control_stepper = control, stepper
+        self._control_stepper[1].p[:] = self.stepper.p
+        return self._control_stepper[1]
 
     @property
     def has_servo(self) -> bool:

@@ -38,7 +38,7 @@ class _Moment(NamedTuple):
 
     @classmethod
     def of(cls, arm: SimulatedArm) -> _Moment:
-        """The current one of an arm."""
+        """The current state of an arm."""
         x, p = arm.x.copy(), arm.parameters.copy()
         return cls(arm.compiled.energy_account, x, p, arm.step_count)
 
@@ -48,7 +48,7 @@ class _Moment(NamedTuple):
 
 
 class _Ticks(NamedTuple):
-    """Ticks: states after them, effective commands, and tunable quantities."""
+    """Ticks in a row: states after each, effective commands, and tunable quantities."""
 
     account: EnergyAccount
     x: Array
@@ -77,10 +77,10 @@ class EnergyMeter:
     def __init__(self, arm: SimulatedArm) -> None:
         """Open the account at the arm's current state."""
         self._arm, self.error = arm, 0.0
-        self._records, self._evaluating = deque[_Ticks | _Jump](), Lock()
+        self._records, self._evaluation_lock = deque[_Ticks | _Jump](), Lock()
         self._start: Array | None = None
-        self._here = _Moment.of(arm)  # up to which the account is evaluated
-        self._flows, self._changed, self._most = np.zeros(2), 0.0, np.zeros(3)
+        self._last = _Moment.of(arm)  # up to which the account is evaluated
+        self._flows, self._changed, self._extremes = np.zeros(2), 0.0, np.zeros(3)
 
     def note(self) -> None:
         """Record the last tick."""
@@ -90,8 +90,8 @@ class EnergyMeter:
         """Record ticks.
 
         Args:
-            x: States after them, shape (k, nx).
-            u: Effective commands, shape (k, n).
+            x: States after the ticks, shape (k, nx).
+            u: Effective commands of the ticks, shape (k, n).
             step: Number of ticks since the last reset, these included.
         """
         arm = self._arm
@@ -106,18 +106,18 @@ class EnergyMeter:
 
     def account(self) -> Account:
         """The energies since the account was opened."""
-        with self._evaluating:
+        with self._evaluation_lock:
             if self._start is None:
-                self._start = self._here.energies()
+                self._start = self._last.energies()
             self._add_up()
-            energies, (supplied, lost) = self._here.energies(), self._flows.tolist()
+            energies, (supplied, lost) = self._last.energies(), self._flows.tolist()
             total = float(sum(energies))
             balance = total - float(sum(self._start)) - supplied - self._changed + lost
-            self._most = np.maximum(self._most, abs(energies - self._start))
-            moved = self._most.sum() + abs(supplied) + lost + abs(self._changed)
-            self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
+            self._extremes = np.maximum(self._extremes, abs(energies - self._start))
+            turnover = self._extremes.sum() + abs(supplied) + lost + abs(self._changed)
+            self.error = relative_error(balance, turnover, max(abs(total), abs(energies[1])))
             kinetic, potential, _ = energies.tolist()
-            step = self._here.step
+            step = self._last.step
             return Account(kinetic, potential, total, supplied, lost, self._changed, balance, step)
 
     def _add_up(self) -> None:
@@ -129,7 +129,7 @@ class EnergyMeter:
                 ticks.append(record)
                 continue
             self._add_ticks(ticks)
-            ticks, self._here = [], record.after
+            ticks, self._last = [], record.after
             self._changed += float(sum(record.after.energies()) - sum(record.before.energies()))
         self._add_ticks(ticks)
 
@@ -138,8 +138,8 @@ class EnergyMeter:
         if not ticks:
             return
         last = ticks[-1]
-        x = np.concatenate([self._here.x[None], *(part.x for part in ticks)])
+        x = np.concatenate([self._last.x[None], *(part.x for part in ticks)])
         u = np.concatenate([part.u for part in ticks])
         p = np.repeat([part.p for part in ticks], [len(part.x) for part in ticks], axis=0)
         self._flows += last.account.flows(x[:-1], x[1:], u, p).sum(axis=0)
-        self._here = _Moment(last.account, x[-1], last.p, last.step)
+        self._last = _Moment(last.account, x[-1], last.p, last.step)

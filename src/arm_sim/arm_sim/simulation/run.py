@@ -15,10 +15,10 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.trajectory.reference import Motion
 from arm_dynamics.trajectory.trajectory import hold
 from arm_sim.exceptions import SimulationDiverged
-from arm_sim.inputs import torque, torque_table
+from arm_sim.inputs import check_torque, check_torque_table
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.recording.recording import Recording
-from arm_sim.recording.witness import Control as Again
+from arm_sim.recording.witness import Control as RowControl
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace
@@ -35,26 +35,27 @@ class Driver:
     """What makes the ticks of a run.
 
     Attributes:
-        make: Makes those of a trace; returns the control by row, if a second run can repeat it.
+        make_ticks: Makes the ticks of a trace; returns the control by row, if a second run can
+            repeat it.
         open_loop: Whether the commands are known in advance.
     """
 
-    make: Callable[[Trace], Again | None]
+    make_ticks: Callable[[Trace], RowControl | None]
     open_loop: bool
 
     def drive(self, trace: Trace) -> tuple[Recording, BaseException | None]:
         """The motion of a trace, and what broke it off, if anything did.
 
-        That is a divergence of the arm, Ctrl-C, or an error of the controller: also a divergence,
-        if it simulates, too.
+        A divergence of the arm, Ctrl-C, or an error of the controller breaks a run off: also a
+        divergence, if the controller simulates, too.
         """
-        again: Again | None = None
+        row_control: RowControl | None = None
         stop: BaseException | None = None
         try:
-            again = self.make(trace)
+            row_control = self.make_ticks(trace)
         except BaseException as error:
             stop = error
-        motion = trace.recording(self.open_loop, again)
+        motion = trace.recording(self.open_loop, row_control)
         if stop is None and trace.done < trace.ticks:
             stop = trace.arm.diverged()
             stop.recording = motion
@@ -68,44 +69,44 @@ def driver_of(arm: SimulatedArm, control: Any, reference: Motion | None, ticks: 
         InvalidInput: If an argument is not allowed.
     """
     if hasattr(control, "torque"):
-        dynamics = arm.compiled.present.tuned(arm.parameters)
+        dynamics = arm.compiled.present.with_external(arm.parameters)
         control = _commands_of(control, reference, dynamics, arm.measured)
     elif reference is not None:
-        raise InvalidInput("a reference is for a controller with torque(state, reference)")
+        raise InvalidInput("a reference is for a controller with check_torque(state, reference)")
     if isinstance(control, CompiledControl):
         if arm.sensors is not None or arm.line is not None:
             raise InvalidInput(
                 "a compiled controller uses the true state without delay, but the scene has "
                 "'sensors' or 'commands'; allowed: a controller that is a function of the state"
             )
-        return Driver(partial(_compiled, control), open_loop=False)
+        return Driver(partial(_run_compiled, control), open_loop=False)
     if isinstance(control, JointCommand):
         commands = control.rows(ticks, arm.n, arm.dt)
-        return Driver(partial(_function, lambda _: next(commands)), open_loop=False)
+        return Driver(partial(_run_function, lambda _: next(commands)), open_loop=False)
     if callable(control):
         _check_function(control)
-        return Driver(partial(_function, control), open_loop=False)
-    table = torque_table(control, ticks, arm.joint_names, arm.dt)
+        return Driver(partial(_run_function, control), open_loop=False)
+    table = check_torque_table(control, ticks, arm.joint_names, arm.dt)
     open_loop = not gravity_compensated(arm.plant.model.scene)
-    return Driver(partial(_table, table), open_loop)
+    return Driver(partial(_run_table, table), open_loop)
 
 
-def _compiled(control: CompiledControl, trace: Trace) -> Again:
+def _run_compiled(control: CompiledControl, trace: Trace) -> RowControl:
     """Make ticks under a compiled controller, which a second run can evaluate by row."""
-    stepper = trace.arm.compiled.controlled(control)
+    stepper = trace.arm.compiled.stepper_with(control)
     reference = control.reference(trace.time[:-1])
     trace.roll(stepper, lambda first, end: reference[first:end])
     return lambda x, k: stepper.actuated(x, reference[k])
 
 
-def _table(table: Array, trace: Trace) -> None:
+def _run_table(table: Array, trace: Trace) -> None:
     """Make ticks under torques, a row for each tick of the run or one for all."""
-    at, held = trace.at, table.ndim == 1
+    offset, held = trace.offset, table.ndim == 1
     stepper = trace.arm.compiled.stepper
-    trace.roll(stepper, lambda first, end: table if held else table[at + first : at + end])
+    trace.roll(stepper, lambda first, end: table if held else table[offset + first : offset + end])
 
 
-def _function(control: Control, trace: Trace) -> Again | None:
+def _run_function(control: Control, trace: Trace) -> RowControl | None:
     """Make ticks under a function; a second run can evaluate it if it gave torques only."""
     arm, begin, stepper = trace.arm, trace.arm.step_count, trace.arm.compiled.stepper
     torques = arm.sensors is None and arm.line is None
@@ -123,11 +124,11 @@ def _function(control: Control, trace: Trace) -> Again | None:
                 if arm.step_count > before:
                     trace.end(k)
 
-    def again(x: Array, k: int) -> Array:
+    def row_control(x: Array, k: int) -> Array:
         command = control(State.of(x, arm.n, begin + k, arm.dt, 0.0))
-        return stepper.actuated(x, np.array(torque(command, arm.joint_names)))
+        return stepper.actuated(x, np.array(check_torque(command, arm.joint_names)))
 
-    return again if torques else None
+    return row_control if torques else None
 
 
 def _commands_of(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import validated
-from arm_sim.inputs import row
+from arm_sim.inputs import check_row
 from arm_sim.simulation.simulator import Simulator
 
 # Applies a prepared change: fast, to be called between two ticks
@@ -36,7 +36,7 @@ def payload_change(
         InvalidInput: If payloads are not tunable or there is none of that index.
         SceneError: If the numbers are not those of a rigid body.
     """
-    _demand(simulator, "payload")
+    _require_tunable(simulator, "payload")
     model = simulator.dynamics.model
     loads = [load.model_dump() for load in model.scene.payloads]
     if not 0 <= index < len(loads):
@@ -47,7 +47,7 @@ def payload_change(
     }  # fmt: skip
     scene = validated({**model.scene.model_dump(exclude_unset=True), "payloads": loads})
     rows = [[load.mass, *load.com, *load.inertia] for load in scene.payloads]
-    return _change(simulator, "payload", np.array(rows).ravel())
+    return _parameter_change(simulator, "payload", np.array(rows).ravel())
 
 
 def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
@@ -60,9 +60,9 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
     Raises:
         InvalidInput: If friction is not tunable or a number is not allowed.
     """
-    _demand(simulator, "friction")
-    values = row("viscous", viscous, simulator.n)
-    return _change(simulator, "friction", values)
+    _require_tunable(simulator, "friction")
+    values = check_row("viscous", viscous, simulator.n)
+    return _parameter_change(simulator, "friction", values)
 
 
 def external_change(simulator: Simulator) -> Change:
@@ -71,7 +71,7 @@ def external_change(simulator: Simulator) -> Change:
     A simulation without them computes nothing for them; the equations are rebuilt here.
     """
     arm = simulator.arm
-    compiled = arm.compiled.pushable()
+    compiled = arm.compiled.with_external_torques()
     if compiled is arm.compiled:
         return lambda: None
     compiled.energy_account.prepare()
@@ -80,14 +80,14 @@ def external_change(simulator: Simulator) -> Change:
     return lambda: arm.use(compiled)
 
 
-def _demand(simulator: Simulator, name: str) -> None:
+def _require_tunable(simulator: Simulator, name: str) -> None:
     """Reject a quantity that is not tunable."""
     parameters, p = simulator.arm.plant.parameters, simulator.arm.parameters
     parameters.merged({name: parameters.of(name, p)}, p)
 
 
-def _change(simulator: Simulator, name: str, value: Array) -> Change:
-    present, p = simulator.arm.compiled, simulator.arm.parameters
-    present.present.at(present.plant.parameters.merged({name: value}, p))
-    present.energy_account.prepare()
+def _parameter_change(simulator: Simulator, name: str, value: Array) -> Change:
+    compiled, p = simulator.arm.compiled, simulator.arm.parameters
+    compiled.present.without_external(compiled.plant.parameters.merged({name: value}, p))
+    compiled.energy_account.prepare()
     return lambda: simulator.set_parameter(name, value)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from struct import Struct
@@ -17,8 +17,8 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.scene import Scene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, command_line, sensors_of
-from arm_sim.inputs import row, torque, whole
-from arm_sim.plant.placing import constraint_hint, holding
+from arm_sim.inputs import check_row, check_torque, check_whole
+from arm_sim.plant.admissible_states import active_constraints, constraint_hint
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.origin import Origin
@@ -34,11 +34,11 @@ from arm_sim.stepping.stepper import Stepper
 if TYPE_CHECKING:
     from arm_sim.servo import Balance
 
-_put = object.__setattr__  # of what others cannot set
+_set_sealed = object.__setattr__  # an attribute that others cannot set
 
 
-class _Now:
-    """What changes with every tick, beside the state itself."""
+class _TickState:
+    """What changes with every tick beside x: see properties of ``SimulatedArm``."""
 
     __slots__ = ("hold", "state", "step_count")
 
@@ -77,29 +77,27 @@ class SimulatedArm:
 
     def __init__(self, compiled: CompiledScene, source: str) -> None:
         model, self.dt, self.source = compiled.plant.model, compiled.choice.dt, source
-        self._now = _Now()
+        self._now = _TickState()
         self.n, self.joint_names = model.n, model.joint_names
         self._x, self._command = np.zeros(compiled.plant.nx), np.zeros(self.n)
         self._q, self._v = self._x[: self.n], self._x[self.n : 2 * self.n]
         self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
         self._pack_command = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only_view(self._x), read_only_view(self._effort[0])
-        self.notes, self.compiled = read_only_view(self._notes[0]), compiled
-        self.pointers: Arm | None = None
+        self.notes = read_only_view(self._notes[0])
+        self.compiled, self._stepper = compiled, compiled.stepper
+        self._tick, self.pointers = self._tick_of(compiled)
+        self._step: PythonStep | None = None  # compiled when it is first used
+        self._balance: Balance | None = None  # in which servos hold the arm
         self._saturation = SaturationNotice(model)
         self._servo_saturation = SaturationNotice(model, "servo's command")
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
         self.line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
-        self._bind(compiled)
 
-    def _bind(self, compiled: CompiledScene) -> None:
-        self._stepper = compiled.stepper
+    def _tick_of(self, compiled: CompiledScene) -> tuple[Callable[[], int], Arm | None]:
+        """The tick of a scene for Python, and for other compiled code."""
         arrays = self._x, self._command, self._effort[0], self._notes[0]
-        self._tick, arm = self._stepper.tick_function(*arrays)
-        _put(self, "compiled", compiled)
-        _put(self, "pointers", arm)
-        self._step: PythonStep | None = None  # compiled when it is first used
-        self._balance: Balance | None = None  # in which servos hold the arm
+        return compiled.stepper.tick_function(*arrays)
 
     @property
     def step_count(self) -> int:
@@ -148,7 +146,7 @@ class SimulatedArm:
     @property
     def held_constraints(self) -> tuple[str, ...]:
         """Names of the active constraints."""
-        return holding(self.plant, self._stepper.p)
+        return active_constraints(self.plant, self._stepper.p)
 
     @property
     def substep(self) -> float:
@@ -177,38 +175,38 @@ class SimulatedArm:
             raise
         if state is False:
             raise self.diverged()
-        self._passed(state, self._saturation)
+        self._finish_tick(state, self._saturation)
         return state
 
     def _catch_up(self) -> None:
         """Register a tick at the end of which the handler of a signal raised an exception."""
         state, x = self._now.state, self._x.tobytes()
         if state is not None and x != np.concatenate([state.q, state.v, state.z]).tobytes():
-            self._passed(None, self._saturation)
+            self._finish_tick(None, self._saturation)
 
     def _step_by_python(self, tau: object) -> None:
         """Make a tick under a command of any kind, which is checked."""
         if isinstance(tau, JointCommand):
             next(tau.rows(1, self.n, self.dt))  # which checks the shape
-            acts = self.arrived(tau)
+            acts = self._send(tau)
         else:
-            acts = self.arrived(torque(tau, self.joint_names))
+            acts = self._send(check_torque(tau, self.joint_names))
         if isinstance(acts, JointCommand):
             self.follow(acts)
         else:
             self.advance(acts)
 
-    def arrived[C: (list[float], JointCommand)](
+    def _send[C: (list[float], JointCommand)](
         self, command: C, ahead: int = 0
     ) -> C | list[float] | JointCommand:
-        """The effective command when ``command`` is sent, some ticks after the current one."""
+        """Send a command some ticks after the current one, and return the one that acts then."""
         if self.line is None:
             return command
         return self.line.carry(self.step_count + ahead, command) or [0.0] * self.n
 
-    def _arrived_rows(self, commands: Array) -> Array:
-        """The effective commands when ``commands`` are sent in the next ticks, a row in each."""
-        return np.array([self.arrived(row, k) for k, row in enumerate(commands.tolist())])
+    def _send_rows(self, commands: Array) -> Array:
+        """Send commands in the next ticks, a row in each, and return those that act then."""
+        return np.array([self._send(row, k) for k, row in enumerate(commands.tolist())])
 
     def advance(self, tau: Sequence[float]) -> None:
         """Advance by a tick under n finite numbers, for a loop that reads ``x``.
@@ -230,29 +228,29 @@ class SimulatedArm:
         servo, rest = self.compiled.servo, self.compiled.rest
         x, p, n = self._x, self._stepper.p, self.n
         self._command[:] = servo.command(command, x, p, self.step_count)
-        if not (servo.at_rest and rest.slow(x)):
+        if not (servo.at_rest and rest.is_slow(x)):
             self._advance(self._servo_saturation)
             return
-        held, before = self.hold == SERVOS and rest.is_at(self._balance, x, p), x.copy()
+        held, before = self.hold == SERVOS and rest.is_balance_at(self._balance, x, p), x.copy()
         balance = self._balance if held else self._balance_under(command)
         self._advance(self._servo_saturation)
-        if balance and (rest.lasts(balance, before, x) if held else rest.slow(x)):
+        if balance and (rest.is_balance_kept(balance, before, x) if held else rest.is_slow(x)):
             x[:n], x[n : 2 * n] = before[:n], 0.0
             self._balance, self._now.hold = balance, SERVOS
 
     def _balance_under(self, command: JointCommand) -> Balance | None:
         """The balance of the arm where it is, at rest under its servos."""
         servo, rest, stepper = self.compiled.servo, self.compiled.rest, self._stepper
-        stopped = rest.stopped(self._x)
-        torques = servo.command(command, stopped, stepper.p, self.step_count)
-        return rest.balance(stopped, torques, stepper.p, stepper.slope)
+        x = rest.rest_state(self._x)
+        torques = servo.command(command, x, stepper.p, self.step_count)
+        return rest.balance(x, torques, stepper.p, stepper.slope)
 
     def _advance(self, notice: SaturationNotice) -> None:
         if self._tick() != 1:
             raise self.diverged()
-        self._passed(None, notice)
+        self._finish_tick(None, notice)
 
-    def _passed(self, state: State | None, notice: SaturationNotice) -> None:
+    def _finish_tick(self, state: State | None, notice: SaturationNotice) -> None:
         self._count(1, FREE, state)
         notice.check(self._command, self._effort)
         self._sense()
@@ -283,7 +281,7 @@ class SimulatedArm:
 
     def _sense(self) -> None:
         if self.sensors is not None:
-            self.sensors.sample(self.step_count, self._q, self._v, self._driving)
+            self.sensors.sample(self.step_count, self._q, self._v, self._drive_torque)
 
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
@@ -293,19 +291,19 @@ class SimulatedArm:
         Commands are sent as by ``step``. If a signal breaks it off, what was done is registered.
         """
         start, line, ticks = self._x.copy(), deepcopy(self.line), -1
-        sent = np.broadcast_to(command, (len(trace), command.shape[-1]))
+        rows = np.broadcast_to(command, (len(trace), command.shape[-1]))
         trace[:, 0] = np.nan  # equals no state, where no tick is made
         try:
-            command = command if line is None else self._arrived_rows(sent)
+            command = command if line is None else self._send_rows(rows)
             ticks = stepper.ticks_function(self._x, command, trace, effort, notes)()
         finally:
             if ticks < 0:  # the handler of a signal raised an exception when they were made
-                same = np.flatnonzero((trace == self._x).all(axis=1))
-                ticks = int(same[-1]) + 1 if len(same) else 0
+                matches = np.flatnonzero((trace == self._x).all(axis=1))
+                ticks = int(matches[-1]) + 1 if len(matches) else 0
                 self._x[:] = trace[ticks - 1] if ticks else start
             if line is not None and ticks < len(trace):  # nothing is sent in ticks not made
-                _put(self, "line", line)
-                self._arrived_rows(sent[:ticks])
+                _set_sealed(self, "line", line)
+                self._send_rows(rows[:ticks])
             if ticks:
                 self._count(ticks, FREE)
                 self._effort[0], self._notes[0] = effort[ticks - 1], notes[ticks - 1]
@@ -323,12 +321,12 @@ class SimulatedArm:
         self._effort[:], self._now.state = 0.0, None
 
     @property
-    def notices_cuts(self) -> bool:
+    def is_clipping_unreported(self) -> bool:
         """Whether no command has been clipped at its limit yet, which would be logged."""
         return not self._saturation.logged
 
     @property
-    def _driving(self) -> Array:
+    def _drive_torque(self) -> Array:
         return self._effort[0] if self.plant.torques is None else self.effort
 
     def diverged(self) -> SimulationDiverged:
@@ -362,8 +360,8 @@ class SimulatedArm:
         Raises:
             InvalidInput: If a shape or value is not allowed; nothing changes.
         """
-        x, p = row("x", x, self.plant.nx), row("p", p, len(self._stepper.p))
-        whole("step", step, 0)
+        x, p = check_row("x", x, self.plant.nx), check_row("p", p, len(self._stepper.p))
+        check_whole("step", step, 0)
         self.compiled.restart()
         self._x[:], self._stepper.p[:], self._stepper.substep = x, p, substep
         self._effort[:], self._notes[:] = 0.0, 0.0
@@ -377,8 +375,8 @@ class SimulatedArm:
             SceneError: If a filter's cut-off frequency is too high for this rate.
         """
         sensors = sensors_of(scene, self.joint_names, self.dt)
-        _put(self, "sensors", sensors)
-        _put(self, "line", command_line(scene, self.dt))
+        _set_sealed(self, "sensors", sensors)
+        _set_sealed(self, "line", command_line(scene, self.dt))
         self._restart_imperfections()
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:
@@ -389,12 +387,15 @@ class SimulatedArm:
         Raises:
             InvalidInput: If a quantity is not tunable; nothing changes.
         """
-        tuned, p = self.plant.parameters, self._stepper.p
-        values = {name: tuned.of(name, p) for name in tuned.names} | parameters
+        current, p = self.plant.parameters, self._stepper.p
+        values = {name: current.of(name, p) for name in current.names} | parameters
         merged = compiled.plant.parameters.merged(values, compiled.stepper.p)
         compiled.stepper.p[:] = merged
         compiled.stepper.report = self._stepper.report
-        self._bind(compiled)
+        self._tick, arm = self._tick_of(compiled)
+        _set_sealed(self, "compiled", compiled)
+        _set_sealed(self, "pointers", arm)
+        self._stepper, self._step, self._balance = compiled.stepper, None, None
 
     def _restart_imperfections(self) -> None:
         """Restart without commands in transit, and with settled sensors."""
@@ -404,4 +405,4 @@ class SimulatedArm:
 
     def _restart_sensors(self) -> None:
         if self.sensors is not None:
-            self.sensors.restart(self.step_count, self._q, self._v, self._driving)
+            self.sensors.restart(self.step_count, self._q, self._v, self._drive_torque)

@@ -25,17 +25,17 @@ from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
 from arm_sim.derivatives import Derivatives
 from arm_sim.imperfections import delivered
-from arm_sim.inputs import named, tick_count
+from arm_sim.inputs import scene_name, tick_count
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
-from arm_sim.plant.placing import (
-    closed,
-    placed,
+from arm_sim.plant.admissible_states import (
+    admissible_state,
+    close_loops,
     warn_of_closing,
     warn_of_degrees,
     warn_of_speeds,
 )
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.progress import Progress
 from arm_sim.recording.recording import Recording
@@ -114,23 +114,19 @@ class Simulator:
 
     @one_at_a_time
     def __init__(
-        self,
-        scene: SceneSource | ArmModel,
-        integrator: str | None = None,
-        dt: float | None = None,
-        tolerance: float | None = None,
-        backend: str = "auto",
-    ) -> None:
+        self, scene: SceneSource | ArmModel, integrator: str | None = None,
+        dt: float | None = None, tolerance: float | None = None, backend: str = "auto",
+    ) -> None:  # fmt: skip
         model = arm_model(scene)
         with naming(scene):
             plant = Plant(model)
             choice = choose(plant, integrator, dt, tolerance)
-            compiled = CompiledScene.chosen(plant, choice, backend)
+            compiled = CompiledScene.choose(plant, choice, backend)
         if unstable := instability(model, choice.dt):
             _log.warning("%s", unstable)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, choice.dt
         self.z_names = plant.laws.names
-        self.arm = SimulatedArm(compiled, named(scene))
+        self.arm = SimulatedArm(compiled, scene_name(scene))
         self.reset()
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
@@ -205,7 +201,7 @@ class Simulator:
 
         Under its current gravity, payloads, viscous friction, external torques and constraints.
         """
-        return self.arm.compiled.present.tuned(self._stepper.p)
+        return self.arm.compiled.present.with_external(self._stepper.p)
 
     @property
     def plan(self) -> Plan:
@@ -294,9 +290,9 @@ class Simulator:
 
         Args:
             path: A new file (``.mcap``), or a new folder, for a bag; see ``Recording.save``.
-            duration: As for ``run``, and so on.
-            control: What acts.
-            reference: Reference of a controller.
+            duration: As for ``run``.
+            control: As for ``run``.
+            reference: As for ``run``.
 
         Returns:
             Path of the file or folder.
@@ -311,8 +307,8 @@ class Simulator:
         ticks = tick_count(duration, self.dt)
         driver = driver_of(self.arm, control, reference, ticks)
         with Progress(ticks * self.dt) as progress, Stream(path) as stream:
-            for at in range(0, max(ticks, 1), TICKS_PER_PART):
-                trace = Trace(self.arm, min(TICKS_PER_PART, ticks - at), progress, at)
+            for start in range(0, max(ticks, 1), TICKS_PER_PART):
+                trace = Trace(self.arm, min(TICKS_PER_PART, ticks - start), progress, start)
                 part, stop = driver.drive(trace)
                 stream.append(part, part.tau)
                 if stop is not None:
@@ -335,7 +331,7 @@ class Simulator:
         """
         hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        x = self._placed(q, v, z, self.held_constraints, hold)
+        x = self._find_state(q, v, z, self.held_constraints, hold)
         self.arm.restore(x, self._stepper.p, 0)
         return self.state
 
@@ -351,12 +347,12 @@ class Simulator:
             z: States of drives and friction, shape (nz,); None: those consistent with q and v.
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
-        self.arm.place(self._placed(q, v, z, self.held_constraints))
+        self.arm.place(self._find_state(q, v, z, self.held_constraints))
         return self.state
 
-    def _placed(self, q: Any, v: Any, z: Any, names: Any, hold: Sequence[int] = ()) -> Array:
-        """As the function of that name; it warns of what is unlikely to be meant."""
-        x = placed(self.arm.plant, q, v, z, names, hold)
+    def _find_state(self, q: Any, v: Any, z: Any, names: Any, hold: Sequence[int] = ()) -> Array:
+        """The ``admissible_state``, with warnings of what is unlikely to be meant."""
+        x = admissible_state(self.arm.plant, q, v, z, names, hold)
         warn_of_closing(self.arm.plant, q, x[: self.n])
         warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
         warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
@@ -371,17 +367,10 @@ class Simulator:
 
     @with_arguments
     def rollout(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        *,
-        parameters: dict[str, Any] | None = None,
-        last_only: bool = False,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> Array:
+        self, q0: ArrayLike, v0: ArrayLike, tau: ArrayLike, steps: int, *,
+        parameters: dict[str, Any] | None = None, last_only: bool = False,
+        threads: int | None = None, lanes: int | None = None,
+    ) -> Array:  # fmt: skip
         """Simulate many arms at once; the simulator's own state does not change.
 
         Args:
@@ -452,8 +441,8 @@ class Simulator:
                 f"constraint '{name}' cannot be switched; switchable: {choices(name, places)}"
             )
         names = {*self.held_constraints, name} if on else {*self.held_constraints} - {name}
-        n, x = self.n, closed(self.arm.plant, self.arm.x, names)
-        x = self._placed(x[:n], x[n : 2 * n], x[2 * n :], names)
+        n, x = self.n, close_loops(self.arm.plant, self.arm.x, names)
+        x = self._find_state(x[:n], x[n : 2 * n], x[2 * n :], names)
         self.set_parameter(CONSTRAINTS, [float(place in names) for place in places])
         self.arm.place(x)
         return self.state

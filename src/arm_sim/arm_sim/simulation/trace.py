@@ -28,25 +28,25 @@ class Trace:
 
     Args:
         arm: The arm at the start of the run.
-        ticks: Their number k.
+        ticks: Number k of ticks.
         progress: Reports how far the run is.
-        at: Ticks of the run before.
+        offset: Ticks of the run before.
 
     Attributes:
         arm: The arm, as it is now.
-        ticks: Their number.
-        at: Ticks of the run before.
-        done: How many of the ticks were made.
+        ticks: Number of ticks.
+        offset: Ticks of the run before.
+        done: Number of ticks that were made.
         time: Time at the start and after each tick in [s], shape (k+1,).
 
     Raises:
         InvalidInput: If they take too much of the memory.
     """
 
-    def __init__(self, arm: SimulatedArm, ticks: int, progress: Progress, at: int = 0) -> None:
+    def __init__(self, arm: SimulatedArm, ticks: int, progress: Progress, offset: int = 0) -> None:
         row = 3 + arm.plant.nx + arm.n + len(arm.parameters) + 3 * arm.n * bool(arm.sensors)
         refuse_beyond_memory(ticks, 8 * row)
-        self.arm, self.ticks, self.at, self.done = arm, ticks, at, 0
+        self.arm, self.ticks, self.offset, self.done = arm, ticks, offset, 0
         self._progress = progress
         steps = arm.step_count + np.arange(ticks + 1)
         self.time = np.asarray(steps * arm.dt, dtype=np.float64)
@@ -63,7 +63,7 @@ class Trace:
         """Slices of the ticks, the first of ``few``; progress is reported after each."""
         for first, end in slices(self.ticks, few):
             yield first, end
-            self._progress.update((self.at + end) * self.arm.dt)
+            self._progress.update((self.offset + end) * self.arm.dt)
 
     def roll(self, stepper: Stepper, commands: Callable[[int, int], Array]) -> None:
         """Make the ticks in compiled code, or fewer, if one cannot be computed.
@@ -106,7 +106,7 @@ class Trace:
         self._x[row + 1], self._command[row], self._notes[row + 1] = arm.x, arm.acted, arm.notes
         self._changes.state, self.done = arm.state, row + 1
         if arm.hold != FREE:
-            self._changes.held(row, arm.hold)
+            self._changes.record_hold(row, arm.hold)
         if arm.sensors is not None and self._measured is not None:
             self._measured[row + 1] = arm.sensors.measured
 
@@ -127,7 +127,7 @@ class Trace:
             time=time, q=x[:, :n], v=x[:, n : 2 * n], z=x[:, 2 * n :], command=command,
             local_error=notes[:, 0], time_stepped=notes[:, 1], joint_names=arm.joint_names,
             p=changes.parameters(done + 1), origin=origin, held=arm.held_constraints,
-            jumps=changes.jumps(), hold=changes.hold(done + 1), substep=self._substep,
+            jumps=changes.jumps(), hold=changes.holds(done + 1), substep=self._substep,
             physics=arm.compiled,
             measured=None if measured is None else Measured.of(measured[: done + 1]),
             control=control,
@@ -151,21 +151,21 @@ class _Changes:
     def detect(self, row: int, x: Array) -> None:
         """Compare with the last call; a changed state replaces its row of ``x``."""
         arm = self._arm
-        token, here = self._token(), arm.x
-        same = arm.state is self.state or here.tobytes() == x[row].tobytes()
-        if same and token == self._last:
+        token, x_now = self._token(), arm.x
+        unchanged = arm.state is self.state or x_now.tobytes() == x[row].tobytes()
+        if unchanged and token == self._last:
             return
         self._rows.append(row)
         self._tuned.append(self._present())
         self._states.append(x[row].copy())
         self._substeps.append(self._arm.substep)
-        self._last, x[row] = token, here
+        self._last, x[row] = token, x_now
 
-    def held(self, row: int, hold: int) -> None:
+    def record_hold(self, row: int, hold: int) -> None:
         """Record what held the arm (servos or brakes) in the tick that begins at a row."""
         self._holds[row] = hold
 
-    def hold(self, rows: int) -> NDArray[np.uint8] | None:
+    def holds(self, rows: int) -> NDArray[np.uint8] | None:
         """What held the arm in the tick from each time, shape (rows,); None if nothing did."""
         if not self._holds:
             return None

@@ -49,6 +49,11 @@ class SubstepControl(ctypes.Structure):
         self.step, self.error, self.attempts = 0.0, 0.0, 0
 
 
+def copy_of(control: SubstepControl | None) -> SubstepControl | None:
+    """The state of an error control, if there is one, for a tick that is only tried."""
+    return control and control.copy()
+
+
 def controlled_tick(
     attempt: Call,
     x: Array,

@@ -17,7 +17,7 @@ from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.placing import INSIDE
+from arm_sim.plant.admissible_states import PENETRATION_TOLERANCE
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, MAX_SUBSTEPS, MAX_SUBSTEPS_TOUCHING
 from arm_sim.stepping.engine import NATIVE, SYMBOL
@@ -119,7 +119,7 @@ def _members(
         "nm": 0 if statics is None else statics.size1_out(3), "nr": plant.model.n,
         "order": choice.method.order, "tolerance": choice.tolerance or 0.0,
         "most_substeps": MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS,
-        "largest": LARGEST, "deep": INSIDE, "slowest": AT_REST,
+        "largest": LARGEST, "deep": PENETRATION_TOLERANCE, "slowest": AT_REST,
     }  # fmt: skip
     of_plant = {name.lower(): size for name, size in lengths(plant).items()}
     return of_plant | {name: int(bool(has)) for name, has in features.items()} | numbers

@@ -48,7 +48,7 @@ class InteractiveArm:
 
     def __init__(self, simulation: Simulator) -> None:
         self.simulation, model = simulation, simulation.model
-        simulation.arm.use(simulation.arm.compiled.pushable())
+        simulation.arm.use(simulation.arm.compiled.with_external_torques())
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._pushed = False
         self._command = CommandMap(model)
@@ -113,7 +113,7 @@ class InteractiveArm:
     def external(self) -> Array:
         """Torques of pushes and the pull now, shape (n,)."""
         state = self.simulation.state
-        return self.wrenches.torque(state.q, state.step) + self.mouse.torque(state.q)
+        return self.wrenches.advance(state.q, state.step) + self.mouse.torque(state.q)
 
     def tick(self) -> None:
         """Make a tick."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.plant.placing import inside_stops
+from arm_sim.plant.admissible_states import clip_to_stops
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.rollouts.batch import Batch
 
@@ -149,7 +149,7 @@ class Motion:
         if plant.model.stops:
             x = x.copy()
             for arm, row in enumerate(x):
-                row[: self.n] = inside_stops(plant, row[: self.n], f"arm {arm}: ")
+                row[: self.n] = clip_to_stops(plant, row[: self.n], f"arm {arm}: ")
         out = np.empty((len(x), ticks + 1, self.nx))
         return Batch(x, u.reshape(len(x), ticks, self.n), rows, ticks, out)
 

@@ -21,7 +21,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, positive, real_array
 from arm_dynamics.attributes import frozen, sealed
 from arm_sim import NotDifferentiable, SimulationDiverged, Simulator
-from arm_sim.inputs import whole
+from arm_sim.inputs import check_whole
 from arm_studies._renaming import renamed_argument
 from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost
@@ -118,7 +118,7 @@ class ILQR:
         if not self._phases:
             raise InvalidInput("there is no phase; at least one is expected")
         for phase in self._phases:
-            whole("nodes", phase.nodes, 1)
+            check_whole("nodes", phase.nodes, 1)
         arms = [(p.simulator.joint_names, p.simulator.arm.plant.nx) for p in self._phases]
         if len(set(arms)) > 1:
             raise InvalidInput(
@@ -229,7 +229,7 @@ class ILQR:
             NotDifferentiable: If a node is not differentiable.
             CompilerMissing: If there is no C compiler.
         """
-        whole("iterations", iterations, 0)
+        check_whole("iterations", iterations, 0)
         best = self.start(x0, u)
         for _ in range(iterations):
             best = self.improve(best)

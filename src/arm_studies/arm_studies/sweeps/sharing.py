@@ -16,7 +16,7 @@ from typing import Any
 
 from arm_dynamics import ArmError
 from arm_dynamics.exceptions import InvalidInput, missing, plain
-from arm_sim.inputs import whole
+from arm_sim.inputs import check_whole
 from arm_studies.sweeps.runs import Job, Recipe, Row
 from arm_studies.sweeps.world import world_of
 
@@ -96,7 +96,7 @@ def started(workers: int | None, cluster: str | None) -> Iterator[Workers]:
         InvalidInput: If no scheduler answers at the address.
     """
     if workers is not None:
-        whole("workers", workers, 1)
+        check_whole("workers", workers, 1)
     if cluster is not None:
         if workers is not None:
             raise InvalidInput("workers and cluster are given; a cluster has its own workers")

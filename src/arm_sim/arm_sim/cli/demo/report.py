@@ -13,7 +13,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.cli.demo.observer import Observations
 from arm_sim.cli.output import table
-from arm_sim.figures import COLORS, WIDTH, figure, joint_words, most_moved, units
+from arm_sim.figures import COLORS, WIDTH, figure, joint_words, units, widest_columns
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -161,7 +161,7 @@ def draw(
         f"{n['robot']}: computed torque at {1e-3 * n['wanted_rate']:g} kHz, tracking error "
         f"{scale * n['error_rms']:.3g} {unit} RMS"
     )
-    joints = most_moved(run.position)
+    joints = widest_columns(run.position)
     short = [joint_words(names)[i] for i in joints]
     effort, answers = run.effort[:, joints], run.query_effort[:, joints]
     largest, every = np.max(abs(effort), axis=0), max(1, len(answers) // DOTS)

@@ -2,11 +2,11 @@
 """Tangents: how a small change of the state, command or parameters grows over steps and ticks."""
 
 from arm_sim.derivatives.tangents.functions import (
-    LONGEST,
+    MAX_OPERATIONS,
     TANGENTS,
     TangentFunctions,
     tangents_source,
 )
 from arm_sim.derivatives.tangents.tangents import Arms, Tangents
 
-__all__ = ["LONGEST", "TANGENTS", "Arms", "TangentFunctions", "Tangents", "tangents_source"]
+__all__ = ["MAX_OPERATIONS", "TANGENTS", "Arms", "TangentFunctions", "Tangents", "tangents_source"]

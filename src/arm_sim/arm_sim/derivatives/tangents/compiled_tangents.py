@@ -22,17 +22,18 @@ class CompiledTangents:
         choice: Method, tick and tolerance.
         stepper: Runs its ticks and determines the modes of joints and contacts.
         backend: As for ``Kernel``.
-        tuned: Places in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Attributes:
         eventful: Whether ticks may have events.
     """
 
     def __init__(
-        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str, tuned: Sequence[int]
-    ) -> None:
+        self, plant: Plant, choice: Choice, stepper: Stepper, backend: str,
+        p_indices: Sequence[int],
+    ) -> None:  # fmt: skip
         self._plant, self._choice, self._stepper = plant, choice, stepper
-        self._backend, self._tuned = backend, tuned
+        self._backend, self._p_indices = backend, p_indices
         self.eventful = plant.eventful and stepper.kernel.native
 
     @cached_property
@@ -44,7 +45,7 @@ class CompiledTangents:
     @cached_property
     def smooth_ticks(self) -> Tangents | None:
         """Code for ticks that meet neither stops nor events; None if there is none."""
-        return self._free if self._in_lanes else self.event_free
+        return self._free_tangents if self._has_lanes else self.event_free
 
     @cached_property
     def event_free(self) -> Tangents | None:
@@ -55,22 +56,22 @@ class CompiledTangents:
     @built_once
     def of_scene(self) -> Tangents:
         """Derivatives of all steps of the scene, in modes that are arguments."""
-        return Tangents(self._plant, self._choice, self._backend, self._tuned, self.engine)
+        return Tangents(self._plant, self._choice, self._backend, self._p_indices, self.engine)
 
     def prepare(self) -> None:
         """Compile what ticks without events need, unless that is done."""
-        if self._in_lanes:
-            self._free.library(natural_width())
-        (self.smooth_ticks or self._free).library(1)
+        if self._has_lanes:
+            self._free_tangents.library(natural_width())
+        (self.smooth_ticks or self._free_tangents).library(1)
 
     @cached_property
-    def _in_lanes(self) -> bool:
+    def _has_lanes(self) -> bool:
         """Whether arms away from their stops are differentiated side by side."""
-        return takes_equal_steps(self._plant, self._choice) and self._free.native
+        return takes_equal_steps(self._plant, self._choice) and self._free_tangents.native
 
     @cached_property
-    def _free(self) -> Tangents:
+    def _free_tangents(self) -> Tangents:
         """Derivatives of ticks and steps of the arm away from its stops."""
         if self._plant.free is None:
             return self.of_scene
-        return Tangents(self._plant.free, self._choice, self._backend, self._tuned)
+        return Tangents(self._plant.free, self._choice, self._backend, self._p_indices)

@@ -19,7 +19,7 @@ from arm_sim.stepping.tick_functions import MOVING
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
-LONGEST = 600_000
+MAX_OPERATIONS = 600_000
 # Name of the structure of functions of columns in generated code
 TANGENTS = "own_tangents"
 _MEMBERS = Header(NATIVE / "derivatives/tangents.h", only="tangents_t").fields("tangents_t")
@@ -33,28 +33,30 @@ class TangentFunctions:
     Args:
         plant: The equations.
         choice: Method and tick.
-        tuned: Places in p of the quantities to differentiate by.
-        ticks: Whether ticks of a scene with events are differentiated, those without an event.
+        p_indices: Indices in p of the quantities to differentiate by.
+        ticks: Whether ticks without events of a scene with events are differentiated.
 
     Attributes:
-        step: Of the step.
-        event_free: Of ticks without events, if they are differentiated.
+        step: Functions of the step.
+        event_free: Functions of ticks without events, if these are differentiated.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int], ticks: bool) -> None:
-        self._plant, self._choice, self._tuned = plant, choice, len(tuned)
+    def __init__(
+        self, plant: Plant, choice: Choice, p_indices: Sequence[int], ticks: bool
+    ) -> None:
+        self._plant, self._choice, self._quantities = plant, choice, len(p_indices)
         self.event_free = EventFreeTick.of(plant) if ticks else None
-        self.step = StepTangent(plant, choice, tuned, dense=ticks)
+        self.step = StepTangent(plant, choice, p_indices, dense=ticks)
         self._sliding: StepTangent | None = None
         if ticks and (plant.layout.directions or plant.mechanics.contact):
             sliding = plant.variant(sliding=True)
-            self._sliding = StepTangent(sliding, choice, tuned, MOVING, dense=True)
+            self._sliding = StepTangent(sliding, choice, p_indices, MOVING, dense=True)
         self._acting, self._command = command_tangent(plant)
 
     @property
     def may_be_compiled(self) -> bool:
         """Whether compilation takes seconds at most."""
-        return operations(self.step.advance) <= LONGEST
+        return operations(self.step.advance) <= MAX_OPERATIONS
 
     @property
     def _steps(self) -> list[StepTangent]:
@@ -81,7 +83,7 @@ class TangentFunctions:
         return (self.event_free.members if self.event_free else {}) | {
             "nstep": max(step.advance.size1_out(1) for step in self._steps),
             "na": self._acting.size1_out(1),
-            "nt": self._tuned,
+            "nt": self._quantities,
             "dense_derivative": int(self.step.advance.n_out() > 2),
         }
 

@@ -25,40 +25,40 @@ class RestProjection:
 
     Args:
         plant: The scene's equations.
-        tuned: Places in p of the quantities to differentiate by.
+        p_indices: Indices in p of the quantities to differentiate by.
 
     Attributes:
-        rest_begin: CasADi function (x, u, p) -> coefficients c at the state in which a motion
-            begins.
-        begin_at_rest: CasADi function (c, dx) -> dx with held joints and closed contacts at rest.
-        rest_end: CasADi function (x at the beginning, x at the end, p) -> coefficients c, of an
-            end that satisfies the contacts already.
-        end_at_rest: CasADi function (c, dx at the beginning, dx at the end) -> dx at the end, on
+        begin_coefficients: CasADi function (x, u, p) -> coefficients c at the state in which a
+            motion begins.
+        project_begin: CasADi function (c, dx) -> dx with held joints and closed contacts at rest.
+        end_coefficients: CasADi function (x at the beginning, x at the end, p) -> coefficients c,
+            of an end that satisfies the contacts already.
+        project_end: CasADi function (c, dx at the beginning, dx at the end) -> dx at the end, on
             closed contacts and anchors.
     """
 
-    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
+    def __init__(self, plant: Plant, p_indices: Sequence[int] = ()) -> None:
         self._plant = plant
-        self.rest_begin, self.begin_at_rest = _beginning(plant)
-        self.rest_end, self.end_at_rest = _end(plant)
-        self._tuned = tuned
+        self.begin_coefficients, self.project_begin = _begin(plant)
+        self.end_coefficients, self.project_end = _end(plant)
+        self._p_indices = p_indices
 
     def matrices(self) -> tuple[ca.Function, ...]:
         """The projections as derivatives of positions, velocities and internal states.
 
         ``at_rest`` (x, u, p) -> those of a state with which motion begins, and with contacts
-        ``closing`` (x at the beginning, x at the end, p) -> those of ``rest_end``, of positions
+        ``closing`` (x at the beginning, x at the end, p) -> those of ``project_end``, of positions
         and velocities by both ends.
         """
         n, nx = self._plant.model.n, self._plant.nx
-        (x, u, p), dx = self.rest_begin.sx_in(), ca.SX.sym("dx", nx)
-        moved = self.begin_at_rest(self.rest_begin(x, u, p), dx)
-        functions = [dense_function("at_rest", [x, u, p], ca.jacobian(moved, dx))]
+        (x, u, p), dx = self.begin_coefficients.sx_in(), ca.SX.sym("dx", nx)
+        begin = self.project_begin(self.begin_coefficients(x, u, p), dx)
+        functions = [dense_function("at_rest", [x, u, p], ca.jacobian(begin, dx))]
         if self._plant.mechanics.contact:
-            x, end, p = self.rest_end.sx_in()
+            x, end, p = self.end_coefficients.sx_in()
             dbegin, dend, qv = ca.SX.sym("dbegin", nx), ca.SX.sym("dend", nx), slice(2 * n)
-            moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend)[qv]
-            slopes = (ca.jacobian(moved, by)[:, qv] for by in (dbegin, dend))
+            closed_end = self.project_end(self.end_coefficients(x, end, p), dbegin, dend)[qv]
+            slopes = (ca.jacobian(closed_end, by)[:, qv] for by in (dbegin, dend))
             functions.append(dense_function("closing", [x, end, p], *slopes))
         return tuple(functions)
 
@@ -78,40 +78,56 @@ class RestProjection:
         for _ in range(CLOSING_STEPS):
             closed = contact.close(closed, p, ca.vec(place[1:, :]))
         by_ends = (ca.jacobian(closed, by) for by in (before, x))
-        slopes = ca.densify(ca.horzcat(*by_ends, jacobian_by(closed, p, self._tuned)))
+        slopes = ca.densify(ca.horzcat(*by_ends, jacobian_by(closed, p, self._p_indices)))
         return ca.Function("closed", [x, p, before], [slopes])
 
 
-def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
-    """``rest_begin`` and ``begin_at_rest``."""
+def _begin(plant: Plant) -> tuple[ca.Function, ca.Function]:
+    """``begin_coefficients`` and ``project_begin``."""
     n, c = plant.model.n, Coefficients()
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     dx = ca.SX.sym("dx", plant.nx)
     dq, dv, dz = ca.vertsplit(dx, [0, n, 2 * n, plant.nx])
-    qv, (_, direction, *_, contacts) = x[: 2 * n], plant.layout.parts(p)
     if plant.layout.directions:
-        change = ca.SX.sym("change", n)
-        struck = plant.mechanics.impact_map(qv, p, change, ca.SX(3 * len(plant.points), 1))[0]
-        gain = ca.jacobian(struck, change)  # which is linear in it
-        held = direction == 0
-        dv = dv - c.matrix(gain @ ca.diag(held)) @ dv
-        if plant.model.stops.rigid.any():
-            back = ca.logic_and(held, _leans(plant, x, u, p))
-            dq = dq - c.matrix(gain @ ca.diag(back)) @ dq
+        dq, dv = _stop_held(plant, c, (x, u, p), dq, dv)
     if plant.mechanics.contact:
-        closed = ca.sum1(Mode.of(contacts).closed) > 0
-        settled = plant.mechanics.contact.closing()(qv, p)[0]
-        loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
-        dv = c.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
-    moved = ca.densify(ca.vertcat(dq, dv, dz))
+        dv = _close_contacts(plant, c, x, p, ca.vertcat(dq, dv))
+    projected = ca.densify(ca.vertcat(dq, dv, dz))
     return (
-        ca.Function("rest_begin", [x, u, p], [c.values], {"cse": True}),
-        ca.Function("begin_at_rest", [c.symbols, dx], [moved], {"cse": True}),
+        ca.Function("begin_coefficients", [x, u, p], [c.values], {"cse": True}),
+        ca.Function("project_begin", [c.symbols, dx], [projected], {"cse": True}),
     )
 
 
-def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
-    """Joints at rigid stops that friction alone would not hold there."""
+def _stop_held(
+    plant: Plant, c: Coefficients, xup: tuple[ca.SX, ca.SX, ca.SX], dq: ca.SX, dv: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Changes of q and v without those of held joints, which act on the others as impulses."""
+    (x, _, p), n = xup, plant.model.n
+    change = ca.SX.sym("change", n)
+    no_impulse = ca.SX(3 * len(plant.points), 1)
+    v_after = plant.mechanics.impact_map(x[: 2 * n], p, change, no_impulse)[0]
+    gain = ca.jacobian(v_after, change)  # in which the impact is linear
+    held = plant.layout.parts(p)[1] == 0
+    dv = dv - c.matrix(gain @ ca.diag(held)) @ dv
+    if plant.model.stops.rigid.any():
+        pressed = ca.logic_and(held, _pressed_at_rigid_stop(plant, *xup))
+        dq = dq - c.matrix(gain @ ca.diag(pressed)) @ dq
+    return dq, dv
+
+
+def _close_contacts(plant: Plant, c: Coefficients, x: ca.SX, p: ca.SX, dqv: ca.SX) -> ca.SX:
+    """Changes of v that closed contacts allow, from those of q and v."""
+    n, contact = plant.model.n, plant.mechanics.contact
+    assert contact is not None
+    closed = ca.sum1(Mode.of(plant.layout.parts(p)[-1]).closed) > 0
+    settled = contact.closing()(x[: 2 * n], p)[0]
+    loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
+    return c.matrix(ca.if_else(closed, settled, loose)) @ dqv
+
+
+def _pressed_at_rigid_stop(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    """1 for joints at rigid stops that friction alone would not hold there, else 0."""
     q, (lower, upper) = x[: plant.model.n], plant.model.stops.bounds
     load = plant.events["loads"](x, u, p)[0]
     push = ca.if_else(q <= lower, -load, ca.if_else(q >= upper, load, 0))
@@ -119,11 +135,11 @@ def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 
 
 def _end(plant: Plant) -> tuple[ca.Function, ca.Function]:
-    """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
+    """``end_coefficients`` and ``project_end``; without contacts nothing changes."""
     n, c = plant.model.n, Coefficients()
     names = ("begin", "end", "dbegin", "dend")
     begin, end, dbegin, dend = (ca.SX.sym(name, plant.nx) for name in names)
-    p, moved = ca.SX.sym("p", plant.rhs.size1_in(2)), dend
+    p, projected = ca.SX.sym("p", plant.rhs.size1_in(2)), dend
     if contact := plant.mechanics.contact:
         before, after = begin[: 2 * n], end[: 2 * n]
         anchor = ca.vec(ca.reshape(contact.geometry(before)[0], 3, -1)[1:, :])
@@ -131,9 +147,11 @@ def _end(plant: Plant) -> tuple[ca.Function, ca.Function]:
             contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
         )
         danchor = c.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
-        back = c.matrix(by_anchor) @ danchor
-        moved = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
+        anchor_change = c.matrix(by_anchor) @ danchor
+        projected = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + anchor_change, dend[2 * n :])
     return (
-        ca.Function("rest_end", [begin, end, p], [c.values], {"cse": True}),
-        ca.Function("end_at_rest", [c.symbols, dbegin, dend], [ca.densify(moved)], {"cse": True}),
+        ca.Function("end_coefficients", [begin, end, p], [c.values], {"cse": True}),
+        ca.Function(
+            "project_end", [c.symbols, dbegin, dend], [ca.densify(projected)], {"cse": True}
+        ),
     )

@@ -27,25 +27,26 @@ class StepTangent:
     Args:
         plant: The equations.
         choice: Method and tick.
-        tuned: Places in p of the quantities to differentiate by.
-        prefix: Of the names of the functions.
+        p_indices: Indices in p of the quantities to differentiate by.
+        prefix: First part of the names of the functions.
         dense: As for ``build_tangent``.
 
     Attributes:
         advance: CasADi function (x, u, p, h) -> x at the end, and coefficients c.
-        propagate: CasADi function (c, dx, dw, dh) -> dx at the end, w being u and the tuned
-            quantities; of columns, any number.
+        propagate: CasADi function (c, dx, dw, dh) -> dx at the end, w being u and the quantities;
+            of columns, any number.
     """
 
     def __init__(
-        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = "",
+        self, plant: Plant, choice: Choice, p_indices: Sequence[int], prefix: str = "",
         dense: bool = False,
     ) -> None:  # fmt: skip
         project, scaled = plant.mechanics.project, partial(scaled_jacobian, plant)
         self._n, self._prefix = plant.model.n, prefix
         self.advance, self.propagate = build_tangent(
-            choice.method, plant.rhs, Slopes(plant, tuned), self._n, project, scaled, tuned, dense
-        )
+            choice.method, plant.rhs, Slopes(plant, p_indices), self._n, project, scaled,
+            p_indices, dense,
+        )  # fmt: skip
         if prefix:  # functions that are compiled beside others need names of their own
             arguments = self.advance.mx_in()
             results = self.advance.call(arguments)
@@ -55,8 +56,8 @@ class StepTangent:
     def jvp(self) -> ca.Function:
         """CasADi function (c, dx, dw) -> dx at the end: ``propagate`` for a constant length."""
         c, dx, dw = (ca.SX.sym(name, self.propagate.size1_in(i)) for i, name in enumerate("cxw"))
-        moved = self.propagate(c, dx, dw, 0)
-        return ca.Function(f"{self._prefix}jvp", [c, dx, dw], [moved], {"cse": True})
+        dx_end = self.propagate(c, dx, dw, 0)
+        return ca.Function(f"{self._prefix}jvp", [c, dx, dw], [dx_end], {"cse": True})
 
     def vjp(self, command_jvp: ca.Function) -> tuple[ca.Function, ca.Function]:
         """Transpose of a tick, that is of ``command_jvp`` and then ``jvp``.
@@ -66,15 +67,14 @@ class StepTangent:
 
         Returns:
             Functions (coefficients of both, row λ of a derivative by the state after the tick) ->
-            its product with the derivatives by the state before, the command and the tuned
-            quantities. The first takes λ of positions, shape (n,), the other that of velocities
-            and internal states, (nx - n,): in an explicit method, the last stage does not change
-            positions.
+            its product with the derivatives by the state before, the command and the quantities.
+            The first takes λ of positions, shape (n,), the other that of velocities and internal
+            states, (nx - n,): in an explicit method, the last stage does not change positions.
         """
         n, (c, _, dw) = self._n, self.jvp.sx_in()
         c_command, dx, dr = command_jvp.sx_in()
         row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", dw.shape[0] - n)
-        moved = self.jvp(c, dx, ca.vertcat(command_jvp(c_command, dx, dr), dp))
+        dx_end = self.jvp(c, dx, ca.vertcat(command_jvp(c_command, dx, dr), dp))
         coefficients = ca.vertcat(c_command, c)
 
         def row_product(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
@@ -83,8 +83,8 @@ class StepTangent:
             return ca.Function(f"{self._prefix}{name}", arguments, [product], {"cse": True})
 
         by_q, by_rest = (
-            row_product("vjp_q", moved[:n], row[:n]),
-            row_product("vjp_rest", moved[n:], row[n:]),
+            row_product("vjp_q", dx_end[:n], row[:n]),
+            row_product("vjp_rest", dx_end[n:], row[n:]),
         )
         return by_q, by_rest
 

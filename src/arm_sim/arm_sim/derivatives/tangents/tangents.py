@@ -29,9 +29,11 @@ from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes
 from arm_sim.stepping.rollouts.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
-# halved once more: from there on they converge by the method's order. Rounding, relative to the
-# largest derivative, and the most halvings.
-SETTLED, ROUNDING, MOST_HALVINGS = 0.01, 1e-13, 10
+# halved once more: from there on they converge by the method's order.
+SETTLED_CHANGE = 0.01
+# Rounding of derivatives, relative to the largest
+ROUNDING = 1e-13
+MAX_HALVINGS = 10
 
 
 class Columns(ctypes.Structure):
@@ -74,7 +76,7 @@ class Arms:
         """Number of ticks."""
         return int(self.tau.shape[1])
 
-    def room(self, every: bool) -> Array:
+    def empty_columns(self, every: bool) -> Array:
         """Memory for the columns after every tick, shape (b, ticks, nx, k), or after the last."""
         return np.empty((self.count, self.ticks if every else 1, *self.initial.shape[1:]))
 
@@ -88,29 +90,26 @@ class Tangents:
         plant: The equations.
         choice: Method and tick.
         backend: As for ``Kernel``.
-        tuned: Places in p of the quantities to differentiate by.
-        engine: In a scene with events, what finds the modes of a tick; without it, only steps are
+        p_indices: Indices in p of the quantities to differentiate by.
+        engine: What finds the modes of a tick in a scene with events; without it, only steps are
             differentiated.
 
     Attributes:
-        plant, engine: As above.
+        plant: The equations.
+        engine: What finds the modes of a tick; None if only steps are differentiated.
     """
 
     @one_at_a_time
     def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        backend: str,
-        tuned: Sequence[int] = (),
+        self, plant: Plant, choice: Choice, backend: str, p_indices: Sequence[int] = (),
         engine: Engine | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.plant, self._backend, self.engine = plant, backend, engine
         self._choice, ticks = choice, engine is not None and backend != "vm"
-        self._functions = TangentFunctions(plant, choice, tuned, ticks)
-        self.library = cache(self._built)
+        self._functions = TangentFunctions(plant, choice, p_indices, ticks)
+        self.library = cache(self._build)
         self._controlled = choice.tolerance is not None
-        self._held = plant.model.n + len(tuned)
+        self._held = plant.model.n + len(p_indices)
         self._unit = np.eye(plant.nx + self._held)
 
     def step(self, x: Array, u: Array, p: Array, h: float, columns: Array) -> tuple[Array, Array]:
@@ -124,61 +123,61 @@ class Tangents:
             u: Command that acts, shape (n,).
             p: Tunable numbers and modes.
             h: Length of the step in [s].
-            columns: Of x, u, the quantities to differentiate by, and h: nx + n + nt + 1 rows, k
-                columns.
+            columns: Changes of x, u, the quantities to differentiate by, and h, shape
+                (nx + n + nt + 1, k).
 
         Returns:
             The state at the end, and columns of it, shape (nx, k); NaN if they do not settle.
         """
-        after, moved = self._through(x, u, p, h, columns)
+        after, changes = self._step_once(x, u, p, h, columns)
         if not self._controlled:
-            return after, moved
-        allowed, finer = columns, moved
+            return after, changes
+        allowed, finer = columns, changes
         if self.plant.constrained:  # which is what a step without length does
-            allowed = np.vstack([self._through(x, u, p, 0.0, columns)[1], columns[len(x) :]])
-            finer = self._through(x, u, p, h, allowed)[1]
-        for parts in 2 ** np.arange(1, MOST_HALVINGS + 1):
-            coarse, finer = finer, self._in_parts(x, u, p, h, allowed, int(parts))
-            if self._settle(coarse, finer):
+            allowed = np.vstack([self._step_once(x, u, p, 0.0, columns)[1], columns[len(x) :]])
+            finer = self._step_once(x, u, p, h, allowed)[1]
+        for parts in 2 ** np.arange(1, MAX_HALVINGS + 1):
+            coarse, finer = finer, self._step_in_parts(x, u, p, h, allowed, int(parts))
+            if self._is_settled(coarse, finer):
                 if parts == 2 or allowed is columns:
-                    return after, moved if parts == 2 else finer
-                return after, self._in_parts(x, u, p, h, columns, int(parts))
-        return after, np.full_like(moved, np.nan)
+                    return after, changes if parts == 2 else finer
+                return after, self._step_in_parts(x, u, p, h, columns, int(parts))
+        return after, np.full_like(changes, np.nan)
 
-    def _settle(self, coarse: Array, finer: Array) -> bool:
-        most = SETTLED * self.plant.model.scene.sim.accuracy
+    def _is_settled(self, coarse: Array, finer: Array) -> bool:
+        tolerance = SETTLED_CHANGE * self.plant.model.scene.sim.accuracy
         with np.errstate(invalid="ignore"):
             error, size = abs(finer - coarse).max(axis=1), abs(finer).max(axis=1)
-        return bool((error <= most * size + ROUNDING * size.max()).all())
+        return bool((error <= tolerance * size + ROUNDING * size.max()).all())
 
-    def _in_parts(
+    def _step_in_parts(
         self, x: Array, u: Array, p: Array, h: float, columns: Array, parts: int
     ) -> Array:
-        moved, held = np.split(columns, (self.plant.nx,))
+        changes, held = np.split(columns, (self.plant.nx,))
         held = np.vstack([held[:-1], held[-1:] / parts])
         for _ in range(parts):
-            x, moved = self._through(x, u, p, h / parts, np.vstack([moved, held]))
-        return moved
+            x, changes = self._step_once(x, u, p, h / parts, np.vstack([changes, held]))
+        return changes
 
-    def _through(
+    def _step_once(
         self, x: Array, u: Array, p: Array, h: float, columns: Array
     ) -> tuple[Array, Array]:
         nx = self.plant.nx
         if (code := self.library(1)) is None:
             after, c, *_ = self._functions.step.advance(x, u, p, h)
-            moved = self._functions.step.propagate(c, *np.split(columns, (nx, nx + self._held)))
-            return np.array(after).ravel(), np.array(moved)
+            changes = self._functions.step.propagate(c, *np.split(columns, (nx, nx + self._held)))
+            return np.array(after).ravel(), np.array(changes)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
-        after, moved, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
+        after, changes, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
         code.engine.propagate_step(
             code.scene, address_of(code.own, TANGENTS), *map(pointer, (x, u, p, length, columns)),
-            ctypes.c_longlong(columns.shape[1]), pointer(after), pointer(moved),
+            ctypes.c_longlong(columns.shape[1]), pointer(after), pointer(changes),
         )  # fmt: skip
-        return after, moved
+        return after, changes
 
-    def slopes(
-        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None,
-        begins: bool = True,
+    def differentiate(
+        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None, *,
+        is_first: bool = True,
     ) -> tuple[Array, Array, list[int]]:  # fmt: skip
         """Differentiate ticks of many arms under held commands, on all cores.
 
@@ -189,7 +188,7 @@ class Tangents:
             ticks: Number of ticks.
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            begins: With events, whether motions begin here, see ``may_go_on``.
+            is_first: With events, whether motions begin here, see ``is_unstable_at_rest``.
 
         Returns:
             States at the end, shape (b, nx), their derivatives by the initial state, the command
@@ -199,48 +198,52 @@ class Tangents:
         x, r, dt = np.ascontiguousarray(x), np.ascontiguousarray(r), self._choice.dt
         (count, nx), k, marks = x.shape, len(self._unit), Marks(len(x))
         after, slopes = np.empty((count, nx)), np.empty((count, nx, k))
-        unit = address(self._unit)  # the same for all arms and ticks
+        unit = address(self._unit)  # by strides of zero the same for all arms and ticks
         table = ArmTable(address(x), address(r), address(p), r.shape[1], 0, 0, dt, ticks)
-        columns = Columns(unit, unit + 8 * nx * k, address(slopes), 0, 0, 0, nx * k, 0, k, True)
-        invalid, _ = self._side_by_side(table, marks, columns, after, begins, threads, lanes)
+        columns = Columns(
+            initial=unit, held=unit + self._unit[:nx].nbytes, columns=address(slopes),
+            columns_arm_stride=nx * k, count=k, starts_from_identity=True,
+        )  # fmt: skip
+        invalid, _ = self._propagate(table, marks, columns, after, is_first, threads, lanes)
         return after, slopes, invalid
 
-    def columns(
-        self, arms: Arms, every: bool, threads: int | None, lanes: int | None,
-        begins: bool = True,
+    def propagate(
+        self, arms: Arms, threads: int | None, lanes: int | None, *, every: bool,
+        is_first: bool = True,
     ) -> tuple[Array, list[int], Array, Counts]:  # fmt: skip
         """Propagate columns through ticks of many arms, on all cores.
 
         Args:
             arms: Where they begin, and the columns.
-            every: Whether to return the columns after every tick, not only after the last.
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            begins: As for ``slopes``.
+            every: Whether to return columns after every tick, not only after the last.
+            is_first: As for ``differentiate``.
 
         Returns:
             Columns of the states, shape (b, ticks, nx, k) or (b, 1, nx, k), the arms whose results
-            are invalid, as of ``slopes``, the states at the end, and with events the number of
-            ticks of each arm before one. Of an arm with an event, alone in its register, columns
-            and state are those before it.
+            are invalid, see ``differentiate``, the states at the end, and with events the number
+            of ticks of each arm before one. Of an arm with an event, alone in its register,
+            columns and state are those before it.
         """
-        after, columns, marks = np.empty(arms.x.shape), arms.room(every), Marks(arms.count)
+        after, columns = np.empty(arms.x.shape), arms.empty_columns(every)
+        marks = Marks(arms.count)
         by_arm, by_tick = strides(columns, 2)
         table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, marks, None)
         table_of_columns = Columns(
             address(arms.initial), address(arms.held), address(columns), *strides(arms.initial, 1),
             *strides(arms.held, 2), by_arm, by_tick if every else 0, arms.initial.shape[-1], False,
         )  # fmt: skip
-        invalid, ticks = self._side_by_side(
-            table, marks, table_of_columns, after, begins, threads, lanes
+        invalid, ticks = self._propagate(
+            table, marks, table_of_columns, after, is_first, threads, lanes
         )
         return columns, invalid, after, ticks
 
-    def _side_by_side(
-        self, table: ArmTable, marks: Marks, columns: Columns, after: Array, begins: bool,
+    def _propagate(
+        self, table: ArmTable, marks: Marks, columns: Columns, after: Array, is_first: bool,
         threads: int | None, lanes: int | None,
     ) -> tuple[list[int], Counts]:  # fmt: skip
-        """Call ``propagate_ticks`` of native/derivatives/tangent_ticks.c.
+        """Call ``propagate_ticks`` of ``native/derivatives/tangent_ticks.c``.
 
         Returns:
             The arms whose results are invalid, and with events the ticks of each before one.
@@ -252,7 +255,7 @@ class Tangents:
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         ticks = np.zeros(0 if self.engine is None else len(after), np.int64)
         table.unfinished, table.halted = marks.addresses
-        columns.initial_state_varied = begins
+        columns.initial_state_varied = is_first
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.ticks_before_event, columns.after = ticks.ctypes.data, address(after)
 
@@ -266,10 +269,10 @@ class Tangents:
 
     @cached_property
     def native(self) -> bool:
-        """Whether there is compiled code, which ``slopes`` and ``columns`` need."""
+        """Whether there is compiled code, which ``differentiate`` and ``propagate`` need."""
         return self.library(1) is not None
 
-    def _built(self, lanes: int) -> Compiled | None:
+    def _build(self, lanes: int) -> Compiled | None:
         """Compiled code for ``lanes`` arms side by side; None if it cannot be built."""
         if self._backend == "vm" or not self._functions.may_be_compiled:
             return None

@@ -16,8 +16,8 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.scene import Scene
 from arm_sim.imperfections import Measured
-from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL, with_external
-from arm_sim.plant.placing import held_of
+from arm_sim.plant.admissible_states import active_names
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL, insert_external
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
 from arm_sim.recording.files import tick_writer
@@ -113,7 +113,7 @@ def _motion(
     columns: dict[str, Any] = {name: read_only(np.array(x)) for name, x in arrays.items()}
     contents = Contents(
         **columns, joint_names=names, origin=origin, jumps=_jumps(states, p, x, timeline),
-        held=held_of(scene.constraints, columns["p"][-1]), hold=hold if hold.any() else None,
+        held=active_names(scene.constraints, columns["p"][-1]), hold=hold if hold.any() else None,
         gaps=timeline.gaps, substep=max(states[0].substep, 0.0),
     )  # fmt: skip
     return contents, timeline
@@ -124,7 +124,7 @@ def _complete(change: Any, scene: Scene, n: int) -> Array:
     p: Array = change.parameters
     if EXTERNAL in change.tunable or EXTERNAL not in scene.tunable:
         return p
-    return with_external(p, scene, n)
+    return insert_external(p, scene, n)
 
 
 def _jumps(states: Sequence[Any], p: Array, x: Array, timeline: Timeline) -> tuple[Jump, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.imperfections import Measured
-from arm_sim.plant.parameters import EXTERNAL, names_of, without_external
+from arm_sim.plant.parameters import EXTERNAL, names_of, remove_external
 from arm_sim.recording.contents import FREE, Contents
 from arm_sim.recording.files import messages as msg
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK
@@ -161,7 +161,7 @@ def _changes(contents: Contents, stamps: NDArray[np.int64]) -> Iterator[tuple[in
             substep = contents.jumps[passed - 1].substep
         p = contents.p[row]
         if EXTERNAL not in tunable[passed] and EXTERNAL in tunable[-1]:
-            p = without_external(p, scene, n)
+            p = remove_external(p, scene, n)
         yield row, msg.written(
             CHANGE, stamp=int(stamps[row]), text="changed" if row else "start",
             tunable=tunable[passed], parameters=p, state=x[row], substep=substep,

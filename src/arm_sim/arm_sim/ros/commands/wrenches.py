@@ -55,7 +55,7 @@ class AppliedWrenches(ExternalWrenches):
         account evaluates ticks with the torques that acted in them.
         """
         arm = self._simulator.arm
-        tau = self.torque(arm.x[: arm.n], arm.step_count)
+        tau = self.advance(arm.x[: arm.n], arm.step_count)
         note_last_torques()
         self._simulator.set_parameter(EXTERNAL, tau)
         self._acted_last_tick = bool(self.active)

@@ -55,8 +55,8 @@ typedef struct {
   equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *impact_map, *statics;
   equation_t *contact_geometry, *contact_mobility, *contact_close;
   equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
-  equation_t *impact_laws, *across, *at_rest, *closing, *nonsmooth, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
-  equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;
+  equation_t *impact_laws, *across, *at_rest, *closing, *nonsmooth, *begin_coefficients, *end_coefficients;
+  equation_t *begin_adjoint, *end_adjoint, *adjoint, *limit_adjoint, *advance, *moving_advance;
 } scene_t;
 
 #ifndef NX

@@ -11,9 +11,9 @@ import numpy as np
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector_or_batch
 from arm_dynamics.codegen.addresses import repeated
-from arm_sim.inputs import whole
+from arm_sim.inputs import check_whole
 from arm_sim.memory import refuse_beyond_memory
-from arm_sim.plant.placing import closed_rows, inside_stops
+from arm_sim.plant.admissible_states import clip_to_stops, close_loops_of_arms
 from arm_sim.plant.plant import Plant
 
 
@@ -43,7 +43,7 @@ class Batch:
         cls, plant: Plant, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool
     ) -> Self:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
-        whole("steps", steps, 0)
+        check_whole("steps", steps, 0)
         x0 = states(plant, p, q0, v0, ("q0", "v0"))
         arms, nx = x0.shape
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
@@ -69,11 +69,11 @@ def states(plant: Plant, p: Array, q: Any, v: Any, names: tuple[str, str]) -> Ar
     for name, count in ((names[1], len(v)), ("parameters", len(p) if p.ndim == 2 else len(q))):
         if count != len(q):
             raise InvalidInput(f"{name}: {count} arms, but {names[0]} has {len(q)}")
-    x = closed_rows(plant, np.concatenate([q, v], axis=1), p)
+    x = close_loops_of_arms(plant, np.concatenate([q, v], axis=1), p)
     if stops := plant.model.stops:
         inside = stops.within(x[:, :n])
         for arm in np.flatnonzero((inside != x[:, :n]).any(axis=1)):
-            inside_stops(plant, x[arm, :n], f"arm {arm}: ")  # which refuses all but rounding
+            clip_to_stops(plant, x[arm, :n], f"arm {arm}: ")  # which refuses all but rounding
         x[:, :n] = inside
     if plant.nz:
         z = [plant.laws.initial(*np.split(row, 2)) for row in x]

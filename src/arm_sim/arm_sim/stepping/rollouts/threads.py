@@ -8,7 +8,7 @@ from functools import cache
 from itertools import pairwise
 from time import perf_counter
 
-from arm_sim.inputs import whole
+from arm_sim.inputs import check_whole
 
 # Work in [s] that is worth a thread; with 16 of them, less takes longer than alone.
 WORTH_A_THREAD = 7e-4
@@ -37,7 +37,7 @@ def share(
         InvalidInput: If the number of threads is not positive.
     """
     if threads is not None:
-        whole("threads", threads, 1)
+        check_whole("threads", threads, 1)
     count, groups = threads or len(os.sched_getaffinity(0)), -(-arms // width)
     first = 0  # group that is not worked on yet
     if threads is None and count > 1 and groups > 1 and ticks <= FEW_TICKS:

@@ -15,7 +15,7 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
-from arm_sim.inputs import whole
+from arm_sim.inputs import check_whole
 from arm_studies._renaming import renamed_argument
 from arm_studies.identification.excitation import columns
 from arm_studies.identification.excitation.fourier import basis
@@ -110,9 +110,9 @@ def excite(
         InvalidInput: If an argument is not allowed, nothing limits a joint, or no motion is found.
     """
     positive("period", period)
-    whole("harmonics", harmonics, 2)
-    whole("attempts", attempts, 1)
-    whole("iterations", iterations, 1)
+    check_whole("harmonics", harmonics, 2)
+    check_whole("attempts", attempts, 1)
+    check_whole("iterations", iterations, 1)
     if aim not in (ALL, MASSES):
         raise InvalidInput(f"aim is '{aim}'; allowed: {ALL}, {MASSES}")
     search = _Search(room, period, harmonics, aim)

@@ -60,14 +60,14 @@ EXPORTED void event_free_gradient(const scene_t* scene, double* motion, const do
     clear(by_begin, NX);
     CALL(scene->acting, (tick.x, tau + k * NU), (u));
     if (any_closed(scene, tick.p)) { /* which are closed at the end */
-      CALL(scene->rest_end, (tick.begin, tick.end, tick.p), (coefficients));
+      CALL(scene->end_coefficients, (tick.begin, tick.end, tick.p), (coefficients));
       CALL(scene->end_adjoint, (coefficients, weight), (by_begin, by_end));
       copy(weight, by_end, NX);
     }
     CALL(scene->adjoint, (tick.begin, u, tick.p, &h, weight), (back, of_u, of_p));
     for (int i = 0; i < NX; ++i) back[i] += by_begin[i];
     if (!all_moves(scene, tick.p)) { /* what is held is brought to rest at the beginning */
-      CALL(scene->rest_begin, (tick.begin, u, tick.p), (coefficients));
+      CALL(scene->begin_coefficients, (tick.begin, u, tick.p), (coefficients));
       CALL(scene->begin_adjoint, (coefficients, back), (by_begin));
       copy(back, by_begin, NX);
     }

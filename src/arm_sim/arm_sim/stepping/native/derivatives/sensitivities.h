@@ -12,7 +12,7 @@
 #define NW (NU + NT) /* what is held: command and tunable quantities */
 #define NV (NX + NW)
 
-/* Why a tick has no derivative. Python: MESSAGES of derivatives/events.py. */
+/* Why a tick has no derivative. Python: MESSAGES of derivatives/refusals.py. */
 enum refusal {
   NO_REFUSAL,
   DIVERGES,

@@ -64,8 +64,8 @@ static int make_event_free_ticks(const scene_t* scene, group_t* group, const arm
     else arms->unfinished[group->of_lane[j]] = 1;
   }
   if (!any) return 0;
-  if (tick->held) CALL(scene->rest_begin, (tick->begin, group->u, tick->p), (group->at_begin));
-  if (tick->closed) CALL(scene->rest_end, (tick->begin, tick->end, tick->p), (group->at_end));
+  if (tick->held) CALL(scene->begin_coefficients, (tick->begin, group->u, tick->p), (group->at_begin));
+  if (tick->closed) CALL(scene->end_coefficients, (tick->begin, tick->end, tick->p), (group->at_end));
   if (!tick->predicted) make_step(scene, group, tick->begin, tick->p, 0);
   copy(group->next, tick->after, NX);
   return 1;
@@ -107,11 +107,11 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
     by->command_jvp(group->limits, of_law, dw);
     for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
     if (group->tick.held) {
-      by->begin_at_rest(group->at_begin, of_begin, projected);
+      by->project_begin(group->at_begin, of_begin, projected);
       memcpy(dx, projected, sizeof projected);
     }
     (is_in_motion(scene, group) ? by->moving_jvp : by->jvp)(group->limits + NA, of_step, moved);
-    if (group->tick.closed) by->end_at_rest(group->at_end, of_end, projected);
+    if (group->tick.closed) by->project_end(group->at_end, of_end, projected);
     write_columns(group->tick.closed ? projected : moved, &end, NX, c);
   }
 }

@@ -15,11 +15,11 @@ typedef void column_equation_t(const real* c, const column* const* arg, column* 
  * vjp_q:         (c, row for positions) -> its product with the derivatives of a tick; vjp_rest: for the other states.
  * moving_...:    the same in motion.
  * propagate:     as jvp, of a step whose length varies as well: (c, dx, dw, dh) -> dx at its end.
- * begin_at_rest: (c, dx) -> dx with what is held at rest; end_at_rest: (c, dx, dx at the end) -> dx with contacts closed.
+ * project_begin: (c, dx) -> dx with what is held at rest; project_end: (c, dx, dx at the end) -> dx with contacts closed.
  */
 typedef struct {
   column_equation_t *jvp, *command_jvp, *vjp_q, *vjp_rest, *moving_jvp, *moving_vjp_q, *moving_vjp_rest, *propagate;
-  column_equation_t *begin_at_rest, *end_at_rest;
+  column_equation_t *project_begin, *project_end;
 } tangents_t;
 
 /* Columns of the arms and what else is asked of their ticks. Python: Columns. */

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.header import Header
-from arm_sim.derivatives.tangents import TANGENTS, Tangents
+from arm_sim.derivatives.tangents.functions import TANGENTS
+from arm_sim.derivatives.tangents.tangents import Tangents
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.engine import NATIVE, address_of
 from arm_sim.stepping.python_function import function_of_structure, unanswered

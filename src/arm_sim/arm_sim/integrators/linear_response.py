@@ -30,27 +30,27 @@ FRICTION, SPRINGS, STOPS, LAWS = (
 )  # fmt: skip
 # Postures besides the initial one, and the number of joints, cubed, that all of them may have: an
 # arm of many joints is sampled in fewer.
-POSTURES, MOST_WORK = 32, 100_000
+POSTURES, MAX_WORK = 32, 100_000
 # Size of a combination of constraint rows, relative to the largest, that is zero.
-DEPENDENT = 1e-9
+DEPENDENCE = 1e-9
 
 
 type Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Response:
+class LinearResponse:
     """x' = J x of small disturbances x = (q, v, z) from rest at one place.
 
     Attributes:
         J: Shape (nx, nx).
         forces: Torques of each part on the joints by x, shape (n, nx).
-        begins: Whether the arm begins there.
+        initial: Whether it is the place where the arm begins.
     """
 
     J: Array
     forces: Mapping[str, Array]
-    begins: bool
+    initial: bool
 
     @cached_property
     def modes(self) -> tuple[Complex, Complex]:
@@ -82,7 +82,7 @@ class Response:
 
 
 @one_at_a_time
-def responses(plant: Plant) -> list[Response]:
+def responses(plant: Plant) -> list[LinearResponse]:
     """Responses of a scene, away from its compliant stops and pressed against them.
 
     Args:
@@ -95,12 +95,12 @@ def responses(plant: Plant) -> list[Response]:
     parts = _Parts(plant)
     if not parts:
         return []
-    results = list[Response]()
+    results = list[LinearResponse]()
     model = plant.model
-    count = 0 if model.scene.bilateral else min(POSTURES, MOST_WORK // model.n**3)
+    count = 0 if model.scene.bilateral else min(POSTURES, MAX_WORK // model.n**3)
     for place, q in enumerate([model.q0, *postures(model, count)]):
         try:
-            results += parts.at(q, begins=place == 0)
+            results += parts.sample(q, initial=place == 0)
         except np.linalg.LinAlgError:
             continue
     return results
@@ -109,7 +109,7 @@ def responses(plant: Plant) -> list[Response]:
 def rate_by_state(plant: Plant) -> Callable[[Array], float]:
     """The fastest rate of a scene in [1/s] as function of the state, where springs may stiffen."""
     parts, n = _Parts(plant), plant.model.n
-    return lambda x: max(r.fastest_rate for r in parts.at(x[:n], begins=False, z=x[2 * n :]))
+    return lambda x: max(r.fastest_rate for r in parts.sample(x[:n], initial=False, z=x[2 * n :]))
 
 
 class _Parts:
@@ -127,7 +127,7 @@ class _Parts:
         pushes = self._friction.any() or self._stops[0].any()
         return bool(pushes or self._springs or self._laws)
 
-    def at(self, q: Array, begins: bool, z: Array | None = None) -> Iterator[Response]:
+    def sample(self, q: Array, initial: bool, z: Array | None = None) -> Iterator[LinearResponse]:
         """Responses at a place, away from compliant stops and pressed against them.
 
         Without internal states z, those at rest.
@@ -143,11 +143,11 @@ class _Parts:
             forces[SPRINGS] = _padded(-K, -D, nx)
         if self._laws:
             forces[LAWS], rates = map(np.array, self._laws(q, self._states(q) if z is None else z))
-        yield Response(self._slopes(q, forces, rates), forces, begins)
+        yield LinearResponse(self._slopes(q, forces, rates), forces, initial)
         if self._stops[0].any():
             K, D = map(np.diag, self._stops)
             pressed = {**forces, STOPS: _padded(-K, -D, nx)}
-            yield Response(self._slopes(q, pressed, rates), pressed, begins)
+            yield LinearResponse(self._slopes(q, pressed, rates), pressed, initial)
 
     def _slopes(self, q: Array, forces: dict[str, Array], rates: Array) -> Array:
         n, nx = self._plant.model.n, self._plant.nx
@@ -164,9 +164,9 @@ class _Parts:
             return np.linalg.inv(M)
         rows = ConstraintRows(self._plant.model)
         pairs = zip(rows.names, rows.constraints, strict=True)
-        lasting = {name for name, constraint in pairs if not constraint.switchable}
-        _, sizes, basis = np.linalg.svd(rows.stacked(q, 0.0 * q, lasting).jacobian)
-        rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+        permanent = {name for name, constraint in pairs if not constraint.switchable}
+        _, sizes, basis = np.linalg.svd(rows.stacked(q, 0.0 * q, permanent).jacobian)
+        rank = int((sizes > DEPENDENCE * sizes.max(initial=0.0)).sum())
         Z = basis[rank:].T  # velocities that the constraints allow
         return np.asarray(Z @ np.linalg.solve(Z.T @ M @ Z, Z.T))
 

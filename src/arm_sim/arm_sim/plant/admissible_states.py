@@ -11,29 +11,30 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.built import too_fast
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, degrees_meant
 from arm_dynamics.scene.constraint import Constraint, label, switchable
-from arm_sim.inputs import row
+from arm_sim.inputs import check_row
 from arm_sim.plant.plant import Plant
 
 # Constraints with residuals up to this, in [m] or [m/s], are treated as closed.
-OPEN = 1e-11
+CLOSURE_TOLERANCE = 1e-11
 # Penetration in [m] up to which a contact point is treated as touching its plane.
-INSIDE = 1e-9
+PENETRATION_TOLERANCE = 1e-9
 # Singular value, relative to the largest, below which a position is called singular.
-NEARLY_SINGULAR = 1e-3
+NEAR_SINGULARITY = 1e-3
 # Distance in [rad] or [m] by which closing loops may move a joint without a word: four digits.
-_ROUNDED = 1e-3
+_UNREPORTED_MOVE = 1e-3
 
 _log = logging.getLogger(__name__)
 
 
-def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
+def pack_state(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
     """Validate a state and stack it as x = (q, v, z), shape (nx,); z None for initial values."""
     joints = plant.model.joint_names
-    q, v = row("q", q, joints), row("v", v, joints)
-    return np.concatenate([q, v, plant.laws.initial(q, v) if z is None else row("z", z, plant.nz)])
+    q, v = check_row("q", q, joints), check_row("v", v, joints)
+    z = plant.laws.initial(q, v) if z is None else check_row("z", z, plant.nz)
+    return np.concatenate([q, v, z])
 
 
-def placed(
+def admissible_state(
     plant: Plant, q: Any, v: Any, z: Any, names: Collection[str], hold: Sequence[int] = ()
 ) -> Array:
     """The admissible state nearest to a given one.
@@ -53,19 +54,19 @@ def placed(
         InvalidInput: If a shape or value is not allowed.
         ConstraintError: If there is no such state nearby.
     """
-    n, x = plant.model.n, closed(plant, packed(plant, q, v, z), names, hold)
-    x[:n] = inside_stops(plant, x[:n])
+    n, x = plant.model.n, close_loops(plant, pack_state(plant, q, v, z), names, hold)
+    x[:n] = clip_to_stops(plant, x[:n])
     _check_outside(plant, x)
     if z is None and plant.nz:
         x[2 * n :] = plant.laws.initial(x[:n], x[n : 2 * n])
     return x
 
 
-def inside_stops(plant: Plant, q: Array, prefix: str = "") -> Array:
+def clip_to_stops(plant: Plant, q: Array, prefix: str = "") -> Array:
     """Positions of shape (n,) clipped to rigid stops up to rounding; else InvalidInput."""
     stops, model = plant.model.stops, plant.model
     if refusal := stops.refusal(q, model.joint_names):
-        remark = degrees_meant(_farthest(plant, q))
+        remark = degrees_meant(_largest_angle(plant, q))
         raise InvalidInput(prefix + refusal + (remark and f"; {remark}"))
     return stops.within(q)
 
@@ -78,24 +79,25 @@ def warn_of_speeds(plant: Plant, v: Array) -> None:
 
 def warn_of_degrees(plant: Plant, q: Array, *reached: Array) -> None:
     """Warn of positions of many turns, farther than those that the arm has reached by itself."""
-    far = _farthest(plant, q)
-    if (remark := degrees_meant(far)) and far > max(_farthest(plant, one) for one in reached):
+    distance = _largest_angle(plant, q)
+    farthest = max(_largest_angle(plant, place) for place in reached)
+    if (remark := degrees_meant(distance)) and distance > farthest:
         _log.warning("position %s", remark)
 
 
 def warn_of_closing(plant: Plant, wanted: Any, q: Array) -> None:
     """Warn of the joint that is farthest from where it was wanted, since the loops are closed."""
-    moved = abs(q - np.asarray(wanted, dtype=float))
-    if moved[k := np.argmax(moved)] > _ROUNDED:
+    distance = abs(q - np.asarray(wanted, dtype=float))
+    if distance[k := np.argmax(distance)] > _UNREPORTED_MOVE:
         name = plant.model.joint_names[k]
         _log.warning("joint '%s' is at %.6g, not %.6g, so that loops close", name, q[k], wanted[k])
 
 
-def _farthest(plant: Plant, q: Array) -> float:
+def _largest_angle(plant: Plant, q: Array) -> float:
     return float(np.max(abs(q) * plant.model.turning))
 
 
-def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] = ()) -> Array:
+def close_loops(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] = ()) -> Array:
     """The state nearest to ``x`` in the metric of M that satisfies the constraints, shape (nx,).
 
     Raises:
@@ -108,8 +110,8 @@ def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] =
     return np.concatenate([q, v, x[2 * n :]])
 
 
-def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
-    """The same for b arms, p of shape (np,) or (b, np); states that satisfy them are kept."""
+def close_loops_of_arms(plant: Plant, x: Array, p: Array) -> Array:
+    """``close_loops`` for b arms, p of shape (np,) or (b, np); closed states are kept."""
     if not plant.constrained:
         return x
     n, p = plant.model.n, np.broadcast_to(p, (len(x), p.shape[-1]))
@@ -117,18 +119,20 @@ def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
     assert project is not None
     modes = np.zeros((len(p), project.size1_in(2) - p.shape[1]))  # gaps have no names
     _, gap, gap_v = project(x[:, : 2 * n].T, x[:, : 2 * n].T, np.hstack([p, modes]).T)
-    off = np.maximum(np.array(gap), np.array(gap_v)).ravel() > OPEN
-    rows = [closed(plant, x[i], holding(plant, p[i])) if off[i] else x[i] for i in range(len(x))]
-    return np.array(rows)
+    is_open = np.maximum(np.array(gap), np.array(gap_v)).ravel() > CLOSURE_TOLERANCE
+    x = x.copy()
+    for arm in np.flatnonzero(is_open):
+        x[arm] = close_loops(plant, x[arm], active_constraints(plant, p[arm]))
+    return x
 
 
-def holding(plant: Plant, p: Array) -> tuple[str, ...]:
+def active_constraints(plant: Plant, p: Array) -> tuple[str, ...]:
     """Names of the active constraints under the tunable quantities ``p``."""
-    return held_of(plant.model.scene.constraints, p)
+    return active_names(plant.model.scene.constraints, p)
 
 
-def held_of(constraints: tuple[Constraint, ...], p: Array) -> tuple[str, ...]:
-    """The same from the constraints of the scene; their switches are the last entries of p."""
+def active_names(constraints: tuple[Constraint, ...], p: Array) -> tuple[str, ...]:
+    """Names of the active ones of a scene's constraints; their switches are the last of p."""
     places = switchable(constraints)
     values = dict(zip(places, p[len(p) - len(places) :], strict=True))
     return tuple(
@@ -146,7 +150,7 @@ def constraint_hint(plant: Plant, q: Array, v: Array, names: tuple[str, ...]) ->
     A = closure.rows.stacked(q, v, names).jacobian
     rank = closure.rank(names, plant.model.q0)
     s = closure.factors(q, A, rank).s
-    if len(s) < rank or (rank and s[-1] < NEARLY_SINGULAR * s[0]):
+    if len(s) < rank or (rank and s[-1] < NEAR_SINGULARITY * s[0]):
         return "; the constraints are near a singular position, where the motion may branch"
     return "; the constraints could not be held to the tolerance"
 
@@ -157,7 +161,7 @@ def _check_outside(plant: Plant, x: Array) -> None:
         return
     gaps = np.array(plant.gaps(x[: plant.model.n])).ravel()
     k = np.argmin(gaps)
-    if gaps[k] < -INSIDE:
+    if gaps[k] < -PENETRATION_TOLERANCE:
         depths = {point.name: float(gap) for point, gap in zip(plant.points, gaps, strict=True)}
         raise ConstraintError(
             f"contact '{plant.points[k].name}' is {-gaps[k]:.6g} m inside its plane; "
