@@ -272,7 +272,7 @@ def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     sim = Simulator(CASES["rebounds"][0](), dt=0.1)
-    monkeypatch.setattr(events, "built_of_lanes", lambda *_: None)
+    monkeypatch.setattr(events, "compile_for_lanes", lambda *_: None)
     with pytest.raises(CompilerMissing, match=r"events need compiled code.*\./arm build"):
         sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 

@@ -32,7 +32,7 @@ from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import dense_function, expanded_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.rollouts.lanes import ADDRESS, built_of_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, compile_for_lanes, lanes_source
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
 ROUNDING = 1e-12
@@ -47,6 +47,7 @@ REFUSALS = {value: name for name, value in Header(
     _DERIVATIVES / "sensitivities.h", only="refusal").constants.items()}  # fmt: skip
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
+    "TOO_MANY_STEPS": f"the time step takes more than {MOST_STEPS} sub-steps",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
     "BEGINS_ON_BOUNDARY": (
         "{} is on the boundary between two modes at its beginning, as at rest and about to slide"
@@ -115,7 +116,7 @@ class EventfulTicks:
         self._rest, self._tangents = RestProjection(plant, tuned), tangents
         four, flags = [ADDRESS] * 4, [ctypes.c_int] * 2
         types = [*four, ctypes.c_double, ADDRESS, *flags, *four]
-        code = built_of_lanes(self._source, 1, "differentiate", types)
+        code = compile_for_lanes(self._source, 1, "differentiate", types)
         if code is None:
             raise CompilerMissing(
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"

@@ -21,7 +21,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_step
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
-from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.adaptive import SubstepControl, adaptive_tick, within_reach
 from arm_sim.stepping.stepper import Stepper
 
 UNSETTLED = "the derivatives of a step do not settle as it is divided"
@@ -180,7 +180,7 @@ class TickDerivatives:
         if control is None:
             return [self._choice.dt]
         lengths, attempt = list[float](), self._attempt.call("attempt")
-        if not controlled_tick(attempt, x.copy(), u, p, self._choice.dt, control, lengths):
+        if not adaptive_tick(attempt, x.copy(), u, p, self._choice.dt, control, lengths):
             raise diverged(self._choice)
         return lengths
 

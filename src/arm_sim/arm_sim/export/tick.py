@@ -82,7 +82,7 @@ def tick_of(
         scene_source(plant, choice, functions, smooth, "static const", members),
         '#include "arm/tick.h"\n',
     ])  # fmt: skip
-    included = {*ELSEWHERE} | (set() if plant.eventful else {"events/events.h"})
+    included = {*ELSEWHERE} | (set() if plant.eventful else {"events/cheapest_tick.h"})
     parts = [amalgamated(engine, included), _defines(simulator)]
     if tangents:
         parts.append(derivatives_of_ticks(tangents, included))

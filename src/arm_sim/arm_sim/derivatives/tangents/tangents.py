@@ -22,10 +22,10 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
+from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollouts.lane_widths import widest
-from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_for_lanes
 from arm_sim.stepping.rollouts.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
@@ -197,12 +197,12 @@ class Tangents:
             results are invalid: those that may meet a stop, have an event or diverge.
         """
         x, r, dt = np.ascontiguousarray(x), np.ascontiguousarray(r), self._choice.dt
-        (count, nx), k, marks = x.shape, len(self._unit), Marks(len(x))
+        (count, nx), k, flags = x.shape, len(self._unit), RolloutFlags(len(x))
         after, slopes = np.empty((count, nx)), np.empty((count, nx, k))
         unit = address(self._unit)  # the same for all arms and ticks
         table = ArmTable(address(x), address(r), address(p), r.shape[1], 0, 0, dt, ticks)
         columns = Columns(unit, unit + 8 * nx * k, address(slopes), 0, 0, 0, nx * k, 0, k, True)
-        invalid, _ = self._side_by_side(table, marks, columns, after, begins, threads, lanes)
+        invalid, _ = self._side_by_side(table, flags, columns, after, begins, threads, lanes)
         return after, slopes, invalid
 
     def columns(
@@ -224,20 +224,20 @@ class Tangents:
             ticks of each arm before one. Of an arm with an event, alone in its register, columns
             and state are those before it.
         """
-        after, columns, marks = np.empty(arms.x.shape), arms.room(every), Marks(arms.count)
+        after, columns, flags = np.empty(arms.x.shape), arms.room(every), RolloutFlags(arms.count)
         by_arm, by_tick = strides(columns, 2)
-        table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, marks, None)
+        table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, flags, None)
         table_of_columns = Columns(
             address(arms.initial), address(arms.held), address(columns), *strides(arms.initial, 1),
             *strides(arms.held, 2), by_arm, by_tick if every else 0, arms.initial.shape[-1], False,
         )  # fmt: skip
         invalid, ticks = self._side_by_side(
-            table, marks, table_of_columns, after, begins, threads, lanes
+            table, flags, table_of_columns, after, begins, threads, lanes
         )
         return columns, invalid, after, ticks
 
     def _side_by_side(
-        self, table: ArmTable, marks: Marks, columns: Columns, after: Array, begins: bool,
+        self, table: ArmTable, flags: RolloutFlags, columns: Columns, after: Array, begins: bool,
         threads: int | None, lanes: int | None,
     ) -> tuple[list[int], Counts]:  # fmt: skip
         """Call ``propagate_ticks`` of native/derivatives/tangent_ticks.c.
@@ -251,7 +251,7 @@ class Tangents:
         assert code is not None  # see ``native``
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         ticks = np.zeros(0 if self.engine is None else len(after), np.int64)
-        table.unfinished, table.halted = marks.addresses
+        table.unfinished, table.halted = flags.addresses
         columns.initial_state_varied = begins
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.ticks_before_event, columns.after = ticks.ctypes.data, address(after)
@@ -261,8 +261,8 @@ class Tangents:
                 code.scene, tangents, ctypes.byref(table), first, last, ctypes.byref(columns)
             )
 
-        share(len(after), width, threads, work, table.ticks, marks.halt)
-        return marks.of(0, len(after)), ticks
+        share(len(after), width, threads, work, table.ticks, flags.halt)
+        return flags.marked(0, len(after)), ticks
 
     @cached_property
     def native(self) -> bool:
@@ -274,7 +274,7 @@ class Tangents:
         if self._backend == "vm" or not self._functions.may_be_compiled:
             return None
         types = [ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS]
-        code = built_of_lanes(self._functions.source, lanes, "propagate_ticks", types)
+        code = compile_for_lanes(self._functions.source, lanes, "propagate_ticks", types)
         if code and lanes == 1:
             code.engine.propagate_step.argtypes = [*[ADDRESS] * 7, NUMBER, ADDRESS, ADDRESS]
         return code

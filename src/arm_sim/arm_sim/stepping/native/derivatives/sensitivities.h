@@ -17,6 +17,7 @@ enum refusal {
   NO_REFUSAL,
   DIVERGES,
   ACCUMULATE,
+  TOO_MANY_STEPS,
   BEGINS_WITH_IMPACT,
   BEGINS_ON_BOUNDARY, /* guards */
   ENDS_ON_BOUNDARY,   /* guards */

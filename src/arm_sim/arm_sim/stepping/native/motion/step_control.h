@@ -9,9 +9,9 @@
 #include "scene.h"
 
 #define SAFETY 0.9       /* of the predicted length */
-#define LEAST_FACTOR 0.2 /* of a length from one sub-step to the next, ... */
-#define MOST_FACTOR 6.0  /* ... also where the error is rounding */
-#define SHORTEST 1e-12 /* sub-step, relative to the tick */
+#define LEAST_FACTOR 0.2 /* of a length from one sub-step to the next */
+#define MOST_FACTOR 6.0  /* of a length from one sub-step to the next, also where the error is rounding */
+#define SHORTEST 1e-12   /* sub-step, relative to the tick */
 
 /* The sub-steps of a tick: times are relative to its beginning. */
 typedef struct {
