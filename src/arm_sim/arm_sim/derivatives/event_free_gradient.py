@@ -28,7 +28,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
 from arm_sim.stepping.arm_table import Engine
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_for_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_lanes, lanes_source
 
 # Ticks that are made in one call
 STRETCH = 1024
@@ -126,7 +126,7 @@ class EventFreeGradients:
         functions += [*event_free.functions, *event_free.adjoints]
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
         write = partial(lanes_source, plant, choice, functions, more=event_free.members)
-        code = compile_for_lanes(write, 1, "event_free_gradient", types)
+        code = compile_lanes(write, 1, "event_free_gradient", types)
         return cls(nonsmooth, engine, code, choice.dt) if code else None
 
     def advance(self, motion: Motion, tau: Array) -> EventFreePart | None:

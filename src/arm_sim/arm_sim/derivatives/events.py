@@ -32,7 +32,7 @@ from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import dense_function, expanded_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.rollouts.lanes import ADDRESS, compile_for_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, compile_lanes, lanes_source
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
 ROUNDING = 1e-12
@@ -116,7 +116,7 @@ class EventfulTicks:
         self._rest, self._tangents = RestProjection(plant, tuned), tangents
         four, flags = [ADDRESS] * 4, [ctypes.c_int] * 2
         types = [*four, ctypes.c_double, ADDRESS, *flags, *four]
-        code = compile_for_lanes(self._source, 1, "differentiate", types)
+        code = compile_lanes(self._source, 1, "differentiate", types)
         if code is None:
             raise CompilerMissing(
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"

@@ -41,7 +41,7 @@ from arm_sim.stepping.rollouts.lane_widths import widest
 from arm_sim.stepping.rollouts.lanes import (
     ADDRESS,
     NUMBER,
-    compile_for_lanes,
+    compile_lanes,
     lanes_source,
     takes_equal_steps,
 )
@@ -257,7 +257,7 @@ class Gradients:
             return None
         types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
         write = partial(lanes_source, self._without_stops, self._choice, self._functions)
-        return compile_for_lanes(write, width, "rollout_gradient", types)
+        return compile_lanes(write, width, "rollout_gradient", types)
 
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:

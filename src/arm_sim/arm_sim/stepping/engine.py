@@ -60,7 +60,7 @@ class Compiled:
 
     Attributes:
         own: Library of the scene.
-        engine: That of the engine.
+        engine: Library of the engine.
         scene: Address of its structure, the first argument of the engine's functions.
     """
 

@@ -119,7 +119,5 @@ class Forward:
         array, number = lanes.ADDRESS, lanes.NUMBER
         types = [array, number, *[array] * 8, number, array, number]
         write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
-        build = partial(
-            lanes.compile_for_lanes, write, name="ilqr_follow", types=types, units=unit
-        )
+        build = partial(lanes.compile_lanes, write, name="ilqr_follow", types=types, units=unit)
         return widest(1 if self.eventful else None, partial(build, folders=OWN))[0]

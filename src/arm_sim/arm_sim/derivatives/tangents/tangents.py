@@ -25,7 +25,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollouts.lane_widths import widest
-from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_for_lanes
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_lanes
 from arm_sim.stepping.rollouts.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
@@ -274,7 +274,7 @@ class Tangents:
         if self._backend == "vm" or not self._functions.may_be_compiled:
             return None
         types = [ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS]
-        code = compile_for_lanes(self._functions.source, lanes, "propagate_ticks", types)
+        code = compile_lanes(self._functions.source, lanes, "propagate_ticks", types)
         if code and lanes == 1:
             code.engine.propagate_step.argtypes = [*[ADDRESS] * 7, NUMBER, ADDRESS, ADDRESS]
         return code

@@ -19,7 +19,7 @@ from arm_sim.stepping.rollouts.lane_widths import check_lanes, natural_width, wi
 from arm_sim.stepping.rollouts.lanes import (
     ADDRESS,
     NUMBER,
-    compile_for_lanes,
+    compile_lanes,
     has_unmonitored_switches,
     takes_equal_steps,
     ticks_of_lanes,
@@ -145,6 +145,6 @@ class Rollouts:
         types = [ADDRESS, NUMBER, NUMBER, ADDRESS, ctypes.c_int, ADDRESS]
         plant = self._plant if self._smooth.eventful else self._smooth
         write = partial(ticks_of_lanes, plant, self._choice, control=self._control)
-        code = compile_for_lanes(write, width, self._entry, types)
+        code = compile_lanes(write, width, self._entry, types)
         self._is_compiled = self._is_compiled or code is not None
         return code

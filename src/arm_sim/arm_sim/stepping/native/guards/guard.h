@@ -52,7 +52,7 @@ typedef struct {
   double rounding; /* speed against its direction that what slides may have */
 } guarded_t;
 
-/* A piece of a motion in which events are searched, and the segment, as guarded_t. */
+/* A piece of a motion in which events are searched, and its segment; `ground` as of guarded_t. */
 typedef struct {
   const scene_t* scene;
   piece_t piece;

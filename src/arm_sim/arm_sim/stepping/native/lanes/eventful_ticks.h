@@ -8,7 +8,7 @@
 #include "events/event_free.h"
 #include "lanes/predicted_ticks.h"
 
-#define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
+#define FEW_LANES (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
 /* Lanes of the first `used` for which a mask is zero. */
 static inline int count_left(const real* mask, int used) {
@@ -85,7 +85,7 @@ static void tick_of_lanes(const scene_t* scene, const real* x, const real* r, co
     if (2 * uncertain <= used) /* else few lanes would use the steps */
       done = step_certain(scene, x, acted, h, place, p, &loads, any_held, &certain, used, tick, next);
   }
-  if (count_left(&done, used) && uncertain > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
+  if (count_left(&done, used) && uncertain > FEW_LANES) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {
     double after[NX];
     if (LANE(done, j) != 0.0) continue;

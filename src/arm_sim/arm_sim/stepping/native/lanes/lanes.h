@@ -46,7 +46,7 @@ static void read_arms(real* to, int count, const double* from, long long stride,
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];
 }
 
-/* Choose the arms of a group and load their tunable numbers. Spare lanes of the last group repeat the last arm before `last`. */
+/* Choose the arms of a group and load their tunable numbers. Spare lanes of the last group repeat the arm before `last`. */
 static void begin_lanes(const scene_t* scene, const arms_t* arms, long long arm, long long last, long long* of_lane, real* p) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;
   read_arms(p, NP, arms->p, arms->p_arm, of_lane);
