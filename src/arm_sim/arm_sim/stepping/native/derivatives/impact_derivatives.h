@@ -13,7 +13,14 @@
 #define CONE_TOLERANCE 1e-9 /* relative distance to the friction cone below which an impulse is on its boundary */
 #define IMPACT_COLUMNS (2 * NU + NT) /* of derivatives: by positions and velocities before it, and tunable quantities */
 
-/* What an impact depends on besides the state before it. */
+/* What an impact depends on besides the state before it.
+ *
+ * p:                   modes in the impact
+ * joint_restitution:   of joints at their stops
+ * contact_restitution: of contacts
+ * carries:             whether a contact carries an impulse
+ * sticks:              whether a contact sticks in the impact
+ */
 typedef struct {
   modes_t p;
   real *joint_restitution, *contact_restitution, *carries, *sticks;
@@ -64,8 +71,8 @@ static void find_restitutions(const scene_t* scene, const record_t* segment, con
 }
 
 /* Find which contacts carry an impulse, and which of them stick. */
-static enum refusal find_parts(const scene_t* scene, const tick_t* tick, const record_t* segment,
-                               const impact_derivatives_t* solution, conditions_t* conditions) {
+static enum refusal find_impulse_carriers(const scene_t* scene, const tick_t* tick, const record_t* segment,
+                                          const impact_derivatives_t* solution, conditions_t* conditions) {
   for (int k = 0; k < NC; ++k) {
     const real *r = segment->impulse + 3 * k, *s = solution->speed + 3 * k;
     const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - CONE_TOLERANCE) * scene->friction[k] * r[0];
@@ -85,7 +92,7 @@ static enum refusal pass_impact(const scene_t* scene, const tick_t* tick, const 
   if (segment->rebound_fraction < 1.0) return REDUCED_REBOUND;
   find_restitutions(scene, segment, &conditions);
   if (NC) evaluate_impact_laws(scene, segment, &conditions, &solution);
-  const enum refusal refused = find_parts(scene, tick, segment, &solution, &conditions);
+  const enum refusal refused = find_impulse_carriers(scene, tick, segment, &solution, &conditions);
   if (refused) return refused;
   evaluate_impact_laws(scene, segment, &conditions, &solution);
   solve_least(3 * NC, 3 * NC, solution.law_by_impulse, V, IMPACT_COLUMNS, solution.law, moved);

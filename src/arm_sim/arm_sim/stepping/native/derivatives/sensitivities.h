@@ -9,7 +9,7 @@
 #pragma once
 #include "modes/tick_record.h"
 
-#define NW (NU + NT) /* what is held: command and tunable quantities */
+#define NW (NU + NT) /* inputs in a tick: command and tunable quantities */
 #define NV (NX + NW)
 
 /* Why a tick has no derivative. Python: MESSAGES of derivatives/events.py. */

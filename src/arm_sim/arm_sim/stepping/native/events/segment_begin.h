@@ -38,19 +38,19 @@ static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segm
   real before[NU];
   int hit = 0;
   for (int i = 0; i < NU; ++i) before[i] = x[NU + i];
-  const double lost = apply_impact(scene, x, segment, *losses < LOSS_LIMIT, &geometry);
+  const double loss = apply_impact(scene, x, segment, *losses < LOSS_LIMIT, &geometry);
   for (int i = 0; i < NU; ++i) hit |= x[NU + i] != before[i]; /* an elastic impact loses no energy */
   if (stop_rounding(scene, x)) find_geometry(scene, x, segment, &geometry);
   for (int k = 0; k < NC; ++k) segment->contact[k].is_creeping = 0;
-  if (lost < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
+  if (loss < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
   if (mark_creeping_contacts(scene, x, segment, tick)) {
     if (!solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
     stop_reversed_contacts(scene, x, segment);
     find_geometry(scene, x, segment, &geometry);
   }
-  report->impact_loss += lost;
+  report->impact_loss += loss;
   report->impacts += hit;
-  *losses += lost > 0.0;
+  *losses += loss > 0.0;
   find_anchors(scene, &geometry, anchor);
   for (int correction = 0; correction < CORRECTIONS; ++correction) {
     if (violates_contacts(scene, x, segment, &geometry)) {
