@@ -25,7 +25,7 @@ MAX_SUBSTEPS_TOUCHING = 250
 # squares are finite.
 LARGEST = 1e150
 # Choice of the next sub-step, as in ``native/motion/step_control.h``
-SAFETY, LEAST_FACTOR, MOST_FACTOR, SHORTEST = 0.9, 0.2, 6.0, 1e-12
+SAFETY, LEAST_FACTOR, MOST_FACTOR, TINY_ERROR, SHORTEST = 0.9, 0.2, 6.0, 1e-10, 1e-12
 
 
 class SubstepControl(ctypes.Structure):
@@ -104,7 +104,7 @@ def adaptive_tick(
 
 
 def _growth(size: float, order: int) -> float:
-    factor = MOST_FACTOR if size < 1e-10 else SAFETY * size ** (-1.0 / order)
+    factor = MOST_FACTOR if size < TINY_ERROR else SAFETY * size ** (-1.0 / order)
     return min(MOST_FACTOR, factor) if factor > LEAST_FACTOR else LEAST_FACTOR  # also of NaN
 
 

@@ -31,7 +31,7 @@ class RolloutFlags:
     """Arms that lanes leave to be advanced alone, set by compiled code; and what halts it.
 
     Attributes:
-        addresses: Of the flags of arms and of that flag, for ``arms_t``.
+        addresses: Of the arms' flags and of the halting flag, for ``arms_t``.
     """
 
     def __init__(self, arms: int) -> None:

@@ -27,7 +27,7 @@ static void find_motion(const scene_t* scene, const cones_t* cones, const double
   }
 }
 
-/* t, z and |z| of a contact at forces r and motions w, and whether it sticks. */
+/* rho, t, z and |z| of a contact at forces r and motions w, and whether it sticks. */
 typedef struct {
   double rho, t, z[2], size;
   int sticks;
